@@ -67,7 +67,7 @@ $(VERIFIED:%=timed-%): timed-%:
 		printf '== %s took %d s\n' '$*' $$(($$(date +%s) - began))
 
 check: setup lint
-	cargo test --release --quiet -p glapp-core --lib --test vectors
+	cargo test --release --quiet -p glapp-core --lib --test blocks
 	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow and not verify" tests
 
 # As they are shipped, with the crates that `make run` has compiled: the Python face is among them, since its dependencies choose
@@ -84,7 +84,7 @@ lint: lint-python lint-rust
 
 lint-rust:
 	cargo fmt --check
-	+cargo clippy --workspace --all-targets --quiet -- --deny warnings
+	+cargo clippy --release --workspace --all-targets --quiet -- --deny warnings
 
 lint-python: setup
 	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc docs page wheels requirements
@@ -145,7 +145,8 @@ dist/capi/include/glapp.h: $(SOURCES) $(wildcard crates/capi/include/* examples/
 		cp target/release/libglapp.so dist/capi/lib/libglapp.so.1 && ln -s libglapp.so.1 dist/capi/lib/libglapp.so; \
 	fi
 	cp examples/c/*.c dist/capi/examples
-	cp LICENSE docs/c.md dist/capi
+	cp LICENSE dist/capi
+	cp docs/c.md dist/capi/README.md
 	cp crates/capi/include/glapp.h $@
 
 # A wheel for every desk, and the source package: dist/wheels. What cannot be built or tried here is named.

@@ -22,7 +22,7 @@ pub fn controller() -> PidAdvancedSettings<f64> {
 pub fn experiment() -> AutoTunerSettings<f64> {
     AutoTunerSettings {
         amplitude: 6.0,
-        hysteresis: None,
+        relay_hysteresis: None,
         d: 0.0,
         wait: 20.0,
         longest: 900.0,

@@ -10,6 +10,7 @@ import re
 import shutil
 import sys
 import uuid
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -157,7 +158,21 @@ def whole(unit: Unit) -> str:
 def structured_text(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
     """All units in one file."""
     head = f"(* glapp {version()}, {build}: backlash in control loops. Apache-2.0. *)\n"
-    yield f"Glapp_{build}.st", head + "".join(f"\n{whole(unit)}\n" for unit in units)
+    text = head + "".join(f"\n{whole(unit)}\n" for unit in units)
+    yield f"Glapp_{build}.st", text
+    yield f"GlappProject_{build}.st", f"{text}\n{CONFIGURATION}"
+
+
+# What makes a project of the library, for OpenPLC and Beremiz: first run, demonstration and example in a task of 0.1 s.
+CONFIGURATION = """CONFIGURATION GlappConfiguration
+  RESOURCE GlappResource ON PLC
+    TASK GlappTask(INTERVAL := T#100ms, PRIORITY := 0);
+    PROGRAM GlappRun1 WITH GlappTask : GlappSelfTest;
+    PROGRAM GlappRun2 WITH GlappTask : GlappDemo;
+    PROGRAM GlappRun3 WITH GlappTask : GlappLoop;
+  END_RESOURCE
+END_CONFIGURATION
+"""
 
 
 # --- PLCopen XML ---------------------------------------------------------------------------------------------------
@@ -577,6 +592,131 @@ def without_arrays(units: list[Unit]) -> list[Unit]:
     return out
 
 
+class InOnePiece:
+    """A block with the blocks inside written out where they are called: one unit in place of many.
+
+    Stores of arrays stay blocks.
+    """
+
+    def __init__(self, unit: Unit, units: dict[str, Unit]) -> None:
+        self.units = units
+        declared = [(word, var) for word, block in unit.blocks for var in block]
+        self.inner = {var.name: self.made(var) for _, var in declared if self.made(var)}
+        blocks: list[tuple[str, tuple[Var, ...]]] = []
+        for word, block in unit.blocks:
+            own = tuple(var for var in block if var.name not in self.inner)
+            if own:
+                blocks.append((word, own))
+            for var in block:
+                for kind, inner in self.inner[var.name].blocks if var.name in self.inner else ():
+                    word_of = (
+                        "VAR CONSTANT" if kind == "VAR CONSTANT" else "VAR RETAIN" if "RETAIN" in word + kind else "VAR"
+                    )
+                    named = tuple(replace(one, name=var.name + one.name) for one in inner)
+                    blocks.append((word_of, named))
+        names = [var.name.upper() for _, block in blocks for var in block]
+        if len(names) != len(set(names)):
+            raise ValueError(f"{unit.name}: {sorted(name for name in names if names.count(name) > 1)} twice")
+        body = "\n".join(text_of(self.nodes(statements(TOKEN.findall(unit.body)))))
+        self.unit = replace(unit, blocks=tuple(blocks), body=body)
+
+    def made(self, var: Var) -> Unit | None:
+        """The block that a variable is, in one piece."""
+        unit = self.units.get(var.type)
+        if unit is None or unit.kind == "TYPE" or unit.name.startswith("GlappCells"):
+            return None
+        return InOnePiece(unit, self.units).unit
+
+    def nodes(self, nodes: list[Node]) -> list[Node]:
+        """Statements."""
+        out: list[Node] = []
+        for node in nodes:
+            if node[0] == "note":
+                out.append(node)
+            elif node[0] == "do" and node[1][0] in self.inner and node[1][1] == "(":
+                out += self.called(node[1])
+            elif node[0] == "do":
+                out.append(("do", self.renamed(node[1])))
+            elif node[0] == "if":
+                ways = [(self.renamed(condition), self.nodes(body)) for condition, body in node[1]]
+                out.append(("if", ways, self.nodes(node[2])))
+            else:
+                out.append((node[0], self.renamed(node[1]), self.nodes(node[2])))
+        return out
+
+    def called(self, tokens: list[str]) -> list[Node]:
+        """What is given to the block, then what it does."""
+        name, inner = tokens[0], self.inner[tokens[0]]
+        given = [part for part in parts(tokens[2 : matching(tokens, 1)]) if part]
+        out: list[Node] = [("do", [name + part[0], ":=", *self.renamed(part[2:])]) for part in given]
+        own = {var.name for var in inner.vars()}
+        return out + [prefixed(node, name, own) for node in statements(TOKEN.findall(inner.body)) if node[0] != "note"]
+
+    def renamed(self, tokens: list[str]) -> list[str]:
+        """An output of a block inside is a variable of this one."""
+        out: list[str] = []
+        at = 0
+        while at < len(tokens):
+            last = at + 1 == len(tokens)
+            if tokens[at] in self.inner and not last and tokens[at + 1] == "." and (at == 0 or tokens[at - 1] != "."):
+                out.append(tokens[at] + tokens[at + 2])
+                at += 3
+            else:
+                out.append(tokens[at])
+                at += 1
+        return out
+
+
+def prefixed(node: Node, prefix: str, own: set[str]) -> Node:
+    """A statement with the variables of its block renamed."""
+
+    def named(tokens: list[str]) -> list[str]:
+        pins = [at + 1 < len(tokens) and tokens[at + 1] == ":=" and at > 1 for at in range(len(tokens))]
+        member = [at > 0 and tokens[at - 1] == "." for at in range(len(tokens))]
+        return [
+            prefix + word if word in own and not member[at] and not pins[at] else word for at, word in enumerate(tokens)
+        ]
+
+    if node[0] == "note":
+        return node
+    if node[0] == "do":
+        return ("do", named(node[1]))
+    if node[0] == "if":
+        ways = [(named(condition), [prefixed(one, prefix, own) for one in body]) for condition, body in node[1]]
+        return ("if", ways, [prefixed(one, prefix, own) for one in node[2]])
+    return (node[0], named(node[1]), [prefixed(one, prefix, own) for one in node[2]])
+
+
+LONGEST = 32  # characters of a name in Control Builder
+
+
+def shortened(unit: Unit) -> Unit:
+    """No name is longer than Control Builder takes: the end of a longer one is its number."""
+    long = [var.name for var in unit.vars() if len(var.name) > LONGEST]
+    short = {name: f"{name[: LONGEST - 4]}{number:04}" for number, name in enumerate(long, 1)}
+    if set(short.values()) & {var.name for var in unit.vars()}:
+        raise ValueError(f"{unit.name}: a shortened name is taken")
+    blocks = tuple(
+        (word, tuple(replace(var, name=short.get(var.name, var.name)) for var in block)) for word, block in unit.blocks
+    )
+    body = re.sub(r"(?<!\.)\b\w+\b", lambda found: short.get(found[0], found[0]), unit.body)
+    return replace(unit, blocks=blocks, body=body)
+
+
+def in_one_piece(pages: list[Unit], name: str, *users: str) -> list[Unit]:
+    """A block in one piece, after the types and stores that it needs, and units that use it."""
+    by_name = {unit.name: unit for unit in pages}
+    whole = shortened(InOnePiece(by_name[name], by_name).unit)
+    by_name[name] = whole
+    wanted = {name, *users}
+    left = [by_name[one] for one in wanted]
+    while left:
+        for used in left.pop().uses - wanted:
+            wanted.add(used)
+            left.append(by_name[used])
+    return [by_name[unit.name] for unit in pages if unit.name in wanted]
+
+
 def retained(units: list[Unit]) -> set[str]:
     """Blocks and structures that are declared as retained somewhere, with what they are made of."""
     by_name = {unit.name: unit for unit in units}
@@ -590,11 +730,31 @@ def retained(units: list[Unit]) -> set[str]:
     return found
 
 
+PIECES = {
+    "detector": ("the width of the gap beside any controller: 7 pages and the example", "GlappDetector", "GlappLoop"),
+    "compensation": ("compensation by a width that is typed in: 2 pages", "GlappCompensation"),
+}
+
+
 def ac800m(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
-    """A page for each unit, to be pasted table by table; there is REAL only."""
+    """A page for each unit, to be pasted table by table, in REAL only; what many want is there in few pages too."""
     if build != "REAL":
         return
     pages = without_arrays(units)
+    links = []
+    for folder, (meaning, name, *users) in PIECES.items():
+        yield from pasted(folder, in_one_piece(pages, name, *users), meaning)
+        links.append([f'<a href="{folder}/index.html">{folder}</a>', meaning])
+    yield from pasted("all", pages, "every block, each on its page")
+    links.append(['<a href="all/index.html">all</a>', f"every block, each on its page: {len(pages)} pages"])
+    yield (
+        "index.html",
+        framed("glapp for AC 800M", f"<h1>glapp {version()} for AC 800M</h1>" + table(["", "what"], links)),
+    )
+
+
+def pasted(folder: str, pages: list[Unit], meaning: str) -> Iterator[tuple[str, str]]:
+    """A folder of pages in the order in which to make them."""
     kept = retained(pages)
     names = {unit.name: unit for unit in pages}
     rows = []
@@ -602,9 +762,10 @@ def ac800m(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
         name = f"{number:02}_{unit.name}.html"
         kind = {"TYPE": "data type", "PROGRAM": "program"}.get(unit.kind, "function block type")
         rows.append([str(number), f'<a href="{name}">{unit.name}</a>', kind, html.escape(unit.comment)])
-        yield name, page(unit, kind, unit.name in kept, names)
-    body = f"<h1>glapp {version()} for AC 800M</h1><p>In this order: what is used comes before what uses it.</p>"
-    yield "index.html", framed("glapp for AC 800M", body + table(["", "page", "make it as", "what it is"], rows))
+        yield f"{folder}/{name}", page(unit, kind, unit.name in kept, names)
+    body = f"<p><a href='../index.html'>back</a></p><h1>{html.escape(meaning)}</h1>"
+    body += "<p>In this order: what is used comes before what uses it.</p>"
+    yield f"{folder}/index.html", framed(meaning, body + table(["", "page", "make it as", "what it is"], rows))
 
 
 def framed(title: str, body: str) -> str:
@@ -690,18 +851,56 @@ TARGETS = {
 }
 
 
+MAKERS = {
+    "codesys": ("plcopen",),
+    "twincat": ("plcopen", "twincat"),
+    "tia-portal": ("siemens",),
+    "ac800m": ("ac800m",),
+    "openplc-beremiz": ("st",),
+}
+
+
+def tags(units: list[Unit]) -> str:
+    """What a screen and a historian read and write of the example: one line for each pin of GlappLoop."""
+    loop = next(unit for unit in units if unit.name == "GlappLoop")
+    rows = ["tag,type,access,begins with,meaning"]
+    for word, access in (("VAR_INPUT", "write"), ("VAR_OUTPUT", "read")):
+        for var in loop.vars(word):
+            rows.append(f'GlappLoop.{var.name},{var.type},{access},{var.initial},"{var.comment}"')
+    return "\n".join(rows) + "\n"
+
+
+def archive(path: Path, folders: list[Path], out: Path) -> None:
+    """The files of some folders and what belongs to every package, the same bytes each time."""
+    files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
+    files += [out / "README.md", out / "LICENSE"]
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for file in files:
+            one = zipfile.ZipInfo(file.relative_to(out).as_posix(), (1980, 1, 1, 0, 0, 0))
+            one.compress_type = zipfile.ZIP_DEFLATED
+            one.external_attr = 0o644 << 16
+            packed.writestr(one, file.read_bytes())
+
+
 def main(out: Path) -> None:
     """Writes all packages anew."""
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
     shutil.copyfile(HERE / "packages" / "README.md", out / "README.md")
+    shutil.copyfile(HERE.parent / "LICENSE", out / "LICENSE")
+    libraries = {build: library(build) for build in BUILDS}
     for target, writer in TARGETS.items():
-        for build in BUILDS:
-            for name, text in writer(library(build), build):
+        for build, units in libraries.items():
+            for name, text in writer(units, build):
                 path = out / target / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(text.encode())
         shutil.copyfile(HERE / "packages" / f"{target}.md", out / target / "README.md")
+    shutil.copytree(HERE / "example", out / "example")
+    (out / "example" / "tags.csv").write_bytes(tags(libraries["LREAL"]).encode())
+    for maker, targets in MAKERS.items():
+        folders = [out / target for target in targets]
+        archive(out / f"glapp-{version()}-{maker}.zip", [*folders, out / "example"], out)
 
 
 if __name__ == "__main__":

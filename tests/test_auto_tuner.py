@@ -120,10 +120,10 @@ def test_a_known_gap_is_counted_in() -> None:
         ({"pv_limits": (-0.1, 0.1)}, "pv_bounds"),
         ({"op_limits": (-0.9, 2.0)}, "op_limit"),
         ({"load": [(8.0, 0.9)]}, "dead_loop"),
-        ({"hysteresis": 0.4}, "off_point"),
-        ({"hysteresis": 2.0}, "dead_loop"),
+        ({"relay_hysteresis": 0.4}, "off_point"),
+        ({"relay_hysteresis": 2.0}, "dead_loop"),
         ({"h": 1.5}, "not_regular"),
-        ({"noise": 1.0, "hysteresis": 0.01}, "not_regular"),
+        ({"noise": 1.0, "relay_hysteresis": 0.01}, "not_regular"),
     ],
 )
 def test_it_ends_with_its_reason(given: dict[str, Any], stop: str) -> None:
@@ -137,7 +137,7 @@ def test_it_ends_with_its_reason(given: dict[str, Any], stop: str) -> None:
     ("given", "words"),
     [
         ({"amplitude": -1.0}, "amplitude: is -1.0, must be > 0"),
-        ({"hysteresis": -1.0}, "hysteresis = -1: must be 0 or greater"),
+        ({"relay_hysteresis": -1.0}, "relay_hysteresis = -1: must be 0 or greater"),
         ({"wait": 5.0, "longest": 4.0}, "longest = 4: must be greater than wait"),
         ({"known_d": 1.4}, "d = 1.4: must be 0 or greater, and less than 4/3"),
         ({"h": 0.0}, "h = 0"),

@@ -19,6 +19,8 @@ import pytest
 import glapp
 from glapp.modules import BacklashDetection, Graph, Input, Output
 
+pytestmark = pytest.mark.slow  # the library is compiled first
+
 ROOT = Path(__file__).parents[1]
 HEADER = ROOT / "crates/capi/include/glapp.h"
 DOORS = ROOT / "crates/capi/src/doors.rs"

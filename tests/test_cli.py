@@ -47,6 +47,50 @@ def run(monkeypatch, capsys, tmp_path):
     return run
 
 
+def answering(monkeypatch, *lines):
+    """Somebody sits at the terminal and types these lines."""
+    monkeypatch.setattr(sys.modules["glapp.cli.analyze"], "can_ask", lambda: True)
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
+
+
+def test_a_person_chooses_the_columns_and_they_are_written(run, monkeypatch):
+    write("plant.csv", rows(header="a,b,c,d"))
+    code, _, told = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "name it: --pv NAME, or in loops.toml columns = { pv =" in told
+    answering(monkeypatch, "1", "7", "3", "4", "2")
+    code, shown, told = run("analyze", "plant.csv", "--no-fit")
+    assert code == 0 and "plant" in shown
+    assert "Which column is PV?" in told and "a number from 1 to 4" in told and "Wrote loops.toml" in told
+    [loop] = read_settings("loops.toml")
+    assert (loop.columns.time, loop.columns.pv, loop.columns.op, loop.columns.sp) == ("a", "c", "d", "b")
+    assert run("analyze", "loops.toml", "--no-fit")[0] == 0
+
+
+def test_a_person_says_which_number_is_the_day(run, monkeypatch):
+    write("plant.csv", rows(time=lambda k: f"03/04/2026 10:{k // 60:02d}:{k % 60:02d}"))
+    code, _, told = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "--time-format 'day first'" in told and 'time_format = "day first"' in told
+    answering(monkeypatch, "2")
+    assert run("analyze", "plant.csv", "--no-fit")[0] == 0
+    assert read_settings("loops.toml")[0].time_format == "month first"
+
+
+def test_nobody_answers(run, monkeypatch):
+    write("plant.csv", rows(header="a,b,c,d"))
+    answering(monkeypatch)
+    code, _, told = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "name it: --pv NAME" in told and not Path("loops.toml").exists()
+
+
+def test_init_is_told_of_columns_as_analyze_is(run):
+    write("plant.csv", rows(header="a,b,c,d"))
+    code, text, told = run("init", "plant.csv", "--pv", "c", "--op", "d", "--sp", "b", "--sample-time", 2)
+    assert code == 0, told
+    write("loops.toml", text)
+    [loop] = read_settings("loops.toml")
+    assert (loop.columns.pv, loop.sample_time) == ("c", 2.0)
+
+
 def rows(n=600, header="t,SP,PV,OP", time=str, pv=lambda k, value: value):
     """A PI loop (K = 0.8, Ti = 25 s) around 50, one row a second."""
     lines, integral = [header], 0.0
@@ -217,6 +261,7 @@ def test_many_loops_are_one_table_that_is_not_torn(run, monkeypatch, columns):
     assert out.count("  do ") == 5 and "verdict" not in out
 
 
+@pytest.mark.slow
 def test_python_m_glapp_is_the_command():
     done = subprocess.run([sys.executable, "-m", "glapp", "--version"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, f"glapp {glapp.__version__}\n")

@@ -191,8 +191,8 @@ def test_reversals_are_turns_beyond_the_band() -> None:
 def test_our_warning_is_right_where_that_of_the_thesis_is_wrong(plant: str, ratio: float) -> None:
     found = warned(Case(plant, noise=0.005, dead_time=0.0, h=0.1, way="inverse", ratio=ratio, seed=3))
     assert found is not None
-    _, even, relay = found
-    assert even > 0, "equal half-periods there are in all of these"
+    _, equal, relay = found
+    assert equal > 0, "equal half-periods there are in all of these"
     assert relay > 0.5 if ratio > 1 else relay == 0
 
 

@@ -126,11 +126,13 @@ def with_all_parts() -> dict[str, Any]:
     return _glapp.summary(json.dumps(facts))
 
 
+@pytest.mark.slow
 def test_the_core_answers_what_is_declared() -> None:
     # With so small a Kp the crossings are too narrow, and struck.
     assert told(LoopAnswer, answered(worn(0.3)) | {"answer": with_all_parts()}) == (WORDS, CODES)
 
 
+@pytest.mark.slow
 def test_what_is_written_is_what_the_core_answered() -> None:
     """Number by number, with sentences beside."""
     answer, written = answered(worn(0.3)), glapp.analyze(worn(0.3)).to_dict()
@@ -150,6 +152,7 @@ def test_what_is_written_is_what_the_core_answered() -> None:
     compare(answer, written, "")
 
 
+@pytest.mark.slow
 def test_every_reason_is_a_code_with_numbers_that_tells_its_sentence() -> None:
     result = glapp.analyze(worn(0.3))
     document = json.loads(to_json([result]))["loops"][0]
@@ -160,6 +163,7 @@ def test_every_reason_is_a_code_with_numbers_that_tells_its_sentence() -> None:
     assert document["answer"]["why"][0] == _glapp.sentence(document["fit"]["reason"])
 
 
+@pytest.mark.slow
 def test_reasons_and_the_law_that_was_read_stand_there_for_programs() -> None:
     s = closed_loop(
         "P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **ACTING, filter_in_loop=True
@@ -216,6 +220,7 @@ def test_an_error_in_what_shows_progress_comes_through() -> None:
         _glapp.Analysis("{}", beginning).finish(broken)
 
 
+@pytest.mark.slow
 def test_a_recording_is_read_once_though_its_gain_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kp enters once a half-period has ended: the table is judged again, the samples are not read again."""
     monkeypatch.setattr(estimate, "INSPECTED_ROWS", 2000)

@@ -189,6 +189,7 @@ def walked(count: int, folder: Path) -> list[str]:
     return [one for i, recording in enumerate(recordings(count)) for one in faces(recording, folder / str(i))]
 
 
+@pytest.mark.slow
 def test_every_face_shows_what_the_core_decided(tmp_path: Path) -> None:
     assert walked(12, tmp_path) == []
 

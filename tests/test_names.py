@@ -125,6 +125,7 @@ def harmless(text):
     return not [c for c in text if c != "\n" and unicodedata.category(c) in ("Cc", "Cf")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -79,6 +79,7 @@ FROZEN = {
 """Rows, gain, lag, width and range of OP, as they were when the first fit ran."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FROZEN)
 def test_the_generator_is_what_it_was_when_the_first_fit_ran(name):
     truth = record(name).truth

@@ -170,6 +170,7 @@ def test_what_is_a_time_does_not_hang_on_rows_of_other_tags(blocks, first):
         blocks.compare(text(rows, "Timestamp,Tag,Value\n"))
 
 
+@pytest.mark.slow
 def test_a_mark_that_begins_a_row_is_no_part_of_a_number(blocks):
     """A concatenated file has a byte order mark in its middle: an error, also where a block begins there."""
     rows = [f"{i},1,2" for i in range(10, 40)]

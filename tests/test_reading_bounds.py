@@ -117,6 +117,7 @@ def test_a_workbook_of_too_many_parts_is_refused(tmp_path):
         open_recordings(path)
 
 
+@pytest.mark.slow
 @KEEPS_MEMORY
 def test_what_no_check_foresees_ends_the_process_apart_and_no_other(tmp_path):
     """One shared string of 32 kB in 60 000 cells: 2 GB of memory, of a file that breaks no other bound."""
@@ -153,6 +154,7 @@ def test_a_file_of_columns_that_is_too_wide_is_refused(tmp_path, ending):
         open_recordings(path)
 
 
+@pytest.mark.slow
 def test_the_widest_table_there_may_be_is_read(tmp_path):
     """Arrow took 190 kB a column for the words for bad values, in each thread: it asked for 9 GB and was aborted."""
     loops = bounds.COLUMNS // 4
@@ -165,6 +167,7 @@ def test_the_widest_table_there_may_be_is_read(tmp_path):
     assert sum(map(len, opened[-1].batches())) == 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "pack"), [(".gz", gzip.compress), (".bz2", bz2.compress), (".zst", None)])
 @pytest.mark.parametrize("filling", [b" ", b"12,50,51,40\n"])
 def test_a_packed_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, ending, pack, filling):
@@ -233,6 +236,22 @@ def test_rows_without_end_in_a_small_parquet_file(tmp_path, monkeypatch):
             pass
 
 
+@pytest.mark.slow
+def test_long_text_is_handed_over_in_pieces(tmp_path, monkeypatch):
+    """A damaged file gave a gigabyte of text in one batch, which two processes then held at once: 1.7 GB."""
+    monkeypatch.setattr(bounds, "PIECE", 1 << 20)
+    path = tmp_path / "plant.parquet"
+    n = 6000
+    text = [f"{k % 9}" * 1000 for k in range(n)]
+    pq.write_table(pa.table({"t": np.arange(n), "PV": np.arange(n) * 0.1, "note": text}), path)
+    types = {0: pa.int64(), 1: pa.float64(), 2: pa.string()}
+    pieces = list(apart._pieces(ParquetSource, str(path), str(path), types, frozenset()))
+    assert len(pieces) > 5 and max(piece.size for _, piece in pieces) < 1.1 * bounds.PIECE
+    columns = [apart._unpacked(piece) for _, piece in pieces]
+    assert sum(len(t) for t, _, _ in columns) == n
+    assert [one for _, _, note in columns for one in note.to_pylist()] == text
+
+
 def crash():
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -255,6 +274,7 @@ def whole():
     return {"answer": np.arange(3)}
 
 
+@pytest.mark.slow
 def test_a_process_that_ends_costs_one_answer():
     with pytest.raises(InputError, match=r"^x\.csv: ended the process that read it \((signal 9|exit code)"):
         apart.call("x.csv", crash)
@@ -267,6 +287,7 @@ def test_memory_has_an_end():
         apart.call("x.csv", fill)
 
 
+@pytest.mark.slow
 def test_time_has_an_end(monkeypatch):
     apart.call("x.csv", sleep, 0.0)
     monkeypatch.setattr(bounds, "PATIENCE", 0.5)
@@ -297,6 +318,7 @@ def run(monkeypatch, capsys, *words):
     return code, *capsys.readouterr()
 
 
+@pytest.mark.slow
 @KEEPS_MEMORY
 def test_one_bad_file_costs_its_own_answer_only(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -324,6 +346,7 @@ def test_one_bad_file_costs_its_own_answer_only(tmp_path, monkeypatch, capsys):
         assert any(line.startswith(f"error: {file}") for line in errors)
 
 
+@pytest.mark.slow
 @KEEPS_MEMORY
 def test_a_file_in_the_window_is_read_in_a_process_of_its_own(tmp_path):
     """A viewer who opened it as a step test ended the whole station."""
@@ -335,6 +358,7 @@ def test_a_file_in_the_window_is_read_in_a_process_of_its_own(tmp_path):
     assert found.source.endswith("test.xlsx") and found.reason is not None
 
 
+@pytest.mark.slow
 def test_the_forms_that_the_window_names_are_those_that_are_read(tmp_path):
     table = {"t": np.arange(30.0), "SP": np.full(30, 50.0), "PV": 50 + np.arange(30) % 7.0, "OP": np.arange(30) % 5.0}
     written = {"Excel": workbook(tmp_path / "a.xlsx")}

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exports import FORMS, PV, guide, typed, workbook
 
+from exports import FORMS, PV, guide, typed, workbook
 from glapp import analyze, estimate, simulate
 from glapp.errors import InputError
 from glapp.loop import Loop
@@ -92,6 +92,7 @@ def test_workbooks_that_cannot_be_used(tmp_path, content, line):
     assert str(caught.value).startswith(str(path)) and line in str(caught.value)
 
 
+@pytest.mark.slow
 def test_damaged_workbooks_are_read_or_refused(tmp_path):
     """The zip is whole, and what is in it is not: a character changed, a piece cut out, the rest cut off."""
     rng = np.random.default_rng(5)

@@ -17,6 +17,7 @@ from bench.loads.records import record
 import glapp
 from glapp.cli import main
 from glapp.errors import InputError
+from glapp.many import analyze_recordings
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 FIRST_DAY = datetime(2026, 3, 1)
@@ -64,6 +65,14 @@ class TestOneWidth:
         assert repr(three.recordings[1].fit) == repr(alone) and three.recordings[1].fit.reason == alone.reason
         of_one = glapp.fit([day("steps/gap/0", 1)])
         assert (of_one.reason, of_one.recordings) == (alone.reason, [])
+
+    def test_the_harm_is_the_mean_of_what_each_shows(self) -> None:
+        days = [day("steps/gap/0", number) for number in (0, 2)]
+        alone = [glapp.analyze(one).answer.harm for one in days]
+        both = analyze_recordings(days).answer.harm
+        assert both is not None
+        for share in ("pv_share", "op_share"):
+            assert getattr(both, share) == pytest.approx(np.mean([getattr(one, share) for one in alone]))
 
     @pytest.mark.verify
     def test_the_order_given_does_not_matter(self, three: glapp.Fit) -> None:

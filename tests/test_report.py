@@ -329,6 +329,7 @@ def test_numbers_in_the_report_are_those_of_the_results(worn: Result, tmp_path: 
 HOSTILE = '<script>alert("1")</script> & </script><!-- <b>x'
 
 
+@pytest.mark.slow
 def test_names_and_texts_of_users_stay_text(worn: Result, tmp_path: Path) -> None:
     bad = replace(
         worn,
@@ -475,6 +476,7 @@ def rows_of(page: str) -> list[str]:
     return [re.sub("<.*?>", "", name) for name in re.findall(r'<td data-label="Loop".*?<a [^>]*>(.*?)</a>', overview)]
 
 
+@pytest.mark.slow
 def test_every_loop_stands_once_in_the_list_the_most_urgent_first(run: list[Result], tmp_path: Path) -> None:
     loops = [replace(r, name=f"{r.name}.{i}") for i in range(3) for r in run]
     [file] = write_report(loops, tmp_path / "report.html")
@@ -795,6 +797,7 @@ def test_how_to_read_it_covers_both_methods_and_every_verdict(worn: Result, tmp_
     assert all(one in text for one in (*words.SURE, *words.MEANINGS.values()))
 
 
+@pytest.mark.slow
 def test_the_same_results_give_the_same_page(
     run: list[Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -116,6 +116,7 @@ async def asked(door: Door, path: str = "/", method: str = "GET", **more: Any) -
 HALF = b"POST /login HTTP/1.1\r\nHost: x\r\n"
 
 
+@pytest.mark.slow
 def test_strangers_that_hold_connections_half_open_shut_nobody_out() -> None:
     """200 half-sent requests shut the API and the station for as long as the stranger stayed."""
 
@@ -132,6 +133,7 @@ def test_strangers_that_hold_connections_half_open_shut_nobody_out() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_an_address_has_its_own_bound() -> None:
     """Where strangers have all there is, who has most of them loses one."""
 
@@ -163,6 +165,7 @@ def test_who_has_shown_a_login_is_displaced_by_no_stranger() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sent",
     [
@@ -190,6 +193,7 @@ def test_what_is_half_sent_does_not_last(sent: bytes) -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sent", [HALF + b"A: ", HALF + b"Content-Length: 1000\r\n\r\n"], ids=["header", "body"])
 def test_a_byte_now_and_then_does_not_make_it_last(sent: bytes) -> None:
     async def go() -> None:
@@ -209,6 +213,7 @@ def test_a_byte_now_and_then_does_not_make_it_last(sent: bytes) -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_answers_that_nobody_takes_do_not_last() -> None:
     async def go() -> None:
         async with served(App(), QUICK) as door:
@@ -378,6 +383,7 @@ def test_log_in_and_disable_while_strangers_hold_connections_for_two_minutes(tar
         assert times and math.inf not in times, what
 
 
+@pytest.mark.slow
 def test_tls_that_is_never_agreed_on_shuts_nobody_out(tmp_path: Path, certificate: tuple[Path, Path]) -> None:
     own, key = certificate
 

@@ -64,6 +64,7 @@ def test_detections_are_those_of_the_estimator(tmp_path: Path) -> None:
     assert len(t) == 398 and t[0] == BEGIN
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("save_every", [0, 1, 3])
 def test_begun_anew_in_the_middle_it_goes_on_with_the_same_bits(tmp_path: Path, save_every: int) -> None:
     """Ended without a word between two steps, 7 times; once states are saved often, once never."""

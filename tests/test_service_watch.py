@@ -258,8 +258,14 @@ def test_what_was_restored_is_not_in_force(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(tmp_path: Path) -> None:
+@pytest.mark.parametrize("killed", [False, True], ids=["stopped", "killed before its first save"])
+def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, killed: bool
+) -> None:
     """A server tells SP, mode and u_FF when they change; after a restart they are those of before, and u_FF is read."""
+
+    async def nothing(watch: Watch) -> None:
+        """What a kill leaves: the entries, and no state."""
 
     class Sparing(Swinging):
         sent: dict[Signal, float]
@@ -272,7 +278,10 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(tmp_path:
 
     plant = Sparing()
     plant.sent = {}
-    beside(tmp_path, in_force, plant)
+    with monkeypatch.context() as patched:
+        if killed:
+            patched.setattr(Watch, "_save", nothing)
+        beside(tmp_path, in_force, plant)
     plant.u_ff["FIC0"] = plant.sent[Signal.U_FF] = 0.6  # it stands there, and nobody tells
 
     async def look(watch: Watch, plant: Swinging) -> None:
@@ -296,6 +305,7 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
     beside(tmp_path, look)
 
 
+@pytest.mark.slow
 def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(of_watch, "_BEAT", 0.05)
 
@@ -315,6 +325,7 @@ def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monke
     beside(tmp_path, look)
 
 
+@pytest.mark.slow
 def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -703,6 +703,7 @@ def test_whoever_is_removed_reads_nothing_any_more(
 # The command line
 
 
+@pytest.mark.slow
 def test_it_is_not_opened_to_others_without_tls(tmp_path: Path) -> None:
     code = "from glapp.cli import main; main()"
     words = ["station", "--data", str(tmp_path), "--host", "0.0.0.0", "--port", "0"]

@@ -85,7 +85,7 @@ def auto_tuner(params: dict[str, float]) -> Callable[..., list[float | None]]:
         max_h=params["max_h"],
         pv_limits=(params["pv_low"], params["pv_high"]),
         op_limits=(params["op_low"], params["op_high"]),
-        hysteresis=params.get("hysteresis"),
+        relay_hysteresis=params.get("relay_hysteresis"),
         d=params.get("d", 0.0),
     )
     phases = ["idle", "waiting", "balanced", "biased", "done", "aborted"]
@@ -95,7 +95,7 @@ def auto_tuner(params: dict[str, float]) -> Callable[..., list[float | None]]:
             block.start(start)
         op = block.update(pv, h, int(flags))
         stop = _glapp.stops().index(block.stop or "none")
-        return [op, phases.index(block.phase), stop, block.hysteresis, block.bias, *(block.found or [None] * 4)]
+        return [op, phases.index(block.phase), stop, block.relay_hysteresis, block.bias, *(block.found or [None] * 4)]
 
     return update
 
@@ -153,7 +153,7 @@ def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, 
         estimate=params.get("estimate", 1) == 1,
         limits=(params["low"], params["high"]) if "low" in params else None,
         source=("typed", "fitted", "estimate")[int(params.get("source", 1)) - 1],
-        ramp=params.get("ramp", 0.0),
+        ramp_time=params.get("ramp_time", 0.0),
         ti=params.get("ti", 1e6),
     )
     standings = _glapp.standings()

@@ -282,8 +282,8 @@ def _compensation(params: Params, samples: Iterable[tuple[float, Sequence[float]
         delta = max(min(share * wide, most) - band, 0.0)
         goal = delta / 2.0
         rate = params["rate"]
-        if by_estimate and params.get("ramp", 0.0) > 0.0 and share * pressed > 0.0:
-            rate = min(rate, share * pressed / params["ramp"])
+        if by_estimate and params.get("ramp_time", 0.0) > 0.0 and share * pressed > 0.0:
+            rate = min(rate, share * pressed / params["ramp_time"])
         causes = [
             (not enable, 1),
             (int(flags) & 1 != 0, 2),
@@ -556,7 +556,7 @@ def _compensation_cases() -> Iterator[dict[str, Any]]:
         return made
 
     for way in (1, 2, 3):
-        typed_nothing = {"way": way, "source": 3.0, "size": 0.0, "limit": 9.0, "band": 0.05, "ramp": 0.4}
+        typed_nothing = {"way": way, "source": 3.0, "size": 0.0, "limit": 9.0, "band": 0.05, "ramp_time": 0.4}
         free_estimate = free | typed_nothing
         yield case(
             "the estimate as it was enabled", ["Source"], free_estimate, pressed({3: 0.7, 20: 0.4, 40: 2.0}, 10), h=0.1
@@ -570,7 +570,7 @@ def _compensation_cases() -> Iterator[dict[str, Any]]:
         yield case(
             "an estimate beyond the limit", ["Source"], free_estimate | {"limit": 0.3}, pressed({3: 0.7}, 10), h=0.1
         )
-    by_estimate = judged | {"source": 3.0, "size": 0.0, "limit": 9.0, "ramp": 0.0, "band": 0.0}
+    by_estimate = judged | {"source": 3.0, "size": 0.0, "limit": 9.0, "ramp_time": 0.0, "band": 0.0}
     worse = pressed({0: 0.4}, 60, rows=from_(70, u=0.1))
     yield case("by the estimate, OP turns more often: withdrawn", ["Source", "Worse"], by_estimate, worse, h=0.125)
     unknown = pressed({40: 0.4}, 60, rows=from_(70, u=0.1))
@@ -581,7 +581,7 @@ def _compensation_cases() -> Iterator[dict[str, Any]]:
 
 
 def over_compensation(params: Params, h: Sequence[float], halves: Sequence[Sequence[float]]) -> list[list[int]]:
-    """Warn of even half-periods (code block 7.1), and of a relay: alike, new or faster, OP itself hardly moving."""
+    """Warn of equal half-periods (code block 7.1), and of a relay: alike, new or faster, OP itself hardly moving."""
     kept: list[tuple[float, float]] = []
     before: float | None = None
     was_on = False
@@ -598,12 +598,12 @@ def over_compensation(params: Params, h: Sequence[float], halves: Sequence[Seque
             continue
         kept = [*kept[-7:], (delta_t, delta_y)]
         last = [t for t, _ in kept[-4:]]
-        even = on and len(last) == 4 and max(last) - min(last) < step + step
+        equal = on and len(last) == 4 and max(last) - min(last) < step + step
         travels = [abs(params["k"]) / params["ti"] * dy * dt for dt, dy in kept]
         most = 5.0 if before is None else 1.0
         little = sum(travel * most <= size and travel * 100.0 >= size for travel in travels) > 4
         faster = not before or _sum(t for t, _ in reversed(kept)) <= 0.75 * 8.0 * before
-        outputs.append([int(even), int(on and len(kept) == 8 and _alike(kept, step) and little and faster)])
+        outputs.append([int(equal), int(on and len(kept) == 8 and _alike(kept, step) and little and faster)])
     return outputs
 
 
@@ -1752,7 +1752,7 @@ def auto_tuner(params: Params, h: Sequence[float], samples: Sequence[Sequence[fl
         if not math.isnan(start):
             tuner.start(start)
         op = tuner.update(pv, step, int(flags))
-        outputs.append([op, tuner.phase, tuner.stop, tuner.hysteresis, tuner.bias, *tuner.found])
+        outputs.append([op, tuner.phase, tuner.stop, tuner.relay_hysteresis, tuner.bias, *tuner.found])
     return outputs
 
 
@@ -1773,7 +1773,7 @@ class _Relay:
     def start_anew(self, op: float, phase: int) -> None:
         self.op = self.begin = op
         self.phase, self.stop = phase, 0
-        self.hysteresis = self.bias = self.t = self.half = self.period = self.centre = self.x = 0.0
+        self.relay_hysteresis = self.bias = self.t = self.half = self.period = self.centre = self.x = 0.0
         self.found = [NAN] * 4
         self.at_rest: list[tuple[float, float]] = []
         self.samples: list[tuple[float, float, float, float, bool]] = []
@@ -1816,7 +1816,7 @@ class _Relay:
         return 9 if self.t + h > p["longest"] else 0
 
     def went_wrong(self, x: float) -> bool:
-        return self.phase != self.WAITING and not self.answered and x < -self.hysteresis
+        return self.phase != self.WAITING and not self.answered and x < -self.relay_hysteresis
 
     def rest(self, pv: float, h: float) -> None:
         self.at_rest.append((h, pv))
@@ -1826,7 +1826,7 @@ class _Relay:
         first = self.at_rest[0][1]
         away = [pv - first for _, pv in self.at_rest]
         self.centre = first + _sum(step * a for (step, _), a in zip(self.at_rest, away, strict=True)) / self.t
-        self.hysteresis = self.params.get("hysteresis", 0.5 * (max(away) - min(away)))
+        self.relay_hysteresis = self.params.get("relay_hysteresis", 0.5 * (max(away) - min(away)))
         self.phase, self.x = self.BALANCED, self.sign * (pv - self.centre)
         self.push()
 
@@ -1842,9 +1842,9 @@ class _Relay:
         self.t += h
         self.half += h
         self.x = x
-        if self.up and x > self.hysteresis:
+        if self.up and x > self.relay_hysteresis:
             self.up, self.answered, self.half = False, True, 0.0
-        elif not self.up and x < -self.hysteresis:
+        elif not self.up and x < -self.relay_hysteresis:
             self.up, self.half = True, 0.0
             self.complete()
         elif self.half > 0.25 * self.params["longest"]:
@@ -1978,7 +1978,7 @@ def auto_tuner_cases() -> Iterator[dict[str, Any]]:
     yield _experiment("three lags", [], usual, lags)
     yield _experiment("three lags with noise", ["Noise"], usual, lags, noise=0.04)
     yield _experiment("a gap of known width", ["Gap"], usual | {"d": 0.8}, lags)
-    yield _experiment("given hysteresis", ["Hysteresis"], usual | {"hysteresis": 0.1}, lags)
+    yield _experiment("given hysteresis", ["Hysteresis"], usual | {"relay_hysteresis": 0.1}, lags)
     yield _experiment("PV falls when OP rises", ["Sign"], usual | {"amplitude": -3.0}, _Lags(-1.0, 3))
     yield _experiment("a load that makes up shorter", ["Bias"], usual, lags, load=0.6)
     yield _experiment("a load beyond the bias' reach", ["Bias"], usual, lags, load=-1.5)
@@ -1993,7 +1993,7 @@ def auto_tuner_cases() -> Iterator[dict[str, Any]]:
     yield _experiment("nothing answers", ["DeadLoop"], usual, _Lags(0.0, 3))
     yield _experiment("load beyond the relay's power", ["DeadLoop"], usual, lags, load=2.5)
     yield _experiment("sample time makes the cycle", ["NotRegular"], usual, _Lags(1.0, 1))
-    yield _experiment("hysteresis makes the cycle", ["OffPoint"], usual | {"hysteresis": 0.6}, _Lags(1.0, 1))
+    yield _experiment("hysteresis makes the cycle", ["OffPoint"], usual | {"relay_hysteresis": 0.6}, _Lags(1.0, 1))
     yield _experiment("no time left", ["TimeBudget"], usual | {"longest": 20.0}, lags)
     yield _experiment("no time left for the gain", ["TimeBudget"], usual | {"longest": 42.0}, lags)
     yield _experiment("PV out of bounds", ["PvBounds"], usual | {"pv_high": 0.05}, lags)
@@ -2426,7 +2426,7 @@ class _Detection:
         usual = {"way": 3.0, "share": 1.0, "band": self.size / 5.0, "tf": 0.0, "release": ti, "withdraw": 1.0}
         usual |= {"watch": 300.0 * ti}
         usual |= {"rate": self.size / (ti / 10.0) if self.size > 0.0 else MOST, "travel": MOST, "reversals": MOST}
-        usual |= {"size": 0.0, "limit": MOST, "ramp": ti / 10.0} if self.by_estimate else {"size": self.size}
+        usual |= {"size": 0.0, "limit": MOST, "ramp_time": ti / 10.0} if self.by_estimate else {"size": self.size}
         room = {"low": params["low"], "high": params["high"]} if limits else {}
         self.compensation = usual | renamed | room | {"k": k}
         self.h: list[float] = []
@@ -2976,7 +2976,7 @@ BLOCKS: dict[
         ["u", "u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error"],
         "Detection and compensation beside a controller: pv and sp enter both, u_FF enters the controller, told are "
         "the flags that the controller is told backward. mode and manual as in pid_module; detector_tf is the "
-        "detector's filter; count: detections behind the estimate since it was last replaced; over: 1 even, 2 relay; "
+        "detector's filter; count: detections behind the estimate since it was last replaced; over: 1 equal, 2 relay; "
         "error: 256 where K has the wrong sign. detector_k is the gain that the detector is told, where it is another.",
         {
             "Sign": "a direction that K does not turn",
@@ -3123,10 +3123,10 @@ BLOCKS: dict[
         over_compensation,
         over_compensation_cases,
         ["delta_t", "delta_y", "delta_sp", "flags", "size"],
-        ["even", "relay"],
-        "Warnings of over-compensation after each half-period: even as in code block 7.1, relay ours.",
+        ["equal", "relay"],
+        "Warnings of over-compensation after each half-period: equal as in code block 7.1, relay ours.",
         {
-            "Gap": "the even cycle of a gap taken for a relay",
+            "Gap": "the equal cycle of a gap taken for a relay",
             "Off": "a warning where nothing is compensated",
             "Before": "a cycle that was there before taken for a new one, or forgotten",
             "Sign": "a K below 0 that makes every travel small",
@@ -3348,7 +3348,7 @@ BLOCKS: dict[
         auto_tuner,
         auto_tuner_cases,
         ["pv", "flags", "start"],
-        ["op", "phase", "stop", "hysteresis", "bias", "ku", "tu", "kp", "kappa"],
+        ["op", "phase", "stop", "relay_hysteresis", "bias", "ku", "tu", "kp", "kappa"],
         "Relay experiment. start: the output at which one begins, null: none begins. phase 0 idle, 1 waiting, "
         "2 balanced, 3 biased, 4 done, 5 aborted; stop 1 bad_quality, 2 sample_time, 3 not_auto, 4 op_limit, "
         "5 pv_bounds, 6 wrong_sign, 7 dead_loop, 8 not_regular, 9 time_budget, 10 off_point; ku, tu, kp, kappa null: "

@@ -21,7 +21,7 @@ class AutoTuner:
         max_h: float,
         pv_limits: tuple[float, float],
         op_limits: tuple[float, float],
-        hysteresis: float | None = None,
+        relay_hysteresis: float | None = None,
         d: float = 0.0,
     ) -> None: ...
     def start(self, op: float) -> None: ...
@@ -35,7 +35,7 @@ class AutoTuner:
     @property
     def found(self) -> tuple[float, float, float | None, float | None] | None: ...
     @property
-    def hysteresis(self) -> float: ...
+    def relay_hysteresis(self) -> float: ...
     @property
     def bias(self) -> float: ...
     def tuned(self, rule: str, kind: str = "PID") -> tuple[float, float, float]: ...
@@ -114,7 +114,7 @@ class Compensation:
         estimate: bool = True,
         limits: tuple[float, float] | None = None,
         source: str = "typed",
-        ramp: float = 0.0,
+        ramp_time: float = 0.0,
         ti: float | None = None,
     ) -> None: ...
     def update(
@@ -147,7 +147,7 @@ def compensation_bounds(
 ) -> list[tuple[str, str, float, float, bool]]: ...
 
 class OverCompensation:
-    """Warnings of over-compensation after a half-period: (even, as in code block 7.1; relay)."""
+    """Warnings of over-compensation after a half-period: (equal, as in code block 7.1; relay)."""
 
     def __init__(self, k: float, ti: float) -> None: ...
     def update(

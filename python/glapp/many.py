@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from .estimate import analyze
 from .fit import Verdict, fit_recordings
 from .progress import Progress, shares
-from .recording import Recording
-from .result import Result
+from .recording import Batch, Recording, joined
+from .result import Result, harm_of
 from .valve import in_order, one_valve
 
 __all__ = ["analyze_recordings", "unfit"]
@@ -48,7 +50,21 @@ def analyze_recordings(
     answer = fit_recordings(recordings, unfit=[unfit(result) for result in each], progress=fitting)
     best = each[next((i for i, one in enumerate(answer.recordings) if one.shown), 0)]
     messages = [*([] if answer.message is None else [answer.message]), *best.messages]
-    return best.decided_with(source=source, fit=answer, messages=messages)
+    harm = [
+        harm_of(one.fit, (result.settings.k, result.settings.ti), _rows(recording, one.fit.best["t"]))
+        for one, result, recording in zip(answer.recordings, each, recordings, strict=True)
+        if one.left_out is None and one.fit.process is not None
+    ]
+    return best.decided_with(source=source, fit=answer, messages=messages, harm=harm)
+
+
+def _rows(recording: Recording, t: Sequence[float]) -> Batch:
+    """The rows of a recording in which cells at `t` [s] lie."""
+
+    def within(batch: Batch) -> Batch:
+        return batch[slice(np.searchsorted(batch.t, t[0]), np.searchsorted(batch.t, t[-1], side="right"))]
+
+    return joined([rows for batch in recording.batches() if len(rows := within(batch))])
 
 
 def unfit(result: Result) -> tuple[Verdict, str, str] | None:

@@ -646,7 +646,7 @@ class PidAdvanced(_Compensating, Pid):
     tune_amplitude : float
         The greatest distance of the output from where it was in an experiment, negative where PV falls when the output
         rises; 0: there is no autotuner. With one, `low` and `high` must be given.
-    tune_wait, tune_longest, tune_pv_low, tune_pv_high, tune_hysteresis, tune_d : float, optional
+    tune_wait, tune_longest, tune_pv_low, tune_pv_high, tune_relay_hysteresis, tune_d : float, optional
         As in `AutoTuner`; the first four must be given with an amplitude.
     tune_rule : TuneRule
         Which controller is offered.
@@ -667,7 +667,7 @@ class PidAdvanced(_Compensating, Pid):
     tune_longest: float | None = None
     tune_pv_low: float | None = None
     tune_pv_high: float | None = None
-    tune_hysteresis: float | None = None
+    tune_relay_hysteresis: float | None = None
     tune_d: float = 0.0
     tune_rule: TuneRule = TuneRule.POINT_PLACEMENT
 
@@ -690,7 +690,7 @@ class AutoTuner(Module):
         PV outside ends it.
     op_low, op_high : float
         Limits of the output.
-    hysteresis : float, optional
+    relay_hysteresis : float, optional
         Half width of the relay's hysteresis, ≥ 0; half of PV's range in the waiting phase where not given.
     d : float
         Total width of the gap that the valve is known to have, ≥ 0 and less than 4/3 of the amplitude.
@@ -705,7 +705,7 @@ class AutoTuner(Module):
     pv_high: float
     op_low: float
     op_high: float
-    hysteresis: float | None = None
+    relay_hysteresis: float | None = None
     d: float = 0.0
     max_h: float | None = None
 

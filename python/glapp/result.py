@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _glapp
+from .arrays import column
 from .errors import InputError
 from .fit import Fit
 from .identify import Identification
 from .loop import Loop
 from .quality import Finding
+from .recording import Batch
 from .trace import Trace
 
 if TYPE_CHECKING:
@@ -451,6 +453,27 @@ def decide(
         "harm": [{"pv_share": one.pv_share, "op_share": one.op_share} for one in harm],
     }
     return Answer.of(_glapp.summary(json.dumps(facts)))
+
+
+def harm_of(fit: Fit, law: tuple[float | None, float | None], rows: Batch) -> Harm:
+    """Harm of the fitted gap to its loop, as far as it can be said.
+
+    Parameters
+    ----------
+    fit : Fit
+        Through PV; its `best` window has the cells, and its `process` what a load at the valve does to PV.
+    law : tuple of float or None
+        The controller's K [OP unit/PV unit] and Ti [s].
+    rows : Batch
+        The rows in which the cells lie.
+    """
+    best, p = fit.best, fit.process
+    if p is None or rows.op is None or best.get("signal") != "PV":
+        return Harm(None, None)
+    k, ti = law
+    cells = tuple(column(best[name]) for name in ("t", "pv", "position"))
+    process = (p.kp[0], p.dead_time[0], p.lag[0]), p.integrating
+    return Harm(**_glapp.harm(cells, rows, None if k is None or ti is None else (k, ti), process))
 
 
 def span_of(loop: Loop) -> float | None:

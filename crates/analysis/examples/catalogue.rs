@@ -132,7 +132,7 @@ fn compensation() -> Value {
         band ["OP unit"] = number(s.band), |s| s.band = f64::NAN;
         tf ["s"] = number(s.tf), |s| s.tf = f64::NAN;
         rate ["OP unit/s"] = number(s.rate), |s| s.rate = f64::NAN;
-        ramp ["s"] = number(s.ramp), |s| s.ramp = f64::NAN;
+        ramp_time ["s"] = number(s.ramp_time), |s| s.ramp_time = f64::NAN;
         release ["s"] = number(s.release), |s| s.release = f64::NAN;
         travel ["OP unit/h"] = number(s.travel), |s| s.travel = f64::NAN;
         reversals ["1/h"] = number(s.reversals), |s| s.reversals = f64::NAN;
@@ -192,7 +192,7 @@ fn auto_tuner() -> Value {
     let limits = (0.0, 100.0);
     let s = AutoTunerSettings {
         amplitude: 5.0,
-        hysteresis: None,
+        relay_hysteresis: None,
         d: 0.0,
         wait: 60.0,
         longest: 3600.0,
@@ -202,7 +202,7 @@ fn auto_tuner() -> Value {
     };
     settings! { s, |s| AutoTuner::new(*s).map(|_| ()),
         amplitude ["OP unit"] = Value::Null, |s| s.amplitude = f64::NAN;
-        hysteresis ["PV unit"] = Value::Null, |s| s.hysteresis = Some(f64::NAN);
+        relay_hysteresis ["PV unit"] = Value::Null, |s| s.relay_hysteresis = Some(f64::NAN);
         d ["OP unit"] = Value::Null, |s| s.d = f64::NAN;
         wait ["s"] = Value::Null, |s| s.wait = f64::NAN;
         longest ["s"] = Value::Null, |s| s.longest = f64::NAN;

@@ -409,8 +409,8 @@ impl Summary {
             _ if fit.verdict == LostMotion::Oscillation => Confidence::CannotTell,
             Told::Found => Confidence::Found,
             Told::Likely => Confidence::Likely,
-            Told::NoneSeen | Told::Sound if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
-            Told::NoneSeen | Told::Sound => Confidence::NoneSeen,
+            Told::NoneSeen if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
+            Told::NoneSeen => Confidence::NoneSeen,
             Told::CannotTell => Confidence::CannotTell,
         };
         let told = confidence != Confidence::CannotTell;

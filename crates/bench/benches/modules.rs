@@ -56,7 +56,7 @@ fn scans(c: &mut Criterion) {
     }
     // A cycle so long that no experiment is over within a run.
     let swing = cycle(N / 2);
-    let tuner = AutoTunerSettings { hysteresis: Some(0.5), longest: 1e9, ..settings::experiment() };
+    let tuner = AutoTunerSettings { relay_hysteresis: Some(0.5), longest: 1e9, ..settings::experiment() };
     let tuner = AutoTuner::new(tuner).unwrap();
     group.bench_function("autotuner, relay running", |b| {
         b.iter(|| {

@@ -223,6 +223,43 @@ unsafe fn named<'a>(settings: *const GlappSetting, count: usize) -> Result<Vec<(
     all.iter().map(|one| Ok((unsafe { words(one.name, "name of a setting") }?, one.value))).collect()
 }
 
+/// The columns of a recording.
+struct Recorded<'a> {
+    t: &'a [f64],
+    sp: Option<&'a [f64]>,
+    pv: &'a [f64],
+    op: Option<&'a [f64]>,
+    position: Option<&'a [f64]>,
+    flags: Option<&'a [u8]>,
+}
+
+/// The columns, whose flags are known ones.
+///
+/// # Safety
+/// As [`array`], for each of the columns.
+unsafe fn recorded<'a>(columns: *const GlappColumns) -> Result<Recorded<'a>, Wrong> {
+    // SAFETY: as for the caller.
+    let given = unsafe { array(columns, 1, "columns") }?[0];
+    let rows = given.rows;
+    // SAFETY: as for the caller.
+    let must = |from, name| unsafe { array::<f64>(from, rows, name) };
+    // SAFETY: as for the caller.
+    let may = |from, name| unsafe { maybe::<f64>(from, rows, name) };
+    // SAFETY: as for the caller.
+    let flags = unsafe { maybe::<u8>(given.flags, rows, "flags") }?;
+    for sum in flags.unwrap_or_default() {
+        known((*sum).into())?;
+    }
+    Ok(Recorded {
+        t: must(given.t, "t")?,
+        sp: may(given.sp, "sp")?,
+        pv: must(given.pv, "pv")?,
+        op: may(given.op, "op")?,
+        position: may(given.position, "position")?,
+        flags,
+    })
+}
+
 /// A sum of the flags of a sample.
 fn known(flags: u32) -> Result<u8, Wrong> {
     let sum = u8::try_from(flags).ok().filter(|_| flags <= ALL_FLAGS);
@@ -444,30 +481,17 @@ pub unsafe extern "C" fn glapp_fit(columns: *const GlappColumns, sign: f64, widt
     guarded(|| {
         let to = place(width, "width")?;
         // SAFETY: as for the caller.
-        let given = unsafe { array(columns, 1, "columns") }?[0];
-        let rows = given.rows;
-        // SAFETY: as for the caller.
-        let must = |from, name| unsafe { array::<f64>(from, rows, name) };
-        // SAFETY: as for the caller.
-        let may = |from, name| unsafe { maybe::<f64>(from, rows, name) };
-        // SAFETY: as for the caller.
-        let flags = unsafe { maybe::<u8>(given.flags, rows, "flags") }?;
-        for sum in flags.unwrap_or_default() {
-            known((*sum).into())?;
-        }
+        let given = unsafe { recorded(columns) }?;
         if !(sign == 0.0 || sign.abs() == 1.0) {
             return Err(Wrong::refused(format!("sign = {sign}: must be 1, -1, or 0 where it is not known")));
         }
-        let sp = may(given.sp, "sp")?;
+        let Recorded { t, sp, pv, op, position, flags } = given;
+        if op.is_none() && !t.is_empty() {
+            return Err(Wrong::new(BAD_POINTER, "op: is NULL"));
+        }
         let marked = without_setpoint(sp, flags);
-        let samples = Samples {
-            t: must(given.t, "t")?,
-            pv: must(given.pv, "pv")?,
-            sp,
-            op: Some(must(given.op, "op")?),
-            flags: marked.as_deref().or(flags),
-        };
-        let answer = fit(Batch { samples, position: may(given.position, "position")? }, sign);
+        let samples = Samples { t, pv, sp, op: Some(op.unwrap_or_default()), flags: marked.as_deref().or(flags) };
+        let answer = fit(Batch { samples, position }, sign);
         // SAFETY: not NULL, aligned.
         unsafe { to.write(answer) };
         Ok(OK)
@@ -492,21 +516,11 @@ pub unsafe extern "C" fn glapp_step_test(
         let given = unsafe { named(settings, count) }?;
         let (manual, settings) = settings::step_test(&given)?;
         // SAFETY: as for the caller.
-        let given = unsafe { array(columns, 1, "columns") }?[0];
-        let rows = given.rows;
-        // SAFETY: as for the caller.
-        let must = |from, name| unsafe { array::<f64>(from, rows, name) };
-        // SAFETY: as for the caller.
-        let may = |from, name| unsafe { maybe::<f64>(from, rows, name) };
-        // SAFETY: as for the caller.
-        let flags = unsafe { maybe::<u8>(given.flags, rows, "flags") }?;
-        for sum in flags.unwrap_or_default() {
-            known((*sum).into())?;
-        }
-        let (t, pv) = (must(given.t, "t")?, without_bad(must(given.pv, "pv")?, flags));
-        let all = Inspected { t, sp: None, pv: &pv, op: may(given.op, "op")?, flags };
+        let given = unsafe { recorded(columns) }?;
+        let Recorded { t, pv, op, position, flags, .. } = given;
+        let pv = without_bad(pv, flags);
         let mut stretch = ManualRows::new(manual);
-        stretch.take(&all, may(given.position, "position")?);
+        stretch.take(&Inspected { t, sp: None, pv: &pv, op, flags }, position);
         let answer = serde_json::to_string(&stretch.read(&settings)).map_err(Wrong::refused)?;
         // SAFETY: as for the caller.
         unsafe { hand_over(&answer, json, "json", room, needed) }
@@ -558,21 +572,10 @@ pub unsafe extern "C" fn glapp_analyze(
         let task = unsafe { words(task, "task") }?;
         let task = serde_json::from_str(task).map_err(|error| Wrong::refused(format!("task: {error}")))?;
         // SAFETY: as for the caller.
-        let given = unsafe { array(columns, 1, "columns") }?[0];
-        let rows = given.rows;
-        // SAFETY: as for the caller.
-        let must = |from, name| unsafe { array::<f64>(from, rows, name) };
-        // SAFETY: as for the caller.
-        let may = |from, name| unsafe { maybe::<f64>(from, rows, name) };
-        // SAFETY: as for the caller.
-        let flags = unsafe { maybe::<u8>(given.flags, rows, "flags") }?;
-        for sum in flags.unwrap_or_default() {
-            known((*sum).into())?;
-        }
-        let (t, pv) = (must(given.t, "t")?, must(given.pv, "pv")?);
-        let all = Inspected { t, sp: may(given.sp, "sp")?, pv, op: may(given.op, "op")?, flags };
-        let position = may(given.position, "position")?;
-        let beginning = position.map(|position| &position[..rows.min(INSPECTED_ROWS)]);
+        let given = unsafe { recorded(columns) }?;
+        let Recorded { t, sp, pv, op, position, flags } = given;
+        let all = Inspected { t, sp, pv, op, flags };
+        let beginning = position.map(|position| &position[..t.len().min(INSPECTED_ROWS)]);
         let begun = Analysis::new(task, &all.first(INSPECTED_ROWS), beginning);
         let mut analysis = begun.map_err(Wrong::refused)?;
         analysis.take(&all, position);

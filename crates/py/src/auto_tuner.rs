@@ -25,7 +25,7 @@ use pyo3::prelude::*;
 ///     A longer time between two samples ends it [s], > 0.
 /// pv_limits, op_limits : (low, high)
 ///     PV outside ends it; OP stays within, and it does not begin nearer than the amplitude to one.
-/// hysteresis : float, optional
+/// relay_hysteresis : float, optional
 ///     Half width of the relay's hysteresis [unit of PV], ≥ 0; half of PV's range in the waiting phase where not given.
 /// d : float
 ///     Total width of the gap that the valve is known to have [unit of OP], ≥ 0 and less than 4/3 of the amplitude.
@@ -54,7 +54,7 @@ pub struct AutoTuner {
 #[pymethods]
 impl AutoTuner {
     #[new]
-    #[pyo3(signature = (amplitude, *, wait, longest, max_h, pv_limits, op_limits, hysteresis=None, d=0.0))]
+    #[pyo3(signature = (amplitude, *, wait, longest, max_h, pv_limits, op_limits, relay_hysteresis=None, d=0.0))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         amplitude: f64,
@@ -63,11 +63,11 @@ impl AutoTuner {
         max_h: f64,
         pv_limits: (f64, f64),
         op_limits: (f64, f64),
-        hysteresis: Option<f64>,
+        relay_hysteresis: Option<f64>,
         d: f64,
     ) -> PyResult<Self> {
         let settings =
-            AutoTunerSettings { amplitude, hysteresis, d, wait, longest, max_h, pv: pv_limits, op: op_limits };
+            AutoTunerSettings { amplitude, relay_hysteresis, d, wait, longest, max_h, pv: pv_limits, op: op_limits };
         let block = glapp_core::AutoTuner::new(settings).map_err(refused)?;
         Ok(Self { block, state: AutoTunerState::default() })
     }
@@ -112,8 +112,8 @@ impl AutoTuner {
 
     /// Half width of the hysteresis in use [unit of PV].
     #[getter]
-    fn hysteresis(&self) -> f64 {
-        self.state.hysteresis
+    fn relay_hysteresis(&self) -> f64 {
+        self.state.relay_hysteresis
     }
 
     /// Middle of the relay's two levels, from where OP was.

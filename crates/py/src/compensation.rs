@@ -84,7 +84,7 @@ fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
 /// source : {"typed", "fitted", "estimate"}
 ///     Where the width comes from. With "estimate" it is the one that is offered in the sample in which it is enabled, and `size`
 ///     is not used; `band` is the least band, which otherwise is a fifth of it.
-/// ramp : float
+/// ramp_time : float
 ///     With "estimate", the shortest time from side to side [s], ≥ 0.
 /// ti : float, optional
 ///     Integral time Ti > 0 of the controller [s], by which the bounds of the times go; `release` where not given.
@@ -108,7 +108,7 @@ impl Compensation {
     #[new]
     #[pyo3(signature = (
         way, *, k, size, share, limit, band, tf, rate, release, watch, travel, reversals, withdraw, estimate=true,
-        limits=None, source="typed", ramp=0.0, ti=None,
+        limits=None, source="typed", ramp_time=0.0, ti=None,
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -128,7 +128,7 @@ impl Compensation {
         estimate: bool,
         limits: Option<(f64, f64)>,
         source: &str,
-        ramp: f64,
+        ramp_time: f64,
         ti: Option<f64>,
     ) -> PyResult<Self> {
         let settings = CompensationSettings {
@@ -144,7 +144,7 @@ impl Compensation {
             withdraw,
             estimate,
             source: source_named(source)?,
-            ramp,
+            ramp_time,
             ..CompensationSettings::new(named(&way)?, k, ti.unwrap_or(release), size, share)
         };
         let block = glapp_core::Compensation::new(settings).map_err(refused)?;
@@ -260,11 +260,11 @@ impl OverCompensation {
     }
 
     /// Take a completed half-period: Δt [s], Δy, the sample time [s] and the width in force, 0 while nothing is compensated; give
-    /// (even, relay).
+    /// (equal, relay).
     #[pyo3(signature = (delta_t, delta_y, h, size, delta_sp=0.0, flags=0))]
     fn update(&mut self, delta_t: f64, delta_y: f64, h: f64, size: f64, delta_sp: f64, flags: Status) -> (bool, bool) {
         let half = HalfPeriod { flags, delta_t, delta_y, delta_sp, ..HalfPeriod::default() };
         let warning = self.block.update(&mut self.state, &half, h, size);
-        (warning.even, warning.relay)
+        (warning.equal, warning.relay)
     }
 }

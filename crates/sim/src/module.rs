@@ -221,8 +221,8 @@ impl Kind {
 /// | `ProcessSim` | in (load) | `gain`, `t1`, `t2` (0), `dead_time` (0), `h` (the graph's), `start` (0) |
 /// | `Plant`, by [`Module::plant`] | in (load) | `h` (the graph's), `start` (0) |
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0), `start_pv` (its first PV) |
-/// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `detector_tf` (it sees what the controller sees), `n` (9), `sp_rate` (none), and the autotuner's: `tune_amplitude` (0: none), `tune_wait`, `tune_longest`, `tune_pv_low`, `tune_pv_high`, `tune_hysteresis` (from noise), `tune_d` (0), `tune_rule` (1) |
-/// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `hysteresis` (from noise), `d` (0), `max_h` (3h) |
+/// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `detector_tf` (it sees what the controller sees), `n` (9), `sp_rate` (none), and the autotuner's: `tune_amplitude` (0: none), `tune_wait`, `tune_longest`, `tune_pv_low`, `tune_pv_high`, `tune_relay_hysteresis` (from noise), `tune_d` (0), `tune_rule` (1) |
+/// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `relay_hysteresis` (from noise), `d` (0), `max_h` (3h) |
 /// | `BacklashDetection` | sp, pv (op, flags, u_ff) | `k`, `ti`, `td` (0), `b` (1), `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h), `ff_delay` (1), `ff_tolerance` (a tenth of the size), `ff_longest` (by the way) |
 ///
 /// With `flags` connected a `BacklashDetection` stands beside a controller that is no module here, and takes all from its inputs

@@ -1,6 +1,6 @@
 //! Writes `plc/SelfTest.st` and `plc/real/SelfTest.st`, with the numbers of the core: `cargo run -p glapp-plc-check --example self_test`.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/twins/common/mod.rs"]
 mod common;
 
 use common::{folder, self_test};

@@ -2,6 +2,7 @@
 
 mod first;
 mod flow;
+mod layout;
 mod library;
 mod lint;
 mod mutate;
@@ -12,6 +13,7 @@ mod trace;
 mod tree;
 mod trial;
 
+pub use layout::{Variable, Within};
 pub use library::{Build, Library, Value, Way, sources, trees};
 pub use mutate::{Mutant, Mutants};
 pub use page::pins;

@@ -1,5 +1,8 @@
 //! The subset of Structured Text that compilers have in common, held to.
 
+use std::collections::HashMap;
+use std::sync::OnceLock;
+
 use crate::tree::{Argument, Expr, Fault, Op, Pou, Stmt, StmtKind, Type, Unit, Var};
 
 /// Types of one value.
@@ -15,6 +18,28 @@ const TAKEN: &str = "
     READ_ONLY READ_WRITE REAL REF REFERENCE REPEAT REPLACE RESOURCE RETAIN RETURN RIGHT ROL ROR RS S SEL SEMA SHL SHR SIN SINGLE
     SINT SIZEOF SQRT SR STEP STOP STRING STRUCT SUB SUPER T TAN TASK THEN THIS TIME TIMER TO TOD TOF TON TP TRANSITION
     TRUE TRUNC TYPE UDINT UINT ULINT UNTIL USINT USING VAR WAIT WCHAR WHILE WITH WORD WRITE WSTRING XOR";
+
+/// Names of others: of compilers and of the libraries that are loaded beside ours, one file for each with its source in its head.
+const LISTS: [(&str, &str); 7] = [
+    ("matiec", include_str!("../names/matiec.txt")),
+    ("STruC++", include_str!("../names/strucpp.txt")),
+    ("OSCAT", include_str!("../names/oscat.txt")),
+    ("CODESYS", include_str!("../names/codesys.txt")),
+    ("TwinCAT", include_str!("../names/twincat.txt")),
+    ("TIA Portal", include_str!("../names/tia.txt")),
+    ("AC 800M", include_str!("../names/ac800m.txt")),
+];
+
+/// Who has a name already.
+fn taken_by(name: &str) -> Option<&'static str> {
+    static ALL: OnceLock<HashMap<&str, &str>> = OnceLock::new();
+    let all = ALL.get_or_init(|| {
+        let words =
+            |text: &'static str| text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
+        LISTS.iter().flat_map(|(whose, text)| words(text).map(move |word| (word, *whose))).collect()
+    });
+    all.get(&*name.to_ascii_uppercase()).copied()
+}
 
 /// The text without its comments, lines kept.
 pub fn without_comments(place: &str, text: &str) -> Result<String, Fault> {
@@ -123,6 +148,8 @@ impl Linter<'_> {
             let capitals = var.name.to_ascii_uppercase();
             if TAKEN.split_whitespace().any(|taken| taken == capitals) {
                 self.fault(format!("{} is a keyword or a standard function somewhere", var.name));
+            } else if let Some(whose) = taken_by(&var.name) {
+                self.fault(format!("{} is a name of {whose} already", var.name));
             }
             if var.name.contains("__") || var.name.ends_with('_') || var.name.starts_with('_') {
                 self.fault(format!("{}: underscores", var.name));

@@ -19,6 +19,7 @@ from .fleet import fleet
 from .identify import identify
 from .init import init
 from .plant import plant, tags
+from .score import score
 from .screen import CommandError, examples, out, say_error
 from .station import station
 from .step_test import step_test
@@ -44,7 +45,7 @@ app.command(
         "glapp analyze plant.csv --op CO --pb 180 --ti 0.5 --ti-unit min --pv-span 0 50 --op-span 0 100",
     )
 )(analyze)
-app.command(epilog=examples("glapp init plant.csv -o loops.toml"))(init)
+app.command(epilog=examples("glapp init plant.csv -o loops.toml", "glapp init plant.csv --op CO"))(init)
 app.command(epilog=examples("glapp identify plant.csv", "glapp identify loops.toml --loop FIC101"))(identify)
 app.command(
     epilog=examples(
@@ -60,6 +61,7 @@ app.command(
         "glapp step-test demo/loops.toml --loop FIC402 --json",
     )
 )(step_test)
+app.command(epilog=examples("glapp score labels.csv --report differ.html"))(score)
 app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(
     epilog=examples(

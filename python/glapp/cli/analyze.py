@@ -17,6 +17,7 @@ from ..report import words
 from ..result import Result
 from ..row import columns, rows
 from ..writing import write_file
+from .ask import asked, can_ask
 from .inputs import Refused, open_files, read_by
 from .options import Options, with_options
 from .outputs import PAGE, TABLE, check_output, fault_of
@@ -56,7 +57,10 @@ def analyze(
         check_output("--csv", table, read_by(files), TABLE)
     if report is not None:
         check_output("--report", report, [*read_by(files), *([table] if table is not None else [])], PAGE)
-    answers = analyze_all(open_files(files, options, as_loop), trust, fit=not no_fit)
+    opened = open_files(files, options, as_loop)
+    if not json and not to_output and as_loop is None and can_ask():
+        opened = asked(opened, options.settings())
+    answers = analyze_all(opened, trust, fit=not no_fit)
     results = [a.result() if isinstance(a, Refused) else a for a in answers]
     faults = []  # a file that cannot be written is no reason to lose the answers on the screen
     if table is not None and not to_output:

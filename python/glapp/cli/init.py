@@ -12,15 +12,19 @@ from ..errors import InputError
 from ..reading.init import settings_of
 from ..recording import Recording
 from .inputs import Refused, open_files
-from .options import Options
+from .options import Options, with_columns
 from .outputs import check_output, save
 from .screen import CommandError, err, say_error
 
 __all__ = ["init"]
 
 
+@with_columns
 def init(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings: CSV, Excel, Parquet or Arrow.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILES...", help="Recordings: CSV, Excel, JSON, Parquet or Arrow.")
+    ],
+    options: Options,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; else standard output.")
     ] = None,
@@ -34,7 +38,7 @@ def init(
         if output.exists() and not force:
             raise InputError("exists already", file=str(output), hint="choose another name, or add --force")
     recordings, faults = [], []
-    for entry in open_files(files, Options()):
+    for entry in open_files(files, options):
         if isinstance(entry, Refused):
             faults.append(entry.error)
         elif isinstance(entry, Recording):

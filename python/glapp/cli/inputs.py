@@ -17,7 +17,7 @@ from ..result import Result
 from .options import Options
 from .screen import CommandError, say_note
 
-__all__ = ["Refused", "Valve", "open_files", "open_one", "read_by", "recording_of"]
+__all__ = ["Refused", "Valve", "open_files", "open_one", "opened_with", "read_by", "recording_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def open_files(
         )
     opened: list[Recording | Valve | Refused] = []
     for file in files:
-        opened += _from_settings(file) if _is_toml(file) else _from_recording(file, settings)
+        opened += _from_settings(file) if _is_toml(file) else opened_with(file, settings)
     asked = [entry.name for entry in opened]
     opened = _told_apart(opened)
     return _only(opened, asked, options.loop)
@@ -116,7 +116,7 @@ def _as_loop(files: Sequence[Path], options: Options, name: str) -> list[Recordi
         raise CommandError(f"--as-loop takes recordings; in {toml} write several files = [...] of a loop")
     opened: list[Recording | Valve | Refused] = []
     for file in files:
-        found = _from_recording(file, options.settings())
+        found = opened_with(file, options.settings())
         kept = _only(found, [entry.name for entry in found], options.loop)
         if len(kept) > 1:
             names = ", ".join(entry.name for entry in kept)
@@ -134,7 +134,8 @@ def _gathered(opened: Sequence[Recording | Valve | Refused], name: str) -> list[
     return [*recordings, *rest]
 
 
-def _from_recording(file: Path, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
+def opened_with(file: Path, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
+    """The loops of one recording with these settings."""
     found = _open_each(file, None, settings)
     return [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
 

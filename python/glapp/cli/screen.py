@@ -27,6 +27,7 @@ __all__ = [
     "say_error",
     "say_note",
     "show_table",
+    "show_table_on",
     "styled",
 ]
 
@@ -97,7 +98,7 @@ def fitting(columns: Sequence[Column], needed: int) -> list[Column]:
     """The columns that stand side by side on this screen, and in any case so many of the first."""
     kept = list(columns[:needed])
     for column in columns[needed:]:
-        least = _name_width(kept[0]) + sum(map(_least, [*kept[1:], column])) + _GAP * (len(kept) + 1)
+        least = _name_width(out, kept[0]) + sum(map(_least, [*kept[1:], column])) + _GAP * (len(kept) + 1)
         if least > out.width:
             break
         kept.append(column)
@@ -105,6 +106,11 @@ def fitting(columns: Sequence[Column], needed: int) -> list[Column]:
 
 
 def show_table(columns: Sequence[Column]) -> None:
+    """A table of results on standard output: see `show_table_on`."""
+    show_table_on(out, columns)
+
+
+def show_table_on(screen: Console, columns: Sequence[Column]) -> None:
     """A table of results, with all its headers however narrow the screen is.
 
     What does not fit beside the first column goes below, in a table of its own that begins with that column too.
@@ -112,20 +118,20 @@ def show_table(columns: Sequence[Column]) -> None:
     first, *others = columns
     table = [first]
     for column in others:
-        least = _name_width(first) + sum(map(_least, [*table[1:], column])) + _GAP * (len(table) + 1)
-        if len(table) > 1 and least > out.width:
-            _print(table)
-            out.print()
+        least = _name_width(screen, first) + sum(map(_least, [*table[1:], column])) + _GAP * (len(table) + 1)
+        if len(table) > 1 and least > screen.width:
+            _print(screen, table)
+            screen.print()
             table = [first]
         table.append(column)
-    _print(table)
+    _print(screen, table)
 
 
-def _print(columns: Sequence[Column]) -> None:
+def _print(screen: Console, columns: Sequence[Column]) -> None:
     table = Table(box=None, padding=(0, _GAP, 0, 0), header_style="bold", pad_edge=False)
     first, *others = columns
-    widths = [_name_width(first), *map(_least, others)]
-    room = out.width - sum(widths) - _GAP * len(columns)  # Rich counts a gap behind the last as well
+    widths = [_name_width(screen, first), *map(_least, others)]
+    room = screen.width - sum(widths) - _GAP * len(columns)  # Rich counts a gap behind the last as well
     widths[0] = max(_SHORTEST, widths[0] + min(room, 0))
     for i in (*range(1, len(columns)), 0):  # names get what room is left
         more = max(0, min(room, _most(columns[i]) - widths[i]))
@@ -136,7 +142,7 @@ def _print(columns: Sequence[Column]) -> None:
         table.add_column(column.header, width=width, justify=justify, no_wrap=column.number, overflow="fold")
     for row in zip(*(column.cells for column in columns), strict=True):
         table.add_row(*row)
-    out.print(table)
+    screen.print(table)
 
 
 def _most(column: Column) -> int:
@@ -145,9 +151,9 @@ def _most(column: Column) -> int:
     return max(map(cell_len, lines), default=0)
 
 
-def _name_width(column: Column) -> int:
+def _name_width(screen: Console, column: Column) -> int:
     """Width of the first column: names are broken where they would take more than a third of the screen."""
-    return min(_most(column), max(_LONGEST, out.width // 3))
+    return min(_most(column), max(_LONGEST, screen.width // 3))
 
 
 def _least(column: Column) -> int:

@@ -25,15 +25,14 @@ from numpy.typing import NDArray
 
 from .. import _glapp
 from .._glapp import to_text
-from ..arrays import column
 from ..errors import InputError, unforeseen
 from ..estimate import analyze, op_range
 from ..fit import Fit, fit_recordings
 from ..loop import Loop
 from ..many import unfit
-from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO, Batch
+from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report import words
-from ..result import HalfPeriods, Harm, Result, Settings, decide
+from ..result import HalfPeriods, Harm, Result, Settings, decide, harm_of
 from ..samples import Samples
 from .lake import SIGNALS, day_name
 from .problems import Problem
@@ -553,7 +552,7 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
     fit: Fit = said.fit
     whole = recording.beginning(recording.rows or 0)
     law = (day["k"], day["ti"])
-    pv_share, op_share = _shares(fit, law, whole) if fit.d and said.left_out is None else (None, None)
+    harm = harm_of(fit, law, whole) if fit.d and said.left_out is None else Harm(None, None)
     p = fit.process
     assert recording.t0 is not None
     first = round(recording.t0.timestamp() * 1e6)
@@ -574,22 +573,10 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
         "repeated": said.repeated,
         "left_out": said.left_out,
         "adds": said.adds,
-        "pv_share": pv_share,
-        "op_share": op_share,
+        "pv_share": harm.pv_share,
+        "op_share": harm.op_share,
         **{name: day[name] for name in ("k", "ti", "td", "origins")},
     }
-
-
-def _shares(fit: Fit, law: tuple[float | None, float | None], batch: Batch) -> tuple[float | None, float | None]:
-    """Harm of the gap to the loop: the share of PV's variance and of OP's travel that would not be there without it."""
-    best, p = fit.best, fit.process
-    if p is None or batch.op is None or best.get("signal") != "PV":
-        return None, None
-    k, ti = law
-    cells = tuple(column(best[name]) for name in ("t", "pv", "position"))
-    process = (p.kp[0], p.dead_time[0], p.lag[0]), p.integrating
-    shares = _glapp.harm(cells, batch, None if k is None or ti is None else (k, ti), process)
-    return shares["pv_share"], shares["op_share"]
 
 
 def _loop_row(

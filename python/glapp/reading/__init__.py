@@ -6,30 +6,39 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
-from . import apart
+from . import apart, bounds
 from .columns import Signals, choose, is_long
-from .csv import CsvSource
+from .csv import CsvSource, encoding_of
 from .each import all_or_none, each
 from .excel import sheets
 from .files import check_file, name_of
+from .influx import annotated, is_annotated, is_line_protocol, line_protocol
 from .long import long_recordings
+from .markup import is_markup, page
 from .parquet import IpcSource, ParquetSource
 from .passes import Passes
-from .shape import shaped
+from .shape import shaped, tagged
 from .source import Source
+from .structured import parsed, table_of
 from .tables import TableSource, to_table
+from .values import words
 from .wide import WideRecording
 
-__all__ = ["open_each", "open_recordings", "recording_from"]
+_BEGINNING = 1 << 16
+_PACKED = (b"\x1f\x8b", b"BZh", b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18")
+
+__all__ = ["first_rows", "open_each", "open_recordings", "recording_from"]
 
 
 def open_recordings(
     path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
 ) -> list[Recording]:
-    r"""Open a CSV, Excel, Parquet, Arrow IPC or Feather file and say which loops it holds, from its beginning alone.
+    r"""Open a CSV, Excel, JSON, HTML, Parquet, Arrow IPC or Feather file and say which loops it holds.
 
     A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...).
     A *long* file has a row per tag and time: `glapp.reading.long` says how its tags are joined. What is a bit of both,
@@ -95,6 +104,23 @@ def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
     return next((one for one in found if isinstance(one, Recording)), found[0])
 
 
+def first_rows(path: str | Path, rows: int) -> tuple[list[str], list[list[str]]]:
+    """Names of the columns of a file, and its first rows as text, for a person who says which is which.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be used.
+    """
+    source = _open(Path(path), str(path))[0]
+    columns = [
+        words(column.slice(0, rows)) if not pa.types.is_temporal(column.type) else column.cast(pa.string())
+        for column in source.head(range(len(source.names)))
+    ]
+    cells = [["" if cell is None else str(cell) for cell in column.slice(0, rows).to_pylist()] for column in columns]
+    return source.names, [list(row) for row in zip(*cells, strict=False)]
+
+
 def recording_from(data: Any, loop: Loop | None = None) -> Recording:
     """Recording of one loop in a table in memory: pandas, Polars, Arrow, a dict of arrays, a structured NumPy array.
 
@@ -144,13 +170,45 @@ def _open(path: Path, label: str) -> list[Source]:
         return sheets(str(path), label)
     if magic.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError("is an old or a locked Office file", file=label, hint="save it as .xlsx or CSV, unlocked")
-    return [CsvSource(str(path), label)]
+    return [_text(path, label)]
+
+
+def _text(path: Path, label: str) -> Source:
+    """A table of text, JSON, a web page or an export of InfluxDB."""
+    with path.open("rb") as file:
+        raw = file.read(_BEGINNING)
+    if raw.startswith(_PACKED):
+        return CsvSource(str(path), label)
+    try:
+        encoding = encoding_of(raw, len(raw) < _BEGINNING, label)
+    except InputError:  # told by the reader of text
+        return CsvSource(str(path), label)
+    beginning = raw.decode(encoding, "replace").lstrip("\ufeff \t\r\n")
+
+    def whole() -> str:
+        size = path.stat().st_size
+        if size > bounds.WHOLE:
+            what = f"has {size >> 20} MiB, and what is read whole at most {bounds.WHOLE >> 20} MiB"
+            raise InputError(what, file=label, value=size, hint="export less at a time, or write CSV or Parquet")
+        return path.read_bytes().decode(encoding, "replace")
+
+    if is_annotated(beginning):
+        return annotated(whole(), label)
+    if is_line_protocol(beginning):
+        return line_protocol(whole(), label)
+    if is_markup(beginning):
+        return page(whole(), label)
+    if beginning.startswith(("{", "[{", "[[", "[ {", "[\n", "[\r")) and (data := parsed(whole(), label)) is not None:
+        return table_of(data, label)
+    return CsvSource(str(path), label)
 
 
 def _recordings(
     source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
 ) -> list[Recording | InputError]:
-    source = shaped(source, loops or ())
+    if source.nameless is not None and not tagged(source) and not _told(loops, defaults):
+        raise source.nameless
+    source = shaped(source, loops or (), defaults or {})
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
     signals = Signals(source.names, source.time)
@@ -165,3 +223,10 @@ def _recordings(
         return WideRecording(passes, loop, choose(signals, loop, group, source.label))
 
     return each(loops, make, source.label)
+
+
+def _told(loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None) -> bool:
+    """Whether somebody says which column is PV."""
+    if loops is None:
+        return Loop(**{**(defaults or {}), "name": "loop"}).columns.pv is not None
+    return any(loop.columns.pv is not None for loop in loops)

@@ -206,6 +206,8 @@ def opened(kind: Callable[[str, str], Source], path: str, label: str) -> Source:
 class ApartSource(Source):
     """A file that another source reads in a process apart; see `opened`."""
 
+    typed = True
+
     def __init__(self, kind: Callable[[str, str], Source], path: str, label: str) -> None:
         self.label = label
         self._file = (kind, str(Path(path).absolute()), label)  # the process may stand in another folder
@@ -251,7 +253,7 @@ def _shape(
 
 
 def _first(kind: Callable[[str, str], Source], path: str, label: str, column: int) -> pa.Buffer:
-    return _packed(_source(kind, path, label).head([column])).to_pybytes()
+    return _packed(next(_slices(_source(kind, path, label).head([column])))).to_pybytes()
 
 
 def _pieces(
@@ -266,7 +268,16 @@ def _pieces(
     for arrays, fraction in _source(kind, path, label).stream(types, bad_words):
         size += sum(array.nbytes for array in arrays)
         bounds.check_unpacked(size, packed, label, "split it into smaller files")
-        yield fraction, _packed(arrays)
+        for part in _slices(arrays):
+            yield fraction, _packed(part)
+
+
+def _slices(arrays: Sequence[pa.Array]) -> Iterator[Sequence[pa.Array]]:
+    """The rows in stretches of at most `bounds.PIECE` bytes, a row at least: long text is then held twice."""
+    rows, size = len(arrays[0]) if arrays else 0, sum(array.nbytes for array in arrays)
+    step = max(rows * bounds.PIECE // max(size, bounds.PIECE), 1)
+    for start in range(0, max(rows, 1), step):
+        yield [array.slice(start, step) for array in arrays] if step < rows else arrays
 
 
 def _packed(arrays: Sequence[pa.Array]) -> pa.Buffer:

@@ -15,9 +15,11 @@ __all__ = [
     "MEMORY",
     "PARTS",
     "PATIENCE",
+    "PIECE",
     "RATIO",
     "TEXT",
     "UNPACKED",
+    "WHOLE",
     "check_columns",
     "check_unpacked",
     "most_unpacked",
@@ -37,8 +39,12 @@ UNPACKED = 1 << 30
 """Bytes that any file may unpack to."""
 RATIO = 200
 """From `UNPACKED` on, bytes that a file may unpack to for each of its own."""
+WHOLE = 1 << 28
+"""Bytes of a file that is read whole: JSON, a web page, an export of InfluxDB."""
 MEMORY = 1 << 30
 """Bytes that the process which reads a file may take beyond those it has when it begins."""
+PIECE = 1 << 27
+"""Bytes of rows that the process which reads a file hands over at once, and that both then hold."""
 PATIENCE = 25.0
 """Seconds of the processor that it may take until its next answer: a workbook's sheets, or a table's next rows."""
 

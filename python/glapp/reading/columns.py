@@ -22,7 +22,7 @@ from ..errors import InputError
 from ..loop import Loop
 from .names import CURRENT, LIMITS, SIGNALS, WEAK, WHOLE, folded
 
-__all__ = ["LABELS", "Signals", "choose", "is_long", "understand"]
+__all__ = ["LABELS", "Signals", "choose", "is_long", "time_of", "understand"]
 
 LABELS = {
     "time": "time",
@@ -43,6 +43,7 @@ _JOINED = re.compile(r"(.*\d)(sp|sv|pv|op|mv|out|co|mode)", re.IGNORECASE)  # FI
 _TOKEN = re.compile(r"[^./_\-:\s|\\#,!]+")
 _UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 _SEPARATORS = "./_-:|\\#,! \t"
+_FIELD = re.compile(r"\.[AF]_CV$", re.IGNORECASE)  # FIX.FIC101_PV.F_CV of iFIX and Proficy
 _MOST_WORDS = 4  # "position de la vanne"
 _INSIDE = 6  # letters of a word that is a signal's in the middle of a name too
 
@@ -72,7 +73,7 @@ def understand(name: str) -> Meaning:
     >>> understand("PV_HI_LIM").role is None
     True
     """
-    text, unit = name.strip(), None
+    text, unit = _FIELD.sub("", name.strip()), None
     if found := _UNIT.search(text):
         text, unit = text[: found.start()], found.group(1).strip() or None
     tokens = list(_TOKEN.finditer(text))
@@ -113,6 +114,21 @@ def understand(name: str) -> Meaning:
         before, after = text[: tokens[i].start()].rstrip(_SEPARATORS), text[tokens[i].end() :].strip(_SEPARATORS)
         return Meaning(SIGNALS[words[i]], f"{before} {after}", unit)
     return Meaning(None)
+
+
+def time_of(name: str) -> str | None:
+    """The tag of which a column's name says that it holds the times; None where it does not say so.
+
+    Examples
+    --------
+    >>> time_of("FIC101_PV_TIMESTAMP"), time_of("FIC101.PV Time"), time_of("Time"), time_of("FIC101.PV")
+    ('FIC101_PV', 'FIC101.PV', None, None)
+    """
+    tokens = list(_TOKEN.finditer(name))
+    if len(tokens) < 2 or WHOLE.get(folded(tokens[-1].group())) != "time":
+        return None
+    tag = name[: tokens[-1].start()].strip(_SEPARATORS)
+    return tag if understand(tag).role in ("sp", "pv", "op", "mode", "position") else None
 
 
 def _two_words(words: Sequence[str]) -> bool:
@@ -333,11 +349,11 @@ def _guess(signals: Signals, role: str, group: str | None, label: str, kind: str
         return None
     fits = signals.meant(role, group or "")
     if len(fits) > 1:
-        key = role
+        key, option = role, f": --{role} NAME, or" if role in ("time", "sp", "pv", "op", "mode") else ""
         raise InputError(
             f"the {kind}s {' and '.join(repr(f) for f in fits)} could both be {LABELS[role]}",
             file=label,
-            hint=f'name the right one in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
+            hint=f'name the right one{option} in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
         )
     return fits[0] if fits else None
 

@@ -18,6 +18,7 @@ from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from itertools import chain, repeat
 from pathlib import Path
 from threading import Lock
@@ -27,12 +28,11 @@ import pyarrow.csv as pc
 
 from ..errors import InputError
 from . import bounds
-from .columns import understand
-from .heads import begins_with_data, body_end, head_of, is_data
+from .heads import begins_with_data, body_end, head_of, holds_data
 from .source import Source
-from .values import digits_of, null_spellings
+from .values import digits_of, null_spellings, unit_of
 
-__all__ = ["CsvSource"]
+__all__ = ["CsvSource", "encoding_of"]
 
 _SAMPLE = 1 << 16
 _LINES = 20
@@ -71,7 +71,7 @@ class CsvSource(Source):
                 raise InputError("is empty", file=label)
             what = f"begins with {len(raw) >> 10} KiB of nothing but spaces and empty lines"
             raise InputError(what, file=label, hint="delete them, so that it begins with the columns' names")
-        self._encoding = _encoding(raw, whole, label)
+        self._encoding = encoding_of(raw, whole, label)
         text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw, whole)
         if "\0" in text:
             raise InputError("is not text, Parquet or Arrow", file=label)
@@ -95,15 +95,11 @@ class CsvSource(Source):
             self._width = width = len(rows[0][1])
         head = head_of(rows, start, width)
         self.names, self.units = head.names, head.units
-        if any(is_data(name) for name in self.names) and not any(understand(n).role for n in self.names):
-            raise InputError(
-                "has no header: the first row holds data",
-                file=label,
-                row=head.line,
-                hint="write the columns' names in the first row, for instance t,SP,PV,OP,MODE",
-            )
-        self._skip = rows[head.rows - 1][0]
-        body = rows[head.rows :]
+        if holds_data(self.names):
+            self.call_by_numbers(head.line)
+            self._skip, body = rows[start - 1][0] if start else 0, rows[start:]
+        else:
+            self._skip, body = rows[head.rows - 1][0], rows[head.rows :]
         if not body:
             raise InputError("has a header but no rows", file=label)
         body_cells = [cells for _, cells in body if len(cells) == width]
@@ -111,7 +107,8 @@ class CsvSource(Source):
             raise self._ragged(None)
         self._head = body_cells
         self._tail = [cells for cells in tail if len(cells) == width]
-        self.digits = digits_of([cell.strip() for row in body_cells + tail for cell in row], label)
+        cells = [cell.strip() for row in body_cells + tail for cell in row]
+        self.digits = digits_of([found[0] if (found := unit_of(cell)) else cell for cell in cells], label)
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First rows of the columns, as text."""
@@ -271,7 +268,8 @@ class CsvSource(Source):
         return [row for row in csv.reader(lines, delimiter=self._delimiter) if row]
 
     def _lines(self) -> Iterator[str]:
-        with pa.OSFile(self._path) as file:
+        """Lines of the file, as far as it can be read: the pass itself says where it cannot."""
+        with suppress(OSError, pa.ArrowException), pa.OSFile(self._path) as file:
             stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
             text = io.TextIOWrapper(stream, encoding=self._encoding, errors="replace", newline=None)
             while line := text.readline(bounds.LINE):
@@ -331,7 +329,14 @@ class CsvSource(Source):
         )
 
 
-def _encoding(raw: bytes, whole: bool, label: str) -> str:
+def encoding_of(raw: bytes, whole: bool, label: str) -> str:
+    """How a text is written, from its first bytes; `whole` where they are all of it.
+
+    Raises
+    ------
+    InputError
+        Where they are no text.
+    """
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF32_LE, "utf-32"),

@@ -24,7 +24,7 @@ import pyarrow as pa
 from ..errors import InputError
 from . import apart, bounds
 from .columns import understand
-from .heads import begins_with_data, body_end, head_of, is_data
+from .heads import begins_with_data, body_end, head_of, holds_data
 from .source import Source
 from .values import digits_of
 
@@ -221,24 +221,25 @@ class SheetSource(Source):
         if not filled or width < 2:
             raise InputError("has only one column" if filled else "is empty", file=label)
         head = head_of(texts, _widest(texts), width)
-        names = head.names
-        if any(is_data(name) for name in names if name) and not any(understand(n).role for n in names):
-            hint = "write the columns' names in the first row, for instance t,SP,PV,OP,MODE"
-            raise InputError("has no header: the first row holds data", file=label, row=head.line, hint=hint)
+        self.names, self.units = head.names, head.units
+        above = head.rows
+        if holds_data(self.names):
+            self.call_by_numbers(head.line)
+            above = _widest(texts)
         end = len(rows)
-        while end > head.rows and not any(map(_text, rows[end - 1])):
+        while end > above and not any(map(_text, rows[end - 1])):
             end -= 1
-        start = max(head.rows, end - _HEAD)
+        start = max(above, end - _HEAD)
         ends = texts[start:end] + [(0, [_text(cell) for cell in row]) for row in rows[max(start, len(texts)) : end]]
-        timed = begins_with_data(texts[head.rows :], width)
-        body = rows[head.rows : start + body_end(ends, width, timed)]
+        timed = begins_with_data(texts[above:], width)
+        body = rows[above : start + body_end(ends, width, timed)]
         if not body:
             raise InputError("has a header but no rows", file=label)
-        self._first = first + head.rows + 1
+        self._first = first + above + 1
         self.rows = len(body)
-        kept = [i for i in range(width) if names[i] or any(row[i] != "" for row in body)]
-        self.names = [names[i] for i in kept]
-        self.units = [head.units[i] for i in kept]
+        kept = [i for i in range(width) if self.names[i] or any(row[i] != "" for row in body)]
+        self.names = [self.names[i] for i in kept]
+        self.units = [self.units[i] for i in kept]
         self._columns = [_array([row[i] for row in body]) for i in kept]
         words = [text for column in self._columns if pa.types.is_string(column.type) for text in column.to_pylist()]
         self.digits = digits_of([text.strip() for text in words if text], label)

@@ -10,9 +10,10 @@ from ..errors import InputError
 __all__ = ["ENDINGS", "check_file", "name_of"]
 
 _TEXT = frozenset((".csv", ".tsv", ".tab", ".txt", ".asc", ".prn", ".dat", ".data", ".log"))
+_STRUCTURED = frozenset((".json", ".jsonl", ".ndjson", ".html", ".htm", ".xls", ".xml"))
 _TABLES = frozenset((".xlsx", ".xlsm", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
 _COMPRESSED = frozenset((".gz", ".bz2", ".zst", ".lz4"))
-ENDINGS = tuple(sorted(_TEXT | _TABLES | _COMPRESSED))
+ENDINGS = tuple(sorted(_TEXT | _STRUCTURED | _TABLES | _COMPRESSED))
 """Of the files that are read."""
 
 
@@ -28,7 +29,7 @@ def name_of(path: str | Path) -> str:
     name = Path(whole)
     if name.suffix.lower() in _COMPRESSED:
         name = name.with_suffix("")
-    if name.suffix.lower() in _TEXT | _TABLES | {".toml"}:
+    if name.suffix.lower() in _TEXT | _STRUCTURED | _TABLES | {".toml"}:
         name = name.with_suffix("")
     return str(name) if whole else "loop"
 

@@ -2,7 +2,8 @@
 
 Above the rows stand titles and what an export tells of itself. Of the lines of words alone just above the rows the one
 with the most names that are understood has the names. A line of tags above a line that says "time" and "value" goes
-with it. Below the rows stand remarks, totals and empty lines.
+with it. A column without a name in that line may be called a time in another. Below the rows stand remarks, totals and
+empty lines.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .columns import understand
-from .names import FOOTER, UNITS, folded
-from .times import looks_like_moment
+from .names import FACTS, FOOTER, UNITS, folded
+from .times import looks_like_moment, looks_like_stamp
 
-__all__ = ["Head", "begins_with_data", "body_end", "head_of", "is_data"]
+__all__ = ["Head", "begins_with_data", "body_end", "head_of", "holds_data", "is_data"]
 
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?")
 _LINES = 40
@@ -24,6 +25,9 @@ _SHORT = 12
 """Characters of a unit that is not known here."""
 _AHEAD = 10
 """What an export tells of itself may hold numbers, if the names come within so many lines."""
+_RULE = frozenset("-+=| ")
+_TYPES = "#types"
+"""First cell of the line above one with the types of the columns (Ignition)."""
 
 Row = tuple[int, Sequence[str]]
 """Last line of a record, and its cells."""
@@ -60,21 +64,36 @@ def is_data(cell: str) -> bool:
     return bool(_NUMBER.fullmatch(cell.strip())) or looks_like_moment(cell)
 
 
+def holds_data(names: Sequence[str]) -> bool:
+    """Whether what should be names is the first row: numbers, and no signal or a date among them.
+
+    Examples
+    --------
+    >>> holds_data(["0", "48.2"]), holds_data(["FIC101.PV", "14-Nov-2025 06:00:00", "48.2"]), holds_data(["t", "2024"])
+    (True, True, False)
+    """
+    if not any(is_data(name) for name in names if name):
+        return False
+    return any(map(looks_like_stamp, names)) or not any(understand(name).role for name in names)
+
+
 def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
     """Names and units of a table whose first line of `width` cells is the record `start`."""
     lines: list[int] = []
-    i = start
+    i = end = start
     while i < min(len(rows), start + _LINES):
         cells = rows[i][1]
-        if _words_alone(cells, width):
+        typed = i > 0 and rows[i - 1][1][0].strip().lower() == _TYPES
+        if _words_alone(cells, width) and not typed:
             lines.append(i)
-        elif not (_label(cells) and _names_follow(rows, i, width)):
+        elif not (typed or (lines and _is_remark(cells, width)) or _is_label(rows, i, width)):
             break
         i += 1
+        if lines:
+            end = i
     if not lines:  # the first line is all there is, and may hold years or numbers of columns
-        lines = [start]
-    last = lines[-1]
-    lines = [i for i in lines if all(j in lines for j in range(i, last))]  # those that stand together, above the rows
+        lines, end = [start], start + 1
+    lines = [i for i in lines if all(j in lines or _is_remark(rows[j][1], width) for j in range(i, lines[-1]))]
     named = max(lines, key=lambda i: (_understood(rows[i][1]), _filled(rows[i][1]), -i))
     names = [" ".join(cell.split()) for cell in rows[named][1]]  # a quoted name may be broken into lines
     units = [understand(name).unit for name in names]
@@ -86,7 +105,15 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
     told = [i for i in below if _are_units(rows[i][1])] or [i for i in below if _are_short(rows[i][1])]
     if told:
         units = [cell.strip(" []()") or None for cell in rows[told[-1]][1]]
-    return Head(names, units, rows[named][0], last + 1)
+    for i in [i for i in range(start, end) if i != named and len(rows[i][1]) == width]:
+        for at, cell in enumerate(rows[i][1]):
+            if not names[at] and understand(cell).role == "time":
+                names[at], units[at] = cell.strip(), None
+    if any(folded(cell) == "sampletime[ms]" for _, cells in rows[start:end] for cell in cells[:1]):
+        for at, name in enumerate(names):  # TwinCAT's Scope calls its columns of times as it calls the line
+            if at % 2 == 0 and name == names[0]:
+                names[at], units[at] = "time", "ms"
+    return Head(names, units, rows[named][0], end)
 
 
 def begins_with_data(rows: Sequence[Row], width: int) -> bool:
@@ -122,10 +149,21 @@ def _words_alone(cells: Sequence[str], width: int) -> bool:
     return len(cells) == width and any(c.strip() for c in cells) and not any(is_data(c) for c in cells if c.strip())
 
 
-def _label(cells: Sequence[str]) -> bool:
-    """Whether a line tells one thing of the export: words first, few cells."""
+def _is_label(rows: Sequence[Row], at: int, width: int) -> bool:
+    """Whether a line above the names tells of the export or of its columns: words first."""
+    first = next((cell for cell in rows[at][1] if cell.strip()), "")
+    return not is_data(first) and _names_follow(rows, at, width)
+
+
+def _is_remark(cells: Sequence[str], width: int) -> bool:
+    """Whether a line between the names and the rows is no sample.
+
+    It is empty, a rule (-----+-----), an annotation (#ROWS), or has a number of each column, such as its span.
+    """
     filled = [cell for cell in cells if cell.strip()]
-    return not filled or (len(filled) <= 3 and not is_data(filled[0]))
+    if not filled or all(set(cell) <= _RULE for cell in filled):
+        return not filled or not is_data(filled[0])
+    return (cells[0].startswith("#") and len(cells) != width) or folded(cells[0].strip(" :")) in FACTS
 
 
 def _names_follow(rows: Sequence[Row], at: int, width: int) -> bool:
@@ -149,6 +187,9 @@ def _under(above: Sequence[str], below: Sequence[str]) -> list[str]:
     for top, cell in zip(above, below, strict=False):
         tag = top or tag
         word = " ".join(cell.split())
+        if not word and not top:  # an empty column parts two tags
+            names.append("")
+            continue
         names.append(tag if understand(word).role == "value" else f"{tag} {word}".strip())
     return names
 

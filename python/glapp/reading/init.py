@@ -82,6 +82,9 @@ def _loop(file: Path, recording: Recording) -> str:
     listed = ", ".join(f"{_COLUMN_KEYS[role]} = {_value(name)}" for role, name in columns.items())
     step = _step(recording)
     seen = [] if step is None else [f"# One row every {step:g} s at the beginning of the recording."]
+    for key in ("sample_time", "time_format"):
+        if (value := getattr(recording.loop, key)) is not None:
+            seen.append(f"{key} = {_value(value)}")
     if recording.t0 is not None and recording.zone is None:
         seen.append('# time_zone = "Europe/Stockholm"  # zone of the times in the file')
     pv_unit = recording.units.get("PV")

@@ -35,6 +35,7 @@ from ..quality import Finding, own_times
 from ..recording import BAD, Batch, Recording, finished
 from .columns import LABELS, Signals, choose, understand
 from .each import each
+from .names import folded
 from .source import Source
 from .times import Clock
 from .values import CellFault, Quality, flags_of, plain, text_of, words, words_for_bad
@@ -87,7 +88,9 @@ class _Store:
             first = [] if at is None else words(source.head([at])[0]).to_pylist()
         except CellFault as fault:
             raise self.fault(fault, "quality", 0) from None
-        self._quality = Quality(map(text_of, first), words_for_bad(()), "" if at is None else source.names[at])
+        marked = any(folded(name) == "marker" for name in source.names)
+        name = "" if at is None else source.names[at]
+        self._quality = Quality(map(text_of, first), words_for_bad(()), name, marked=marked)
         self._tags: dict[str, _Tag] | InputError | None = None
         self._faults: dict[str, InputError] = {}
         self._reading = Lock()
@@ -99,8 +102,13 @@ class _Store:
         if named == "":
             return None
         fits = [i for i, name in enumerate(names) if (name == named if named else understand(name).role == role)]
+        if role == "time" and not fits and not named and self.source.time is not None:
+            fits = [names.index(self.source.time)]
         if len(fits) == 1:
             return fits[0]
+        opc = [i for i in fits if folded(names[i]) == "opcquality"]
+        if role == "quality" and len(opc) == 1:  # beside the historian's own Quality and QualityDetail
+            return opc[0]
         if fits:
             what = f"the columns {' and '.join(repr(names[i]) for i in fits)} could both be {role}"
             raise InputError(

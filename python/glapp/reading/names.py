@@ -14,10 +14,13 @@ from typing import Any
 
 __all__ = [
     "AUTO",
+    "CONFIDENCE",
     "CURRENT",
+    "FACTS",
     "FOOTER",
     "GOOD",
     "LIMITS",
+    "MILLISECONDS",
     "MISSING",
     "MONTHS",
     "NOT_AUTO",
@@ -78,6 +81,12 @@ POOR = _lower(_DATA["quality"]["poor"])
 """Words of a quality column."""
 VALIDITY = _folded(_DATA["quality"]["validity"])
 """Names of columns in which 1 is good."""
+CONFIDENCE = _folded(_DATA["quality"]["confidence"])
+"""Names of columns in which 100 is good."""
+MILLISECONDS = _folded(_DATA["milliseconds"]["words"])
+"""Names of columns that go with a column of times of whole seconds."""
+FACTS = _folded(_DATA["facts"]["words"])
+"""First words of lines below the names that hold no samples."""
 MISSING = _lower(["", *_DATA["missing"]])
 """Words that stand for a missing value."""
 FOOTER = _folded(_DATA["footer"]["words"])

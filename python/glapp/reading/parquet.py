@@ -22,6 +22,7 @@ from .source import Head, Source
 __all__ = ["IpcSource", "ParquetSource"]
 
 _HEAD = 1000
+_ROWS = 65536
 
 
 @contextmanager
@@ -56,6 +57,8 @@ def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
 class ParquetSource(Source):
     """A Parquet file; only the needed columns are decoded, and rows are counted from 1."""
 
+    typed = True
+
     def __init__(self, path: str, label: str) -> None:
         self.label = label
         self._path = path
@@ -88,7 +91,9 @@ class ParquetSource(Source):
         names = [self._stored[i] for i in types]
         done = 0
         with _refused("is damaged", self.label), self._open() as file:
-            batches = file.iter_batches(65536, columns=list(dict.fromkeys(names)), use_threads=True)
+            columns = list(dict.fromkeys(names))
+            rows = min(_ROWS, max(bounds.PIECE // (8 * max(len(columns), 1)), _HEAD))
+            batches = file.iter_batches(rows, columns=columns, use_threads=True)
             while True:
                 with _refused("is damaged", self.label, row=done + 1):
                     batch = next(batches, None)
@@ -105,6 +110,8 @@ class ParquetSource(Source):
 
 class IpcSource(Source):
     """An Arrow IPC file or stream, or a Feather (version 2) file; rows are counted from 1."""
+
+    typed = True
 
     def __init__(self, path: str, label: str) -> None:
         self.label = label

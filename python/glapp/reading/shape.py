@@ -1,8 +1,9 @@
 """Forms of a table that are brought to the two that all else reads: a column per signal, or a row per tag and time.
 
-- Date and time of day in two columns become one column.
+- Date and time of day in two columns become one column, and so do a time and its milliseconds.
 - A column of times whose name does not say so is found by its cells.
 - A time column for each tag, and tags on alternate rows, become a row per tag and time.
+- A column that names the loop of each row beside a column per signal becomes a row per tag and time.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -19,12 +21,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from .columns import Signals, understand
+from .columns import Signals, is_long, time_of, understand
+from .names import MILLISECONDS, folded
 from .source import Source
 from .times import is_date, is_time_of_day, looks_like_stamp
-from .values import CellFault, plain, words
+from .values import CellFault, is_number, plain, words
 
-__all__ = ["AloneSource", "shaped"]
+__all__ = ["AloneSource", "shaped", "tagged"]
 
 _PV_EMPTY, _HELD_EMPTY = 0.25, 0.5
 """Share of rows without PV, without SP or OP, from which on signals have rows of their own."""
@@ -35,11 +38,16 @@ _GROUPS = 20
 """So many loops are looked at."""
 _WIDEST = 200
 """Of wider tables only columns without a name are looked at for times: each may be a page of a file."""
+_DAYS, _DAY_STEP = (29221.0, 54789.0), 0.05
+"""Days of a spreadsheet from 1980 to 2050, and the longest step between two rows [days]."""
+_HALF = r"(?i: ?[AP]\.?M\.?)"
+_SECOND = re.compile(rf"\d[:.]\d\d[:.]\d\d{_HALF}?$")
+"""A time of whole seconds."""
 _MIDNIGHT = r"[ T]00:00(:00(\.0+)?)?$"
 _DAY_ZERO = r"^(1899-12-3[01]|1900-01-0[01])[ T]"
 
 
-def shaped(source: Source, loops: Sequence[Loop] = ()) -> Source:
+def shaped(source: Source, loops: Sequence[Loop] = (), defaults: Mapping[str, Any] | None = None) -> Source:
     """The source as one that has a column per signal, or a row per tag and time.
 
     Parameters
@@ -48,7 +56,10 @@ def shaped(source: Source, loops: Sequence[Loop] = ()) -> Source:
         A table as it is written.
     loops : sequence of Loop
         Those that are wanted; a time column that one of them names is left as it is.
+    defaults : mapping, optional
+        Settings for loops that are found, where `loops` is empty.
     """
+    loops = loops or [Loop(**{**(defaults or {}), "name": "loop"})]
     named = {loop.columns.time for loop in loops if loop.columns.time}
     times = [i for i, name in enumerate(source.names) if name in named]
     if not times:
@@ -60,13 +71,45 @@ def shaped(source: Source, loops: Sequence[Loop] = ()) -> Source:
             stamped = _stamped(source, times)
             if len(stamped) > 1 and _each_leads(source, stamped):
                 return AloneSource(source, _pairs(source, stamped), loops, shared=False)
-            if not times and len(stamped) == 1 and not any(loop.sample_time for loop in loops):
-                [at] = times = stamped
-                source.names[at] = source.time = source.names[at] or "time"
+            if len(stamped) > 1 and (pairs := _by_name(source, stamped)):
+                return AloneSource(source, pairs, loops, shared=False)
+            if not any(loop.sample_time for loop in loops):
+                counted = [0] if not times and not stamped and _counts_time(source) else []
+                if not times and len(stamped + counted) == 1:
+                    [at] = times = stamped + counted
+                    source.names[at] = source.time = source.names[at] or "time"
+    if len(times) == 1 and (beside := _beside(source, times[0])) is not None:
+        source = _Joined(source, times[0], *beside)
+        times = [source.at]
+        source.time = source.names[source.at]
+    if len(times) == 1 and not is_long(source.names) and (key := _key(source, loops)) is not None:
+        return _KeyedSource(source, times[0], key)
     if len(times) == 1 and _on_own_rows(source, times[0], loops):
         at = times[0]
         return AloneSource(source, [(at, i) for i in range(len(source.names)) if i != at], loops, shared=True)
     return source
+
+
+def tagged(source: Source) -> bool:
+    """Name the columns of a table without names where its cells say it: a time, a tag and a value.
+
+    At least one tag must be understood as a signal.
+    """
+    if len(source.names) != 3:
+        return False
+    cells = [_texts(source, i) for i in range(3)]
+    kinds = ["" if not texts else "time" if all(map(looks_like_stamp, texts)) else _kind(texts) for texts in cells]
+    if sorted(kinds) != ["tag", "time", "value"]:
+        return False
+    source.names = kinds
+    return True
+
+
+def _kind(texts: Sequence[str]) -> str:
+    if all(map(is_number, texts)):
+        return "value"
+    roles = {understand(text).role for text in texts if not is_number(text)}
+    return "tag" if roles & {"sp", "pv", "op"} and not any(map(is_number, texts)) else ""
 
 
 def _texts(source: Source, column: int) -> list[str]:
@@ -119,6 +162,71 @@ def _stamped(source: Source, times: Sequence[int]) -> list[int]:
     return [i for i in asked if i in times or ((texts := _texts(source, i)) and looks_like_stamp(texts[0]))]
 
 
+def _counts_time(source: Source) -> bool:
+    """Whether the first column, whose name says nothing of it, has numbers that can only be times.
+
+    They rise, and are seconds to nanoseconds since 1970, or days as a spreadsheet counts them. Numbers of rows are not.
+    """
+    if not source.names or understand(source.names[0]).role not in (None, "tag"):
+        return False
+    try:
+        x = np.array([float(text) for text in _texts(source, 0)])
+    except ValueError:
+        return False
+    if len(x) < 2 or not np.isfinite(x).all() or not (np.diff(x) > 0).all():
+        return False
+    since_1970 = any(0.9e9 * scale < x[0] and x[-1] < 4e9 * scale for scale in (1, 1e3, 1e6, 1e9))
+    return since_1970 or bool(_DAYS[0] < x[0] and x[-1] < _DAYS[1] and np.median(np.diff(x)) < _DAY_STEP)
+
+
+def _by_name(source: Source, stamped: Sequence[int]) -> list[tuple[int, int]]:
+    """Columns of times and of values that belong together by their names: FIC101_PV_TIMESTAMP, FIC101_PV_VALUE."""
+    tags = {i: tag for i in stamped if (tag := time_of(source.names[i])) is not None}
+    if len(tags) < len(stamped):
+        return []
+    pairs = []
+    for i, name in enumerate(source.names):
+        own = [at for at, tag in tags.items() if name.startswith(tag)]
+        if i in tags or (not own and understand(name).role not in _OWN):
+            continue
+        if not own:
+            return []
+        pairs.append((max(own, key=lambda at: len(tags[at])), i))
+    return pairs
+
+
+def _key(source: Source, loops: Sequence[Loop]) -> int | None:
+    """The column that names the loop of each row, in a table with a column per signal."""
+    if any(getattr(loop.columns, role) for loop in loops for role in _OWN):
+        return None
+    meanings = [understand(name) for name in source.names]
+    keys = [i for i, meaning in enumerate(meanings) if meaning.role == "tag"]
+    if len(keys) != 1 or not any(m.role == "pv" and not m.loop for m in meanings):
+        return None
+    cells = _texts(source, keys[0])
+    return keys[0] if cells and not any(map(is_number, cells)) else None
+
+
+def _beside(source: Source, at: int) -> tuple[int, bool] | None:
+    """The column that a time goes on in: times of day beside dates, or milliseconds; and whether it is these."""
+    texts = _texts(source, at)
+    if not texts:
+        return None
+    after = at + 1
+    if after < len(source.names) and folded(source.names[after]) in MILLISECONDS:
+        parts = _texts(source, after)
+        whole = all(_SECOND.search(text) for text in texts)
+        if whole and parts and all(part.isdecimal() and len(part) < 4 for part in parts):
+            return after, True
+    if all(map(is_date, _dates(texts))):
+        for i in (after, at - 1):
+            if 0 <= i < len(source.names) and understand(source.names[i]).role in (None, "time"):
+                cells = _of_day(_texts(source, i))
+                if cells and all(map(is_time_of_day, cells)):
+                    return i, False
+    return None
+
+
 def _each_leads(source: Source, stamped: Sequence[int]) -> bool:
     """Whether every time column has a column of values right after it, and nothing stands before the first."""
     return stamped[0] == 0 and all(i + 1 < len(source.names) and i + 1 not in stamped for i in stamped)
@@ -126,10 +234,10 @@ def _each_leads(source: Source, stamped: Sequence[int]) -> bool:
 
 def _pairs(source: Source, stamped: Sequence[int]) -> list[tuple[int, int]]:
     pairs, time = [], stamped[0]
-    for i in range(len(source.names)):
+    for i, name in enumerate(source.names):
         if i in stamped:
             time = i
-        else:
+        elif name or (i - 1 == time and _texts(source, i)):  # an empty column parts two tags
             pairs.append((time, i))
     return pairs
 
@@ -180,9 +288,13 @@ def _empty(column: pa.Array) -> NDArray[np.bool_]:
 
 
 class _Joined(Source):
-    """A source whose dates and times of day are one column, in the place of the first of them."""
+    """A source whose dates and times of day are one column, in the place of the first of them.
 
-    def __init__(self, source: Source, date: int, time: int) -> None:
+    With `fine` the second column has milliseconds.
+    """
+
+    def __init__(self, source: Source, date: int, time: int, fine: bool = False) -> None:
+        self._fine = fine
         self._inner, self._date, self._time = source, date, time
         self.label, self.rows, self.digits, self.one_fault = source.label, source.rows, source.digits, source.one_fault
         self.at = min(date, time)
@@ -190,10 +302,17 @@ class _Joined(Source):
         self._of = [i for i in range(len(source.names)) if i != gone]
         self.names = [source.names[i] for i in self._of]
         self.units = [source.units[i] for i in self._of]
-        self.names[self.at] = f"{source.names[date]} {source.names[time]}"
+        both = [source.names[date]] if fine else [source.names[date], source.names[time]]
+        self.names[self.at] = " ".join(both).strip() or "time"
         self.units[self.at] = None
+        self.nameless = source.nameless
 
     def _join(self, date: pa.Array, time: pa.Array) -> pa.Array:
+        if self._fine:
+            parts = pc.extract_regex(pc.utf8_trim_whitespace(_as_text(date)), rf"^(?P<to>.*?)(?P<half>{_HALF})?$")
+            digits = pc.utf8_lpad(pc.utf8_trim_whitespace(_as_text(time)), 3, "0")
+            joined = [pc.struct_field(parts, "to"), ".", digits, pc.struct_field(parts, "half")]
+            return pc.binary_join_element_wise(*joined, "", null_handling="replace", null_replacement="")
         day = pc.replace_substring_regex(pc.utf8_trim_whitespace(_as_text(date)), _MIDNIGHT, "")
         moment = pc.replace_substring_regex(pc.utf8_trim_whitespace(_as_text(time)), _DAY_ZERO, "")
         joined = pc.binary_join_element_wise(day, moment, " ", null_handling="replace", null_replacement="")
@@ -339,3 +458,59 @@ class AloneSource(Source):
     def row_number(self, record: int) -> int:
         """As the table counts."""
         return self._inner.row_number(int(self._places[record]))
+
+
+class _KeyedSource(Source):
+    """A table with a column per signal, of which another names the loop of each row, as a row per tag and time.
+
+    A tag is the name of the loop and the name of the signal's column: FIC101.pv.
+    """
+
+    def __init__(self, source: Source, time: int, key: int) -> None:
+        self._inner, self._time, self._key = source, time, key
+        self.label, self.digits, self.one_fault = source.label, source.digits, source.one_fault
+        self.rows = None
+        self.names = ["time", "tag", "value"]
+        self.units = [source.units[time], None, None]
+        kinds = [(i, understand(name)) for i, name in enumerate(source.names)]
+        self._signals = [i for i, of in kinds if (of.role in (*_OWN, "position") or of.weak) and not of.loop]
+
+    @property
+    def _order(self) -> list[int]:
+        return [self._time, self._key, *self._signals]
+
+    def head(self, columns: Sequence[int]) -> list[pa.Array]:
+        """First rows of the columns."""
+        arrays = self._inner.head(self._order)
+        rows = min(map(len, arrays))
+        table = self._long([array.slice(0, rows) for array in arrays])
+        return [table[i] for i in columns]
+
+    def tail(self, column: int) -> pa.Array | None:
+        """Last rows of the times."""
+        return self._inner.tail(self._time) if column == 0 else None
+
+    def stream(
+        self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
+    ) -> Iterator[tuple[list[pa.Array], float]]:
+        """Pass over the table, signal after signal within each of its rows."""
+        inner = {i: pa.string() for i in self._order}
+        inner[self._time] = types.get(0, pa.string())
+        for arrays, fraction in self._inner.stream(inner, frozenset({""})):
+            table = self._long(arrays)
+            yield [table[i] for i in types], fraction
+
+    def _long(self, arrays: Sequence[pa.Array]) -> list[pa.Array]:
+        time, key, *signals = arrays
+        n, m = len(time), len(signals)
+        each = pa.array(np.repeat(np.arange(n), m))
+        names = pa.array([self._inner.names[i] for i in self._signals], pa.string())
+        name = names.take(pa.array(np.tile(np.arange(m), n)))
+        tags = pc.binary_join_element_wise(pc.utf8_trim_whitespace(_as_text(key)).take(each), name, ".")
+        values = pa.concat_arrays([_as_text(signal) for signal in signals])
+        values = values.take(pa.array((np.arange(m) * n)[None, :].repeat(n, 0).ravel() + np.repeat(np.arange(n), m)))
+        return [plain(time).take(each), tags, values]
+
+    def row_number(self, record: int) -> int:
+        """As the table counts."""
+        return self._inner.row_number(record // len(self._signals))

@@ -43,6 +43,10 @@ class Source(ABC):
         Their units where known.
     one_fault : bool
         Whether a fault of the file stops all its loops, whichever columns are read.
+    typed : bool
+        Whether numbers come as numbers, so that none has its unit behind it.
+    nameless : InputError or None
+        What is to be said where the file has no line of names, and nobody says which column is which.
     """
 
     label: str
@@ -54,6 +58,8 @@ class Source(ABC):
     tags: list[str] | None = None
     tag_units: Mapping[str, str] = MappingProxyType({})
     one_fault: bool = False
+    typed: bool = False
+    nameless: InputError | None = None
 
     @cached_property
     def places(self) -> dict[str, list[int]]:
@@ -62,6 +68,19 @@ class Source(ABC):
         for i, name in enumerate(self.names):
             places.setdefault(name, []).append(i)
         return places
+
+    def call_by_numbers(self, row: int) -> None:
+        """Name the columns of a table without names: a person may still say which is which."""
+        self.names = [f"column {i + 1}" for i in range(len(self.names))]
+        self.units = [None] * len(self.names)
+        self.nameless = InputError(
+            "has no header: the first row holds data",
+            file=self.label,
+            row=row,
+            hint="write the columns' names in the first row, for instance t,SP,PV,OP,MODE; or name the columns by "
+            "their numbers: --time 'column 1' --pv 'column 2' ..., or in loops.toml "
+            'columns = { time = "column 1", pv = "column 2" }',
+        )
 
     def unit(self, column: int) -> str | None:
         """Unit that stands below a column's name, or in it."""

@@ -67,14 +67,15 @@ def _array(column: Any) -> pa.Array | pa.ChunkedArray:
 
 
 class TableSource(Source):
-    """A table in memory; rows are counted from 1."""
+    """A table in memory; rows are counted from 1, or by the lines of the file that it was read from."""
 
-    def __init__(self, table: pa.Table, label: str = "memory") -> None:
+    def __init__(self, table: pa.Table, label: str = "memory", lines: Sequence[int] | None = None) -> None:
         self.label = label
         self.names = list(table.column_names)
         self.units = [None] * len(self.names)
         self.rows = table.num_rows
         self._table = table
+        self._lines = lines
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First 1000 rows of the columns."""
@@ -91,8 +92,8 @@ class TableSource(Source):
             yield batch.columns, done / max(table.num_rows, 1)
 
     def row_number(self, record: int) -> int:
-        """Rows are counted from 1."""
-        return record + 1
+        """Rows are counted from 1, or as the file counts its lines."""
+        return record + 1 if self._lines is None else self._lines[record]
 
 
 def _whole(column: pa.ChunkedArray) -> pa.Array:

@@ -68,8 +68,11 @@ _DATED = {"date", "datetime", "timestamp", "datum", "datumzeit", "zeitstempel", 
 _USUAL = (600, 900, 1200, 1800, 3600)
 """Steps that recordings of more than five minutes a sample have [s]."""
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-_STATE_ORDER = "write time_format = 'day first' or 'month first'"
-_STATE_COUNT = "format the column as date and time, or say what it counts: time_format = 'seconds', 'days', 'excel' ..."
+_STATE_ORDER = "say which: --time-format 'day first' or 'month first', or in loops.toml time_format = \"day first\""
+_STATE_COUNT = (
+    "format the column as date and time, or say what it counts: --time-format, or in loops.toml time_format, "
+    "'seconds', 'days', 'excel' ..."
+)
 
 
 @dataclass(frozen=True)

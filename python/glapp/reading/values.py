@@ -21,17 +21,22 @@ __all__ = [
     "Quality",
     "digits_of",
     "flags_of",
+    "is_number",
     "is_text",
     "limit_flag",
     "mode_flag",
     "null_spellings",
     "numbers",
     "text_of",
+    "unit_of",
     "words",
     "words_for_bad",
 ]
 
 _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(inf|infinity)$"
+_SYSTEM = r"^\[-\d+\]"
+"""How PI begins the word for an error: [-11059] No Good Data For Calculation."""
+_WITH_UNIT = re.compile(r"([+-]?\d[\d.,'’\u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?) ?([^\s\d.,'’+-].*)")
 _WHOLE = re.compile(r"\d+\.0*")
 _PLAIN = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -44,6 +49,10 @@ def _thousands(group: str, decimal: str) -> str:
     """Cells that only a separator of thousands explains: 9.700,00 and 1.234.567."""
     g, d = re.escape(group), re.escape(decimal)
     return rf"^[+-]?[0-9]{{1,3}}(({g}[0-9]{{3}})+{d}[0-9]*|({g}[0-9]{{3}}){{2,}})$"
+
+
+_PARTED = ((".", ","), (",", "."))
+"""What may part thousands, and decimal digits beside it."""
 
 
 def _grouped(group: str) -> str:
@@ -111,6 +120,20 @@ def digits_of(cells: Sequence[str], label: str) -> Digits:
     return next(iter(shown), Digits("," if comma is not None else "." if point is not None else ""))
 
 
+def unit_of(cell: str) -> tuple[str, str] | None:
+    """A number and the known unit that stands behind it in one cell; None where there is none.
+
+    Examples
+    --------
+    >>> unit_of("48.20 m³/h"), unit_of("55%"), unit_of("48.20"), unit_of("3 valves")
+    (('48.20', 'm³/h'), ('55', '%'), None, None)
+    """
+    found = _WITH_UNIT.fullmatch(cell.strip())
+    if found is None or names.folded(found[2]) not in names.UNITS:
+        return None
+    return found[1], found[2]
+
+
 def words_for_bad(extra: Iterable[str | float]) -> frozenset[str]:
     """All words that stand for a missing value, in lower case."""
     return names.MISSING | {w.strip().lower() for w in extra if isinstance(w, str)}
@@ -120,6 +143,19 @@ def null_spellings(words: Iterable[str]) -> list[str]:
     """The spellings of `words` that a CSV parser compares bytewise; any other one takes the slower, exact road."""
     cases = {s for w in words for s in (w, w.upper(), w.capitalize(), w.title(), w.replace("nan", "NaN"))}
     return sorted(cases | {" " + s for s in cases})
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number, however its digits are parted.
+
+    Examples
+    --------
+    >>> is_number("48,20"), is_number("9.700,00"), is_number("FIC101.PV")
+    (True, True, False)
+    """
+    return bool(
+        _PLAIN.fullmatch(text) or re.match(_SPACED, text) or any(re.match(_thousands(*p), text) for p in _PARTED)
+    )
 
 
 def is_text(kind: pa.DataType) -> bool:
@@ -196,6 +232,7 @@ def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits
 def _parse(column: pa.Array, bad_words: frozenset[str], digits: Digits) -> pa.Array:
     column = pc.utf8_trim_whitespace(column)
     missing = pc.is_in(pc.utf8_lower(column), value_set=pa.array(bad_words, pa.string()))
+    missing = pc.or_(missing, pc.fill_null(pc.match_substring_regex(column, _SYSTEM), False))
     column = pc.if_else(missing, pa.scalar(None, pa.string()), column)
     written = column
     column = _without(column, _SPACED, f"[{_SPACES}]")
@@ -302,21 +339,30 @@ class Quality:
     bad_words : frozenset of str
         Words for missing.
     column : str
-        Its name: where that says *validity*, 1 is good and every other number is not.
+        Its name: where that says *validity*, 1 is good and every other number is not; *confidence* (PHD), 100 is.
+    marked : bool
+        Whether it has a letter where a value is not good, and nothing where it is (FactoryTalk View).
     """
 
-    def __init__(self, first: Iterable[str], bad_words: frozenset[str], column: str = "") -> None:
+    def __init__(
+        self, first: Iterable[str], bad_words: frozenset[str], column: str = "", *, marked: bool = False
+    ) -> None:
         seen = {int(w) for w in first if w.isdecimal()}
-        self._valid = names.folded(column) in names.VALIDITY
+        self._one = 1 if names.folded(column) in names.VALIDITY else None
+        if any(names.folded(part) in names.CONFIDENCE for part in re.split(r"[\s._/:-]+", column)):
+            self._one = 100
+        self._marked = marked
         self._da = any(q < 65536 and q & 0xC0 == 0xC0 for q in seen)
         self._bad_words = bad_words
 
     def __call__(self, word: str) -> int:
         """Flag for one word; ValueError for one that is not known."""
+        if self._marked and len(word) < 2:
+            return BAD if word else 0
+        if self._one is not None and re.fullmatch(r"-?\d+", word):
+            return 0 if int(word) == self._one else BAD
         if word.isdecimal():
             code = int(word)
-            if self._valid:
-                return 0 if code == 1 else BAD
             if self._da and code < 65536:
                 return 0 if code & 0xC0 == 0xC0 else BAD
             if not self._da and (code == 0 or code >= 1 << 16):

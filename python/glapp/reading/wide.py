@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
@@ -15,6 +16,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..recording import AT_HIGH, AT_LOW, Batch, Recording, finished
 from .columns import LABELS
+from .names import MISSING
 from .passes import Passes
 from .source import ahead
 from .times import Clock
@@ -28,6 +30,7 @@ from .values import (
     numbers,
     plain,
     text_of,
+    unit_of,
     words,
     words_for_bad,
 )
@@ -118,7 +121,8 @@ class WideRecording(Recording):
                 f"no time column among: {', '.join(source.names[:20])}",
                 file=source.label,
                 loop=loop.name,
-                hint='name it (columns = { time = "..." }) or give sample_time in seconds',
+                hint='name it: --time NAME, or in loops.toml columns = { time = "NAME" }; or say how far rows are '
+                "apart: --sample-time SECONDS, or sample_time in loops.toml",
             )
         at = self._at.get("quality")
         try:
@@ -132,7 +136,13 @@ class WideRecording(Recording):
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
         self.found = clock.found if clock else ()
-        types = {i: pa.float64() if role in _NUMBERS else pa.string() for role, i in self._at.items()}
+        self._ends = {role: end for role in _NUMBERS if role in self._at and (end := self._end(role))}
+        self.units = {LABELS[role]: end for role, end in self._ends.items()} | self.units
+        self.loop = with_units(self.loop, self.units)
+        types = {
+            i: pa.float64() if role in _NUMBERS and role not in self._ends else pa.string()
+            for role, i in self._at.items()
+        }
         if clock is not None:
             types[self._at["time"]] = clock.arrow_type
         self._share = passes.share(types, bad_words)
@@ -177,7 +187,7 @@ class WideRecording(Recording):
                     t = clock(columns[order.index(self._at["time"])])
                 for role, at in self._at.items():
                     if role in _NUMBERS:
-                        values[role] = reader.number(columns[order.index(at)])
+                        values[role] = reader.number(self._without_unit(role, columns[order.index(at)]))
                     elif role != "time":
                         bits = reader.flag(role, columns[order.index(at)])
                         flags = bits if flags is None else flags | bits
@@ -199,6 +209,23 @@ class WideRecording(Recording):
                 column=self.columns["PV"],
                 hint="is it the right column?",
             )
+
+    def _end(self, role: str) -> str | None:
+        """The unit that stands behind the number in every first cell of a signal: 48.20 m³/h."""
+        if self._source.typed:
+            return None
+        [head] = self._source.head([self._at[role]])
+        head = plain(head)
+        if not pa.types.is_string(head.type):
+            return None
+        found = {unit_of(cell) for cell in head.to_pylist() if cell and cell.strip().lower() not in MISSING}
+        ends = {None if one is None else one[1] for one in found}
+        return ends.pop() if len(ends) == 1 else None
+
+    def _without_unit(self, role: str, column: pa.Array) -> pa.Array:
+        if role not in self._ends:
+            return column
+        return pc.replace_substring_regex(plain(column), rf" ?{re.escape(self._ends[role])}\s*$", "")
 
     def _without_empty_rows(
         self, columns: list[pa.Array], order: list[int]

@@ -253,6 +253,8 @@ class Watch:
         if memory.found is not None:
             self._tell(Event(self.begun, None, "database_damaged", memory.found))
         self._replay()
+        for watched in self._loops.values():
+            self._hold(watched)
         # Nobody listened since: where no history fills that, it is a gap, and no PV that stood still.
         self._lost = {watched.id for watched in self._loops.values() if watched.rows.known(PV)}
 
@@ -277,13 +279,6 @@ class Watch:
                     self._tell(Event(self.begun, given.name, "detector_anew", text))
         if most is not None and loop.controller is not None:
             watched.compensator = Compensator(loop, period, _of_compensation(settings), *most)
-        for signal, code in CODES.items():
-            held = watched.rows.held(code)
-            if held is not None:
-                value = Value(given.name, signal, *held, "")
-                watched.latest[signal] = value
-                if watched.compensator is not None and signal not in (Signal.PV, Signal.U_FF):
-                    watched.compensator.take(value, self.begun)  # what has not changed since is not told again
         last = self.reader.answers(given.name, 1)
         watched.answer = last[0] if last else None
         return watched
@@ -326,6 +321,17 @@ class Watch:
         if count:
             text = f"{count} entries since the last save were taken in again"
             self._tell(Event(self.begun, None, "replayed", text))
+
+    def _hold(self, watched: _Watched) -> None:
+        """Take the last value of each signal as the present one: a server does not tell again what has not changed."""
+        for signal, code in CODES.items():
+            held = watched.rows.held(code)
+            if held is None:
+                continue
+            value = Value(watched.loop.name, signal, *held, "")
+            watched.latest[signal] = value
+            if watched.compensator is not None and signal not in (Signal.PV, Signal.U_FF):
+                watched.compensator.take(value, self.begun)
 
     # Names and values
 

@@ -88,7 +88,7 @@ def relay_experiment(
     plant: Process,
     amplitude: float = 1.0,
     *,
-    hysteresis: float | None = None,
+    relay_hysteresis: float | None = None,
     noise: float = 0.0,
     load: Sequence[tuple[float, float]] | npt.NDArray[np.float64] = (),
     d: float = 0.0,
@@ -108,7 +108,7 @@ def relay_experiment(
         Stable, or with one integrator.
     amplitude : float
         The greatest distance of OP from 0, > 0; it is given the sign of the process gain.
-    hysteresis : float, optional
+    relay_hysteresis : float, optional
         Half width of the relay's hysteresis [unit of PV], ≥ 0; half of PV's range in the waiting phase where not given.
     noise : float
         Amplitude of uniform noise on PV, ≥ 0.
@@ -153,7 +153,13 @@ def relay_experiment(
     if not amplitude > 0:
         raise InputError(f"is {amplitude}, must be > 0", parameter="amplitude", value=amplitude, bound="> 0")
     tuner = modules.AutoTuner(
-        sign_of(process) * amplitude, wait, longest, *pv_limits, *op_limits, hysteresis=hysteresis, d=known_d
+        sign_of(process) * amplitude,
+        wait,
+        longest,
+        *pv_limits,
+        *op_limits,
+        relay_hysteresis=relay_hysteresis,
+        d=known_d,
     )
     graph = modules.Graph(
         step,

@@ -73,6 +73,10 @@ const SENTENCES: &[(&str, &str)] = &[
         "so cannot_tell open bound",
         "{name}: probably {d:about}, at most {high:about}, but no gap would explain the data too.",
     ),
+    (
+        "so cannot_tell open weak",
+        "{name}: probably {d:about} ({low:number} to {high:number}), but the evidence is weak.",
+    ),
     ("so cannot_tell open up_to", "{name} may have a dead band of up to {high:about}, or none."),
     ("so cannot_tell misfit", "No model of the loop explains PV of {name}."),
     ("so cannot_tell coarse", "{name} may have a dead band of about {d:about}, but it is recorded too seldom to tell."),
@@ -263,6 +267,7 @@ pub fn so(said: &Said, reader: &Reader) -> Result<String, Untold> {
     let more = match verdict {
         "cannot_tell" if contradicts => vec!["contradicts"],
         "cannot_tell" if open && next_to_none => vec!["open up_to"],
+        "cannot_tell" if open && said.high.is_some() && said.low > Some(0.0) => vec!["open weak"],
         "cannot_tell" if open && said.high.is_some() => vec!["open bound"],
         "cannot_tell" if open => vec!["open"],
         "cannot_tell" => vec![reason],

@@ -18,7 +18,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("doubt wrong_slope", "OP travels less where PV swings further: not a gap in front of a process at rest"),
     ("doubt scattered", "the {pairs} pairs of half-periods do not agree: the load moves, or PV does not come to rest"),
     ("doubt", "the valve moves further than the gap is wide"),
-    ("noise", "{d:.3g} {unit} is less than the {noise:.3g} that noise moves OP by"),
+    ("noise", "{d:op} is less than the {noise:.3g} that noise moves OP by"),
     ("smooth", "OP is not recorded, and PV filtered with {tf:.3g} s is too smooth to work out its turns by (4.1)"),
     ("integrating", "an integrating process does not come to rest off SP"),
 ];

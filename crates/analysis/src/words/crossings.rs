@@ -32,7 +32,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("disagree", "the detections do not agree: {kept} of the last {count} lie within 20 % of their median"),
     ("gain_too_low", gain_too_low!("Kp is set too low")),
     ("gain_too_low assumed", gain_too_low!("the assumed Kp of 1.5 %/% does not fit")),
-    ("noise", "the detections give {d:.3g} {unit}, below the noise limit of {floor:.3g} {unit}"),
+    ("noise", "the detections give {d:op}, below the noise limit of {floor:op}"),
     ("few", "{detections} of the {n} detections that an estimate needs"),
     ("place primary", "primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead"),
     ("place split_range", "split range: OP works on several valves, and a width of OP belongs to none of them"),

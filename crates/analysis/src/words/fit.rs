@@ -28,7 +28,7 @@ macro_rules! often {
 }
 macro_rules! would {
     () => {
-        "a gap of {d:.3g} {unit} fits best, but "
+        "a gap of {d:op} fits best, but "
     };
 }
 macro_rules! enough {
@@ -48,24 +48,21 @@ macro_rules! serviced {
 }
 
 const SENTENCES: &[(&str, &str)] = &[
-    ("backlash", concat!("dead band of {d:.3g} {unit}: ", evidence!(), often!())),
+    ("backlash", concat!("dead band of {d:op}: ", evidence!(), often!())),
     (
         "backlash gap_and_more",
         concat!(
-            "dead band of {d:.3g} {unit}: ",
+            "dead band of {d:op}: ",
             evidence!(),
             often!(),
             "; where the valve turns, PV strays from what a gap alone would do"
         ),
     ),
-    (
-        "stiction",
-        concat!("the valve sticks and jumps by {jump:.3g} {unit}, and has no gap beside it: ", evidence!(), often!()),
-    ),
+    ("stiction", concat!("the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!(), often!())),
     (
         "both",
         concat!(
-            "dead band of {d:.3g} {unit}, and jumps of {jump:.3g} {unit}: ",
+            "dead band of {d:op}, and jumps of {jump:op}: ",
             evidence!(),
             ", and a gap without jumps less well (by {lr_no_jump:.0f})",
             often!()
@@ -74,7 +71,7 @@ const SENTENCES: &[(&str, &str)] = &[
     (
         "at_least",
         concat!(
-            "dead band of at least {low:.3g} {unit}: ",
+            "dead band of at least {low:op}: ",
             evidence!(),
             often!(),
             ", too seldom to tell how much wider it is. Record while OP moves further"
@@ -83,13 +80,13 @@ const SENTENCES: &[(&str, &str)] = &[
     (
         "at_least noisy",
         concat!(
-            "dead band of at least {low:.3g} {unit}: ",
+            "dead band of at least {low:op}: ",
             evidence!(),
             often!(),
             ", but PV's noise hides how much wider it is. Record with a finer PV, or while OP moves further"
         ),
     ),
-    ("sound", "no dead band wider than {high:.3g} {unit} (95 %): PV answers each turn of OP"),
+    ("sound", "no dead band wider than {high:op} (95 %): PV answers each turn of OP"),
     (
         "cannot_tell misfit",
         "no model of the loop fits PV: its errors follow each other (correlation {echo:.2f}). Is PV what this OP moves, and \
@@ -172,12 +169,12 @@ const SENTENCES: &[(&str, &str)] = &[
         "cannot_tell no_answer",
         "PV does not follow OP: a process at rest explains PV as well (likelihood ratio {lr_no_answer:.0f}). Record while OP moves",
     ),
-    ("cannot_tell may_be", concat!("probably {d:.3g} {unit}, but ", enough!(), longer!())),
-    ("cannot_tell may_be bound", concat!("probably {d:.3g} {unit}, at most {high:.3g}, but ", enough!(), longer!())),
-    ("cannot_tell as_well", concat!("probably {d:.3g} {unit}, but no gap would explain the data too", longer!())),
+    ("cannot_tell may_be", concat!("probably {d:op}, but ", enough!(), longer!())),
+    ("cannot_tell may_be bound", concat!("probably {d:op}, at most {high:.3g}, but ", enough!(), longer!())),
+    ("cannot_tell as_well", concat!("probably {d:op}, but no gap would explain the data too", longer!())),
     (
         "cannot_tell as_well bound",
-        concat!("probably {d:.3g} {unit}, at most {high:.3g}, but no gap would explain the data too", longer!()),
+        concat!("probably {d:op}, at most {high:.3g}, but no gap would explain the data too", longer!()),
     ),
     ("op_rests", "OP stands still all the time, and only an OP that moves shows a gap"),
     ("sinusoidal", "{finding}"),

@@ -31,13 +31,13 @@ macro_rules! told {
 }
 
 const SENTENCES: &[(&str, &str)] = told! {
-    "backlash", concat!("dead band of {d:.3g} {unit}: ", evidence!());
-    "stiction", concat!("the valve sticks and jumps by {jump:.3g} {unit}, and has no gap beside it: ", evidence!());
-    "both", concat!("dead band of {d:.3g} {unit}, and jumps of {jump:.3g} {unit}: ", evidence!());
-    "at_least", concat!("dead band of at least {low:.3g} {unit}: ", evidence!(), ", too seldom to tell how much wider it is");
-    "sound", "no dead band wider than {high:.3g} {unit} (95 %): the position follows each turn of OP";
+    "backlash", concat!("dead band of {d:op}: ", evidence!());
+    "stiction", concat!("the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!());
+    "both", concat!("dead band of {d:op}, and jumps of {jump:op}: ", evidence!());
+    "at_least", concat!("dead band of at least {low:op}: ", evidence!(), ", too seldom to tell how much wider it is");
+    "sound", "no dead band wider than {high:op} (95 %): the position follows each turn of OP";
     "cannot_tell", "any gap explains the position, and none would too";
-    "cannot_tell bound", "a gap of up to {high:.3g} {unit} explains the position, and none would too";
+    "cannot_tell bound", "a gap of up to {high:op} explains the position, and none would too";
 };
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {

@@ -86,7 +86,7 @@ fn what_is_missing_is_named() {
     assert_eq!(missing.to_string(), "message 'crossings.noise' has no 'd'");
     let wrong = Message::new("crossings.noise").with("d", "wide").with("floor", 1.0);
     let wrong = text(&wrong.code, &wrong.numbers, &reader).unwrap_err();
-    assert_eq!(wrong.to_string(), "message 'crossings.noise': 'd' cannot be written as '.3g'");
+    assert_eq!(wrong.to_string(), "message 'crossings.noise': 'd' cannot be written as 'op'");
 }
 
 /// An answer of a document, and what is told of it.

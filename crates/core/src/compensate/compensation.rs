@@ -188,7 +188,7 @@ pub struct CompensationSettings<R> {
     pub rate: R,
     /// With [`Source::Estimate`], the shortest time from side to side, 0 or greater \[s\]: the rate of a width that nobody knows
     /// yet.
-    pub ramp: R,
+    pub ramp_time: R,
     /// Time over which it is taken away > 0 \[s\].
     pub release: R,
     /// Budget: travel of u_FF in any hour > 0 [OP unit].
@@ -226,7 +226,7 @@ impl<R: Real> CompensationSettings<R> {
             band: size / R::of(5.0),
             tf: R::ZERO,
             rate: if way == Way::Inverse && delta > R::ZERO { ten * delta / ti } else { R::of(NO_LIMIT) },
-            ramp: if way == Way::Inverse { ti / ten } else { R::ZERO },
+            ramp_time: if way == Way::Inverse { ti / ten } else { R::ZERO },
             release: ti.lesser(R::of(LONGEST_RELEASE.1)),
             travel: R::of(NO_LIMIT),
             reversals: R::of(NO_LIMIT),
@@ -291,7 +291,7 @@ impl<R: Real> CompensationSettings<R> {
                 self.longest_release(),
                 "greater than 0 s, at most 10 Ti and at most 300 s",
             ),
-            of("ramp", "s", self.ramp, zero, ten, "0 s or greater, at most 10 Ti"),
+            of("ramp_time", "s", self.ramp_time, zero, ten, "0 s or greater, at most 10 Ti"),
             above("travel", "OP unit/h", self.travel, none, "greater than 0 in an hour, at most 1e37: none"),
             of("reversals", "1/h", self.reversals, two, none, "2 or greater in an hour, at most 1e37: none"),
             above("watch", "s", self.watch, R::of(LONGEST_WATCH) * self.ti, "greater than 0 s, at most 1e5 Ti"),
@@ -636,8 +636,8 @@ impl<R: Real> Compensation<R> {
     fn rate(&self, state: &CompensationState<R>) -> R {
         let s = &self.settings;
         let delta = s.share * state.pressed;
-        if s.source == Source::Estimate && s.ramp > R::ZERO && delta > R::ZERO {
-            s.rate.lesser(delta / s.ramp)
+        if s.source == Source::Estimate && s.ramp_time > R::ZERO && delta > R::ZERO {
+            s.rate.lesser(delta / s.ramp_time)
         } else {
             s.rate
         }
@@ -744,7 +744,7 @@ mod tests {
             band: 0.5,
             tf: 0.0,
             rate: 1e6,
-            ramp: 0.0,
+            ramp_time: 0.0,
             release: 1.0,
             watch: 1e6,
             travel: 1e6,
@@ -783,7 +783,7 @@ mod tests {
             ("limit", |s| s.limit = 200.1),
             ("band", |s| s.band = 200.1),
             ("tf", |s| s.tf = 300.1),
-            ("ramp", |s| s.ramp = 300.1),
+            ("ramp_time", |s| s.ramp_time = 300.1),
             ("release", |s| s.release = 300.1),
             ("release", |s| (s.ti, s.release) = (0.5, 5.1)),
             ("watch", |s| s.watch = 3.1e6),
@@ -819,7 +819,7 @@ mod tests {
                 "band" => &mut s.band,
                 "rate" => &mut s.rate,
                 "release" => &mut s.release,
-                "ramp" => &mut s.ramp,
+                "ramp_time" => &mut s.ramp_time,
                 "travel" => &mut s.travel,
                 "reversals" => &mut s.reversals,
                 "watch" => &mut s.watch,
@@ -1058,7 +1058,7 @@ mod tests {
             band: 0.5,
             tf: 0.0,
             rate: 1e6,
-            ramp: 0.0,
+            ramp_time: 0.0,
             release: 1.0,
             watch: 1e6,
             travel: 1e6,

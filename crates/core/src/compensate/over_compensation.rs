@@ -11,7 +11,7 @@ const N: usize = 8;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OverWarning {
     /// Code block 7.1: the last four half-periods are equally long, to less than two samples.
-    pub even: bool,
+    pub equal: bool,
     /// The last eight are alike, faster than before, and OP's own travel in them is no part of a gap: a relay drives the loop.
     pub relay: bool,
 }
@@ -22,14 +22,14 @@ pub struct OverWarning {
 /// meets the process. Two ways to tell:
 ///
 /// ```text
-/// even:   max(Δt₁ … Δt₄) − min(Δt₁ … Δt₄) < 2h                                   code block 7.1
+/// equal:  max(Δt₁ … Δt₄) − min(Δt₁ … Δt₄) < 2h                                   code block 7.1
 ///
 /// relay:  eight half-periods are alike:  max Δt ≤ 1.5·min Δt + h,  max Δy ≤ 2·min Δy
 ///         and most of them have  δ/100 ≤ |K|/Ti·Δy·Δt ≤ δ
 ///         and before it was enabled they were not alike, or longer:  mean Δt ≤ 0.75·mean Δt before
 /// ```
 ///
-/// A gap in an integrating process makes equal half-periods too, with or without compensation, so that `even` is wrong there.
+/// A gap in an integrating process makes equal half-periods too, with or without compensation, so that `equal` is wrong there.
 /// What tells a relay from a gap:
 ///
 /// - **Frequency.** −1/N of a gap lies where the phase of the loop is between −90° and −180°, that of a relay beside the controller
@@ -59,9 +59,9 @@ pub struct OverWarning {
 /// };
 /// after(30.0, 1.3, 0.0); // the cycle of a gap, nothing compensated
 /// let half_compensated = after(30.0, 0.6, 2.0); // smaller, and as slow
-/// assert!(half_compensated.even && !half_compensated.relay);
+/// assert!(half_compensated.equal && !half_compensated.relay);
 /// let too_much = after(15.0, 0.4, 6.0);
-/// assert!(too_much.even && too_much.relay);
+/// assert!(too_much.equal && too_much.relay);
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,7 +86,7 @@ pub struct OverCompensationState<R> {
 
 /// What the half-periods in the ring have in common.
 struct Row<R> {
-    even: bool,
+    equal: bool,
     alike: bool,
     /// Sum of Δt \[s\].
     duration: R,
@@ -123,7 +123,7 @@ impl<R: Real> OverCompensation<R> {
             return OverWarning::default();
         }
         let row = row(state, h);
-        OverWarning { even: row.even, relay: row.alike && self.drives(state, &row, size) }
+        OverWarning { equal: row.equal, relay: row.alike && self.drives(state, &row, size) }
     }
 
     /// Whether half-periods that are alike come from a relay.
@@ -143,14 +143,14 @@ fn row<R: Real>(state: &OverCompensationState<R>, h: R) -> Row<R> {
     let last = (usize::from(state.at) + N - 1) % N;
     let (mut shortest, mut longest) = (state.durations[last], state.durations[last]);
     let (mut lowest, mut highest) = (state.heights[last], state.heights[last]);
-    let mut row = Row { even: false, alike: false, duration: R::ZERO };
+    let mut row = Row { equal: false, alike: false, duration: R::ZERO };
     for i in 0..usize::from(state.count).min(N) {
         let j = (last + N - i) % N;
         (shortest, longest) = (shortest.lesser(state.durations[j]), longest.greater(state.durations[j]));
         (lowest, highest) = (lowest.lesser(state.heights[j]), highest.greater(state.heights[j]));
         row.duration += state.durations[j];
         if i == 3 {
-            row.even = longest - shortest < h + h;
+            row.equal = longest - shortest < h + h;
         }
     }
     let full = usize::from(state.count) >= N;
@@ -180,9 +180,9 @@ mod tests {
 
     #[test]
     fn even_looks_at_four_and_relay_at_eight() {
-        for (n, even, relay) in [(3, false, false), (4, true, false), (7, true, false), (8, true, true)] {
+        for (n, equal, relay) in [(3, false, false), (4, true, false), (7, true, false), (8, true, true)] {
             let mut state = OverCompensationState::default();
-            assert_eq!(after(&mut state, n, &half(2.0, 0.5), 1.0), OverWarning { even, relay });
+            assert_eq!(after(&mut state, n, &half(2.0, 0.5), 1.0), OverWarning { equal, relay });
         }
     }
 
@@ -225,7 +225,7 @@ mod tests {
         for h in [f64::NAN, f64::INFINITY] {
             let mut state = OverCompensationState::default();
             let longer = (0..8).map(|i| half(2.0 + 0.1 * f64::from(i), 0.5));
-            assert!(!longer.map(|half| block.update(&mut state, &half, h, 1.0)).any(|warning| warning.even), "{h}");
+            assert!(!longer.map(|half| block.update(&mut state, &half, h, 1.0)).any(|warning| warning.equal), "{h}");
         }
     }
 
@@ -237,7 +237,7 @@ mod tests {
             let mut state = OverCompensationState::default();
             after(&mut state, 8, &half(2.0, 0.5), 1.0);
             assert_eq!(after(&mut state, 1, &other, 1.0), OverWarning::default());
-            assert!(!after(&mut state, 3, &half(2.0, 0.5), 1.0).even);
+            assert!(!after(&mut state, 3, &half(2.0, 0.5), 1.0).equal);
         }
     }
 

@@ -55,7 +55,7 @@ const FEWEST_SAMPLES: u32 = 8;
 /// use glapp_core::{AutoTuner, AutoTunerSettings, AutoTunerState, auto_tuner::Phase};
 ///
 /// let tuner = AutoTuner::new(AutoTunerSettings {
-///     amplitude: 5.0, hysteresis: None, d: 0.0, wait: 10.0, longest: 600.0, max_h: 1.0, pv: (0.0, 100.0), op: (0.0, 100.0),
+///     amplitude: 5.0, relay_hysteresis: None, d: 0.0, wait: 10.0, longest: 600.0, max_h: 1.0, pv: (0.0, 100.0), op: (0.0, 100.0),
 /// })?;
 /// let mut state = AutoTunerState::default();
 /// tuner.start(&mut state, 40.0);
@@ -94,7 +94,7 @@ pub struct AutoTunerSettings<R> {
     /// a: the greatest distance of OP from where it was [unit of OP], ≠ 0, negative where PV falls when OP rises.
     pub amplitude: R,
     /// ε ≥ 0 [unit of PV]; none: half of PV's range in the waiting phase.
-    pub hysteresis: Option<R>,
+    pub relay_hysteresis: Option<R>,
     /// Width d of the gap that the valve is known to have [unit of OP], ≥ 0 and < 4/3 of |a|; 0 = none known.
     pub d: R,
     /// Length of the waiting phase \[s\], > 0; a period of the process is long enough to see its noise.
@@ -371,7 +371,7 @@ pub struct AutoTunerState<R: Real> {
     /// Time since the start \[s\].
     pub t: R::Sum,
     /// ε [unit of PV].
-    pub hysteresis: R,
+    pub relay_hysteresis: R,
     /// Mean of PV at rest.
     pub centre: R,
     /// Middle of the relay, from OP₀.
@@ -407,11 +407,16 @@ pub struct AutoTunerState<R: Real> {
 impl<R: Real> AutoTuner<R> {
     /// Checks the settings.
     pub fn new(settings: AutoTunerSettings<R>) -> Result<Self, ParameterError> {
-        let AutoTunerSettings { amplitude, hysteresis, d, wait, longest, max_h, pv, op } = settings;
+        let AutoTunerSettings { amplitude, relay_hysteresis, d, wait, longest, max_h, pv, op } = settings;
         let sane = |x: R| x.magnitude() <= R::MOST;
         require("amplitude", amplitude, amplitude != R::ZERO && sane(amplitude), "a number other than 0")?;
-        if let Some(hysteresis) = hysteresis {
-            require("hysteresis", hysteresis, hysteresis >= R::ZERO && sane(hysteresis), "0 or greater")?;
+        if let Some(relay_hysteresis) = relay_hysteresis {
+            require(
+                "relay_hysteresis",
+                relay_hysteresis,
+                relay_hysteresis >= R::ZERO && sane(relay_hysteresis),
+                "0 or greater",
+            )?;
         }
         let swing = R::of(4.0) * (amplitude.magnitude() / R::of(3.0));
         require(
@@ -482,7 +487,7 @@ impl<R: Real> AutoTuner<R> {
 
     /// Whether the very first push sent PV the wrong way.
     fn went_wrong(&self, s: &AutoTunerState<R>, x: R) -> bool {
-        s.phase != Phase::Waiting && !s.answered && x < -s.hysteresis
+        s.phase != Phase::Waiting && !s.answered && x < -s.relay_hysteresis
     }
 
     fn stop(&self, s: &mut AutoTunerState<R>, reason: Stop) {
@@ -503,7 +508,7 @@ impl<R: Real> AutoTuner<R> {
         s.t.add(h);
         if s.t.value() >= self.settings.wait {
             s.centre = s.first_pv + s.area.value() / s.t.value();
-            s.hysteresis = self.settings.hysteresis.unwrap_or(R::of(0.5) * (s.high - s.low));
+            s.relay_hysteresis = self.settings.relay_hysteresis.unwrap_or(R::of(0.5) * (s.high - s.low));
             s.phase = Phase::Balanced;
             s.up = true;
             s.x = self.sign * (pv - s.centre);
@@ -517,11 +522,11 @@ impl<R: Real> AutoTuner<R> {
         s.t.add(h);
         s.half.add(h);
         s.x = x;
-        if s.up && x > s.hysteresis {
+        if s.up && x > s.relay_hysteresis {
             s.up = false;
             s.answered = true;
             s.half = R::Sum::default();
-        } else if !s.up && x < -s.hysteresis {
+        } else if !s.up && x < -s.relay_hysteresis {
             s.up = true;
             s.half = R::Sum::default();
             self.close(s);

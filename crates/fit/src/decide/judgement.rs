@@ -15,8 +15,6 @@ pub enum Confidence {
     CannotTell,
     /// No gap wider than the upper limit.
     NoneSeen,
-    /// No gap wider than the upper limit, and that limit is acceptable; see [`Judgement::within`].
-    Sound,
 }
 
 /// What makes the lost motion.
@@ -67,7 +65,7 @@ impl Judgement {
     /// The verdict: it claims what is found, and nothing that is only likely. `low`: the lower limit of the width.
     pub fn verdict(&self, low: f64) -> Verdict {
         match (self.confidence, self.width_kind, self.cause) {
-            (Confidence::NoneSeen | Confidence::Sound, ..) => Verdict::Sound,
+            (Confidence::NoneSeen, ..) => Verdict::Sound,
             (Confidence::Found, Some(WidthKind::Bound), _) => Verdict::AtLeast,
             (Confidence::Found, Some(WidthKind::Unsure), _) if low > 0.0 => Verdict::AtLeast,
             (Confidence::Found, Some(WidthKind::Interval), Some(Cause::Stiction)) => Verdict::Stiction,
@@ -80,13 +78,6 @@ impl Judgement {
     /// Whether a gap is found or likely.
     pub fn tells(&self) -> bool {
         matches!(self.confidence, Confidence::Found | Confidence::Likely)
-    }
-
-    /// The same beside the widest gap that is acceptable: where none is seen above a limit no wider than that, the valve is sound.
-    #[must_use]
-    pub fn within(self, high: Option<f64>, acceptable: f64) -> Self {
-        let sound = self.confidence == Confidence::NoneSeen && high.is_some_and(|high| high <= acceptable);
-        Self { confidence: if sound { Confidence::Sound } else { self.confidence }, ..self }
     }
 
     /// What a verdict of a valve's own position says: play and sticking are told apart there.
@@ -121,15 +112,5 @@ mod tests {
         assert_eq!(gap(Found, DeadBand, Unsure).verdict(0.0), Verdict::CannotTell);
         assert_eq!(gap(Likely, Cause::Both, Interval).verdict(0.5), Verdict::CannotTell);
         assert_eq!(Judgement::without(NoneSeen, true).verdict(0.0), Verdict::Sound);
-    }
-
-    #[test]
-    fn sound_needs_a_limit_that_is_acceptable() {
-        let none = Judgement::without(Confidence::NoneSeen, false);
-        assert_eq!(none.within(Some(0.9), 1.0).confidence, Confidence::Sound);
-        assert_eq!(none.within(Some(1.1), 1.0).confidence, Confidence::NoneSeen);
-        assert_eq!(none.within(None, 1.0).confidence, Confidence::NoneSeen);
-        let found = gap(Confidence::Found, Cause::DeadBand, WidthKind::Interval);
-        assert_eq!(found.within(Some(0.5), 1.0), found);
     }
 }

@@ -16,7 +16,7 @@ pub(super) static KIND: Kind = Kind {
         ("pv_high", Required),
         ("op_low", Required),
         ("op_high", Required),
-        ("hysteresis", Unknown),
+        ("relay_hysteresis", Unknown),
         ("d", Is(0.0)),
         ("max_h", Unknown),
     ]],
@@ -42,7 +42,7 @@ fn max_h(m: &Module, place: Place) -> f64 {
 fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> {
     let settings = AutoTunerSettings {
         amplitude: m.value("amplitude"),
-        hysteresis: m.known("hysteresis"),
+        relay_hysteresis: m.known("relay_hysteresis"),
         d: m.value("d"),
         wait: m.value("wait"),
         longest: m.value("longest"),

@@ -140,7 +140,7 @@ fn named(block: &BacklashDetection<f64>, state: &BacklashDetectionState<f64>, na
         "whole" => Some(state.shown().map_or(f64::NAN, |whole| whole.value)),
         "u_ff" => Some(state.compensation.u_ff),
         "standing" => Some(f64::from(state.compensation.standing as u8)),
-        "over" => Some(f64::from(u8::from(state.over.even) + 2 * u8::from(state.over.relay))),
+        "over" => Some(f64::from(u8::from(state.over.equal) + 2 * u8::from(state.over.relay))),
         "source" => Some(block.source().map_or(0.0, |source| f64::from(source as u8))),
         "unfit" => Some(block.may_compensate_by_estimate(state).err().map_or(0.0, |unfit| f64::from(unfit as u8))),
         "size" => Some(state.compensation.size),

@@ -51,7 +51,7 @@ const TUNER: &[Parameter] = &[
     ("tune_longest", Unknown),
     ("tune_pv_low", Unknown),
     ("tune_pv_high", Unknown),
-    ("tune_hysteresis", Unknown),
+    ("tune_relay_hysteresis", Unknown),
     ("tune_d", Is(0.0)),
     ("tune_rule", Is(Rule::PointPlacement as u8 as f64)),
 ];
@@ -60,7 +60,7 @@ fn tuner(m: &Module) -> Option<AutoTunerSettings<f64>> {
     let amplitude = m.value("tune_amplitude");
     (amplitude != 0.0).then(|| AutoTunerSettings {
         amplitude,
-        hysteresis: m.known("tune_hysteresis"),
+        relay_hysteresis: m.known("tune_relay_hysteresis"),
         d: m.value("tune_d"),
         wait: m.value("tune_wait"),
         longest: m.value("tune_longest"),
@@ -75,7 +75,7 @@ fn tuner(m: &Module) -> Option<AutoTunerSettings<f64>> {
 fn named(error: ParameterError) -> ParameterError {
     const OURS: [(&str, &str); 7] = [
         ("amplitude", "tune_amplitude"),
-        ("hysteresis", "tune_hysteresis"),
+        ("relay_hysteresis", "tune_relay_hysteresis"),
         ("d", "tune_d"),
         ("wait", "tune_wait"),
         ("longest", "tune_longest"),

@@ -1,0 +1,19 @@
+"""Sixty exports as makers of historians and control systems lay them out, and what is read of each unaided.
+
+`record`, `historians`, `systems` and `data` write the files with what is to be read of them, and know nothing of the
+reader; `score` reads and compares.
+"""
+
+from . import data, historians, systems  # each adds its forms
+from .record import FORMS
+
+__all__ = ["FORMS", "data", "guide", "historians", "systems"]
+
+
+def guide() -> str:
+    """The table of docs/file-forms.md: every form, its maker's document, and what a person has to say."""
+    lines = ["| form | maker | as shown in | what has to be said |", "|---|---|---|---|"]
+    for form in FORMS.values():
+        said = ", ".join(f"`{key}`" for key in form.make().answer) or "nothing"
+        lines.append(f"| `{form.name}` | {form.maker} | {form.source.replace('|', '&#124;')} | {said} |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,480 @@
+//! The controller with the detection inside, as the core has it: settings checked at every scan, Enable, Reset, Restart, a power cut.
+#![allow(dead_code, missing_docs)]
+
+use super::blocks::{record_of, record_row};
+use super::compensate::{Settings, is_withdrawn};
+use super::control::{self, POWER_CUT, Row, Twin, checked, found_row, number, on};
+use super::detection::{Shown, restarted, shown_by, shown_of};
+use super::{Block, Number};
+use glapp_core::auto_tuner::{Phase, Rule};
+use glapp_core::modules::{
+    AutoTunerState, Gains, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, SCHEDULE_ROWS,
+};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
+use glapp_core::{AutoTunerSettings, Backward, Saturation, Sum, tuning};
+
+/// Its pins, and what it shows of the controller and the autotuner; what it shows of the detection comes after that.
+pub const PID_ADVANCED: Twin = Twin {
+    name: "pid_advanced",
+    pou: "GlappPidAdvanced",
+    pins: &[
+        POWER_CUT,
+        "Enable",
+        "Reset",
+        "Restart",
+        "Compensate",
+        "Run",
+        "Cut",
+        "Start",
+        "H",
+        "Pv",
+        "PvBad",
+        "Sp",
+        "SpBad",
+        "Ff",
+        "FfBad",
+        "Mode",
+        "HasOwnSp",
+        "OwnSp",
+        "HasManualOutput",
+        "ManualOutput",
+        "BackAtLow",
+        "BackAtHigh",
+        "BackNotAuto",
+        "BackTracking",
+        "HasBackLimits",
+        "BackLow",
+        "BackHigh",
+        "K",
+        "Ti",
+        "Td",
+        "B",
+        "C",
+        "Tf",
+        "HasLow",
+        "Low",
+        "HasHigh",
+        "High",
+        "HasRate",
+        "Rate",
+        "HasMaxH",
+        "MaxH",
+        "HasKp",
+        "Kp",
+        "HasPvSpan",
+        "PvSpan",
+        "HasOpSpan",
+        "OpSpan",
+        "Integrating",
+        "HasDetectorTf",
+        "DetectorTf",
+        "N",
+        "HasSpRate",
+        "SpRate",
+        "ScheduleBy",
+        "ScheduleByBad",
+        "Rows",
+        "At1",
+        "K1",
+        "Ti1",
+        "Td1",
+        "At2",
+        "K2",
+        "Ti2",
+        "Td2",
+        "At3",
+        "K3",
+        "Ti3",
+        "Td3",
+        "At4",
+        "K4",
+        "Ti4",
+        "Td4",
+        "At5",
+        "K5",
+        "Ti5",
+        "Td5",
+        "At6",
+        "K6",
+        "Ti6",
+        "Td6",
+        "At7",
+        "K7",
+        "Ti7",
+        "Td7",
+        "At8",
+        "K8",
+        "Ti8",
+        "Td8",
+        "HasCompensation",
+        "Way",
+        "Source",
+        "Size",
+        "Share",
+        "HasMost",
+        "Most",
+        "HasBand",
+        "Band",
+        "OpTf",
+        "HasFfRate",
+        "FfRate",
+        "HasRampTime",
+        "RampTime",
+        "HasRelease",
+        "Release",
+        "HasTravel",
+        "Travel",
+        "HasReversals",
+        "Reversals",
+        "HasWatch",
+        "Watch",
+        "Withdraw",
+        "Lessen",
+        "Struck",
+        "HasTuner",
+        "Amplitude",
+        "HasRelayHysteresis",
+        "RelayHysteresis",
+        "D",
+        "WaitTime",
+        "Longest",
+        "PvLow",
+        "PvHigh",
+        "Rule",
+    ],
+    shown: &[
+        "Valid",
+        "Error",
+        "ErrorID",
+        "Output",
+        "Ysp",
+        "Yf",
+        "Bad",
+        "Gap",
+        "BadSp",
+        "BadFf",
+        "BadLimits",
+        "AtLow",
+        "AtHigh",
+        "NotAuto",
+        "SpAtLow",
+        "SpAtHigh",
+        "SpNotAuto",
+        "SpTracking",
+        "FfAtLow",
+        "FfAtHigh",
+        "FfNotAuto",
+        "FfTracking",
+        "Tuning",
+        "Phase",
+        "StopReason",
+        "UsedHysteresis",
+        "Bias",
+        "HasFound?Ku",
+        "HasFound?Tu",
+        "HasFoundKp?FoundKp",
+        "HasKappa?Kappa",
+        "HasOffer?OfferK",
+        "HasOffer?OfferTi",
+        "HasOffer?OfferTd",
+    ],
+};
+
+/// A row with the defaults of its pins, and these.
+pub fn row(given: &[(&str, f64)]) -> Row {
+    let usual = ["Enable", "Mode", "B", "Share", "Source", "Withdraw", "Lessen", "Rule"].map(|pin| (pin, 1.0));
+    let mut row = Row::new(&PID_ADVANCED, &usual);
+    row.set_all(&[("N", 9.0), ("Way", 3.0)]);
+    row.set_all(given);
+    row
+}
+
+pub const ROWS: [[&str; 4]; SCHEDULE_ROWS] = [
+    ["At1", "K1", "Ti1", "Td1"],
+    ["At2", "K2", "Ti2", "Td2"],
+    ["At3", "K3", "Ti3", "Td3"],
+    ["At4", "K4", "Ti4", "Td4"],
+    ["At5", "K5", "Ti5", "Td5"],
+    ["At6", "K6", "Ti6", "Td6"],
+    ["At7", "K7", "Ti7", "Td7"],
+    ["At8", "K8", "Ti8", "Td8"],
+];
+
+/// Pins of a compensation, from those of `compensate`.
+pub fn set_compensation(row: &mut Row, settings: &Settings) {
+    row.set_all(&[("HasCompensation", 1.0), ("Way", settings.way.into()), ("Source", settings.source.into())]);
+    row.set_all(&[("Size", settings.size), ("Share", settings.share), ("OpTf", settings.tf)]);
+    row.set_all(&[
+        ("Withdraw", on(settings.withdraw)),
+        ("Lessen", on(settings.lessen)),
+        ("Struck", on(settings.struck)),
+    ]);
+    for (pin, value) in [
+        ("Most", settings.most),
+        ("Band", settings.band),
+        ("FfRate", settings.rate),
+        ("RampTime", settings.ramp_time),
+        ("Release", settings.release),
+        ("Travel", settings.travel),
+        ("Reversals", settings.reversals),
+        ("Watch", settings.watch),
+    ] {
+        row.option(pin, value);
+    }
+}
+
+/// The compensation beside a controller with K and Ti, by which it has its defaults.
+fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
+    let option = |pin: &str| row.on(&format!("Has{pin}")).then(|| row.get(pin));
+    Settings {
+        k,
+        ti,
+        way: row.get("Way") as i16,
+        source: row.get("Source") as i16,
+        size: row.get("Size"),
+        share: row.get("Share"),
+        most: option("Most"),
+        band: option("Band"),
+        tf: row.get("OpTf"),
+        rate: option("FfRate"),
+        ramp_time: option("RampTime"),
+        release: option("Release"),
+        travel: option("Travel"),
+        reversals: option("Reversals"),
+        watch: option("Watch"),
+        withdraw: row.on("Withdraw"),
+        lessen: row.on("Lessen"),
+        struck: row.on("Struck"),
+    }
+}
+
+fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
+    let of = |pin: &str| row.r::<R>(pin);
+    let pid = PidSettings {
+        b: of("B"),
+        c: of("C"),
+        tf: of("Tf"),
+        low: row.maybe("Low").unwrap_or(-R::LARGEST),
+        high: row.maybe("High").unwrap_or(R::LARGEST),
+        rate: row.maybe("Rate").unwrap_or(R::LARGEST),
+        max_h: row.maybe("MaxH").unwrap_or(of("Ti") / R::of(2.0)),
+        ..PidSettings::ideal(of("K"), of("Ti"), of("Td"))
+    };
+    let mut settings = PidAdvancedSettings {
+        kp: row.maybe("Kp"),
+        pv_span: row.maybe("PvSpan"),
+        op_span: row.maybe("OpSpan"),
+        integrating: row.on("Integrating"),
+        detector_tf: row.maybe("DetectorTf"),
+        n: row.get("N").max(0.0) as u32,
+        sp_rate: row.maybe("SpRate").unwrap_or(R::LARGEST),
+        rows: if row.get("Rows") < 0.0 { usize::MAX } else { row.get("Rows") as usize },
+        rule: Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule")).unwrap_or_default(),
+        ..PidAdvancedSettings::new(pid)
+    };
+    for (to, [at, k, ti, td]) in settings.schedule.iter_mut().zip(ROWS) {
+        *to = Gains { at: of(at), k: of(k), ti: of(ti), td: of(td) };
+    }
+    // By these a compensation has its defaults.
+    let [k, ti, _] = settings.slowest().map(R::as_f64);
+    if row.on("HasTuner") {
+        settings.tuner = Some(AutoTunerSettings {
+            amplitude: of("Amplitude"),
+            relay_hysteresis: row.maybe("RelayHysteresis"),
+            d: of("D"),
+            wait: of("WaitTime"),
+            longest: of("Longest"),
+            max_h: R::ONE,
+            pv: (of("PvLow"), of("PvHigh")),
+            op: (R::ZERO, R::ONE),
+        });
+    }
+    if row.on("HasCompensation") {
+        match compensation(row, k, ti).core(Saturation::none()) {
+            Ok(given) => settings.compensation = Some(given),
+            // Its way or source, which comes after what is checked before it, and before the autotuner.
+            Err(wrong) => {
+                let (wait, longest) = (R::ONE, R::of(2.0));
+                let pv = (R::ZERO, R::ONE);
+                let good = |given| AutoTunerSettings {
+                    amplitude: R::ONE,
+                    relay_hysteresis: None,
+                    d: R::ZERO,
+                    wait,
+                    longest,
+                    pv,
+                    ..given
+                };
+                settings.tuner = settings.tuner.map(good);
+                return Err(PidAdvanced::new(settings).err().map_or(wrong, |error| number(&error)));
+            }
+        }
+    }
+    PidAdvanced::new(settings).map_err(|error| number(&error))
+}
+
+/// What the block is held to.
+pub struct Reference<R: Number> {
+    pub state: Option<PidAdvancedState<R>>,
+    good: Option<PidAdvanced<R>>,
+    missed: bool,
+    seen_h: bool,
+    armed: bool,
+    held: bool,
+    run_before: bool,
+    tuned: bool,
+    output: R,
+    /// What setpoint and feed-forward were told.
+    told: [Backward<R>; 2],
+    pv_filtered: f64,
+    u_fb: f64,
+}
+
+impl<R: Number> Default for Reference<R> {
+    fn default() -> Self {
+        Self {
+            state: None,
+            good: None,
+            missed: false,
+            seen_h: false,
+            armed: false,
+            held: false,
+            run_before: true,
+            tuned: false,
+            output: R::ZERO,
+            told: [Backward::default(); 2],
+            pv_filtered: 0.0,
+            u_fb: f64::NAN,
+        }
+    }
+}
+
+impl<R: Number> Reference<R> {
+    fn begin(&mut self, output: R) -> PidAdvancedState<R> {
+        let nobody = Backward { flags: NOT_AUTO, ..Backward::default() };
+        let told = [nobody, Backward { tracking: output, ..nobody }];
+        *self = Self { told, output, pv_filtered: self.pv_filtered, u_fb: self.u_fb, ..Self::default() };
+        PidAdvancedState::at(output)
+    }
+
+    /// Holds the settings of a compensation in force to the core's, and what its block shows of it beside what it is asked.
+    pub fn in_force(&self, block: &Block) {
+        if let Some(state) = &self.state {
+            block.remembers(&state.detection.compensation, &[("/pressed", "Pressed")]);
+        }
+        if let Some(given) = self.good.as_ref().and_then(|one| one.detection().settings().compensation) {
+            super::detection::in_force(block, "DetectionInUse.Compensation", &given);
+        }
+    }
+
+    /// After power-up, and after Restart: the output, and what the detection keeps.
+    fn again(&mut self, before: &PidAdvancedState<R>) -> PidAdvancedState<R> {
+        let mut state = self.begin(before.pid.output);
+        state.detection = restarted(&before.detection);
+        state.detection.detector.set_kp(None);
+        self.held = is_withdrawn(&state.detection.compensation);
+        state
+    }
+
+    pub fn scan(&mut self, row: &Row) -> Shown {
+        let of = |pin| row.r::<R>(pin);
+        if row.on(POWER_CUT) {
+            (self.pv_filtered, self.u_fb) = (0.0, f64::NAN);
+        }
+        let start = if of("Start").is_number() { of("Start") } else { R::ZERO };
+        let mut state = match self.state {
+            Some(state) if !row.on("Reset") => {
+                if row.on("Restart") || row.on(POWER_CUT) {
+                    self.again(&state)
+                } else {
+                    state
+                }
+            }
+            _ => self.begin(start),
+        };
+        self.seen_h |= of("H") != R::ZERO;
+        self.armed |= !row.on("Compensate");
+        let mut error = match block(row) {
+            Ok(block) => checked(&mut self.good, Ok(block)),
+            Err(wrong) => wrong,
+        };
+        if error == 0.0 && !self.seen_h {
+            error = 12.0;
+        }
+        state.detection.compensate = row.on("Compensate") && (self.armed || self.held);
+        self.held &= state.detection.compensate;
+        let last = state.detection.last;
+        // An experiment comes to an end before it all stops.
+        let runs = row.on("Enable") || state.tuner.experiment.phase.is_running();
+        if let Some(block) = &self.good {
+            let tunes = block.settings().tuner.is_some();
+            if tunes != self.tuned {
+                (state.tuner, self.run_before) = (AutoTunerState::default(), true);
+            }
+            self.tuned = tunes;
+            state.tuner.run = tunes && row.on("Enable") && row.on("Run") && (state.tuner.run || !self.run_before);
+            if runs {
+                let mut h = of("H");
+                if core::mem::take(&mut self.missed) {
+                    h = -R::ONE;
+                }
+                if let Some(mode) = Mode::ALL.get(row.get("Mode") as usize).filter(|_| row.get("Mode") >= 0.0) {
+                    state.pid.mode = *mode;
+                }
+                state.pid.sp = row.maybe("OwnSp").unwrap_or(state.pid.sp);
+                state.pid.manual = row.maybe("ManualOutput").unwrap_or(state.pid.manual);
+                if row.on("Cut") {
+                    state.detection.cut();
+                }
+                let [pv, sp, ff, by] = ["Pv", "Sp", "Ff", "ScheduleBy"].map(|pin| row.forward(pin));
+                self.output = block.forward(&mut state, pv, sp, ff, by, h).value;
+                let op = state.pid.feedback() + state.detection.compensation.u_ff.value();
+                let (sp, ff) = block.backward(&mut state, row.backward());
+                self.told = [sp, ff];
+                self.pv_filtered = state.detection.detector.filtered_pv().as_f64();
+                let u_fb = state.detection.u_fb.filter(|_| op.is_measurable());
+                self.u_fb = u_fb.map_or(f64::NAN, R::as_f64);
+            } else {
+                block.pause(&mut state, of("H"));
+            }
+        }
+        self.missed |= !runs || self.good.is_none();
+        self.run_before = row.on("Run");
+        self.state = Some(state);
+        let mut shown = vec![on(row.on("Enable") && error == 0.0), on(error != 0.0), error];
+        shown.extend([self.output, state.pid.ysp.value(), state.pid.yf].map(R::as_f64));
+        shown.extend([BAD, GAP, BAD_SP, BAD_FF, BAD_LIMITS].map(|flag| on(state.pid.error & flag != 0)));
+        let of = |flags: Status| [AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(flags & flag != 0));
+        shown.extend(of(state.pid.flags));
+        for told in &self.told {
+            shown.extend(of(told.flags));
+            shown.push(told.tracking.as_f64());
+        }
+        let e = &state.tuner.experiment;
+        shown.extend([on(e.phase.is_running()), f64::from(e.phase as u8), f64::from(e.stop as u8)]);
+        shown.extend([e.relay_hysteresis, e.bias].map(R::as_f64));
+        shown.extend(found_row(e.found));
+        // By the rule of this scan, in force or not; one that is none offers nothing.
+        let rule = Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"));
+        let rows = self.good.as_ref().map_or(0, |block| block.settings().rows);
+        let offer = match (e.phase, e.found, rule) {
+            (Phase::Done, Some(found), Some(rule)) if rows == 0 => found.by(rule).ok(),
+            _ => None,
+        };
+        let unknown = f64::NAN;
+        shown.extend(offer.map_or([unknown; 3], |tuning::Gains { k, ti, td }| [k, ti, td].map(R::as_f64)));
+        let state = &state.detection;
+        if let Some(block) = &self.good {
+            shown.extend(shown_of(block.detection(), state, self.pv_filtered, self.u_fb));
+        }
+        let ended = state.last.is_some() && state.last != last;
+        Shown { row: shown, last: state.last.map(|last| record_of(&last)), ended }
+    }
+}
+
+/// One scan of the library's block.
+pub fn scan(block: &Block, row: &Row) -> Shown {
+    let mut shown = control::scan(&PID_ADVANCED, block, row);
+    shown.extend(shown_by(block));
+    Shown { row: shown, last: Some(record_row(block)), ended: block.on("Ended") }
+}

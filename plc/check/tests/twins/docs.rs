@@ -1,0 +1,125 @@
+//! `docs/plc.md` has the pins as the sources have them, and its examples run.
+
+use glapp_plc_check::{Build, Instance, Library, pins, sources};
+use std::path::{Path, PathBuf};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn page() -> String {
+    std::fs::read_to_string(folder().join("../docs/plc.md")).unwrap()
+}
+
+/// The part of the page under the heading of a block.
+fn section<'p>(page: &'p str, name: &str) -> &'p str {
+    let (_, rest) = page.split_once(&format!("\n## {name}\n")).unwrap_or_else(|| panic!("no section {name}"));
+    rest.split("\n## ").next().unwrap()
+}
+
+#[test]
+fn every_block_has_its_pins_there() {
+    let page = page();
+    for (file, text) in sources(&folder(), Build::Lreal).unwrap() {
+        let name = format!("Glapp{}", file.trim_end_matches(".st"));
+        assert!(page.contains(&name), "{name} is not told");
+        let bare: Vec<_> = pins(&text).lines().skip(2).filter(|row| row.ends_with("|  |")).map(str::to_owned).collect();
+        assert!(bare.is_empty(), "{name}: pins without a description: {bare:?}");
+        if text.contains("FUNCTION_BLOCK") {
+            assert!(
+                section(&page, &name).contains(&pins(&text)),
+                "{name}: cargo run -p glapp-plc-check --example pins"
+            );
+        }
+    }
+}
+
+fn literal(text: &str) -> Option<f64> {
+    match text {
+        "TRUE" => Some(1.0),
+        "FALSE" => Some(0.0),
+        number => number.parse().ok(),
+    }
+}
+
+/// Lines `Block(Pin := literal, ...);  (* Pin = literal, ... *)`, and before them `Pin.Part := literal;`.
+#[test]
+fn examples_give_what_they_say() {
+    let page = page();
+    let mut shown = 0;
+    for build in [Build::Lreal, Build::Real] {
+        let library = Library::read(&folder(), build).unwrap();
+        for (file, text) in sources(&folder(), build).unwrap() {
+            let name = format!("Glapp{}", file.trim_end_matches(".st"));
+            if !text.contains("FUNCTION_BLOCK") || name == "GlappDetector" {
+                continue;
+            }
+            let (_, rest) = section(&page, &name).split_once("```st\n").unwrap_or_else(|| panic!("{name}: no example"));
+            let mut one = Instance::new(&library, &name).unwrap();
+            for line in rest.split("```").next().unwrap().lines() {
+                let (code, result) = line.split_once("(*").unwrap_or((line, ""));
+                let code = code.trim().trim_end_matches(';');
+                let (call, args) = match code.split_once('(') {
+                    Some((_, args)) => (true, args.trim_end_matches(')')),
+                    None => (false, code),
+                };
+                for arg in args.split(", ") {
+                    let (pin, value) = arg.split_once(" := ").unwrap_or_else(|| panic!("{name}: {line}"));
+                    match literal(value) {
+                        Some(value) => one.set(pin, value).unwrap_or_else(|fault| panic!("{line}: {fault}")),
+                        None => assert_eq!(pin, value, "{line}"),
+                    }
+                }
+                if call {
+                    one.call().unwrap_or_else(|fault| panic!("{line}: {fault}"));
+                }
+                for claim in result.trim_end_matches("*)").split(", ").filter(|claim| !claim.trim().is_empty()) {
+                    let (pin, value) = claim.trim().split_once(" = ").unwrap_or_else(|| panic!("{line}"));
+                    let (got, told) = (one.get(pin).unwrap(), literal(value).unwrap());
+                    assert!((got - told).abs() <= 1e-6 * told.abs(), "{name}, {line}: {pin} is {got}");
+                    shown += 1;
+                }
+            }
+        }
+    }
+    assert!(shown > 20);
+}
+
+/// A limit cycle of 1 about the setpoint with half-periods of 100 s: 0.5/10·1·100 − 1/2 = 4.5.
+#[test]
+fn the_example_of_the_detector_runs() {
+    let page = page();
+    let (_, rest) = section(&page, "GlappDetector").split_once("```st\n").unwrap();
+    let example = rest.split("```").next().unwrap();
+    for build in [Build::Lreal, Build::Real] {
+        let mut files = sources(&folder(), build).unwrap();
+        files.push(("Example.st".into(), example.into()));
+        let library = Library::of(files.iter().map(|(name, text)| (&**name, &**text)), build).unwrap();
+        let mut one = Instance::new(&library, "GlappExample").unwrap();
+        for scan in 0..800 {
+            one.set("Pv", if (scan / 100) % 2 == 0 { -1.0 } else { 1.0 }).unwrap();
+            one.call().unwrap();
+        }
+        assert_eq!(one.get("Width").unwrap(), 4.5);
+        assert_eq!(one.get("Found").unwrap(), 1.0);
+    }
+}
+
+/// A loop with a gap of 2 and a load, in noise.
+#[test]
+fn the_example_of_the_controller_finds_its_gap() {
+    let page = page();
+    let example = section(&page, "GlappPidAdvanced").split("```st\n").find(|part| part.starts_with("PROGRAM")).unwrap();
+    let example = example.split("```").next().unwrap();
+    for build in [Build::Lreal, Build::Real] {
+        let mut files = sources(&folder(), build).unwrap();
+        files.push(("Example.st".into(), example.into()));
+        let library = Library::of(files.iter().map(|(name, text)| (&**name, &**text)), build).unwrap();
+        let mut one = Instance::new(&library, "GlappExample").unwrap();
+        for _ in 0..6000 {
+            one.call().unwrap();
+        }
+        let width = one.get("Width").unwrap();
+        assert!(one.get("Found").unwrap() == 1.0 && (width - 2.0).abs() < 0.3, "{build:?}: {width}");
+    }
+}

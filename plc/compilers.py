@@ -1,0 +1,184 @@
+"""The library under two compilers of other makers, matiec and STruC++: `python3 plc/compilers.py compare`, and `cost`.
+
+Both are built from `../shared/tools` into `target/compilers`, or taken from the folder that GLAPP_COMPILERS names;
+neither is part of the project. What they make of the library is held to what the core showed in the tests beside it:
+`plc/check/foreign/driver.c`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import package
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+TOOLS = ROOT.parent / "shared" / "tools"
+COMPILERS = ("matiec", "strucpp")
+BUILDS = ("LREAL", "REAL")
+CASES = (("LREAL", "as they are"), ("REAL", "as they are"), ("REAL", "of 32 bits"))
+NEEDED = ("autoreconf", "bison", "flex", "make", "node", "npm", "gcc", "g++")
+# Tests that run blocks beside the core, each number held to it.
+BESIDE = (
+    "advanced",
+    "bounds",
+    "compensate",
+    "control",
+    "demo",
+    "detection",
+    "disturbed",
+    "open_pins",
+    "random",
+    "vectors",
+)
+PACKAGE = ("--quiet", "--release", "-p", "glapp-plc-check")
+COST = "| block | LREAL mean | most | bytes | REAL mean | most | bytes |"
+
+
+class Missing(Exception):  # noqa: N818
+    """What this machine lacks."""
+
+
+def run(*command: object, folder: Path = ROOT, given: str = "", **environment: str) -> str:
+    """What a program writes; with what it complains of where it fails."""
+    words = [str(word) for word in command]
+    setting = os.environ | environment
+    done = subprocess.run(words, cwd=folder, env=setting, input=given, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(words[:3])} ended with {done.returncode}:\n{done.stdout}{done.stderr}"[-4000:])
+    return done.stdout
+
+
+def tools() -> Path:
+    """The folder with both compilers, built where they are not."""
+    if given := os.environ.get("GLAPP_COMPILERS"):
+        return Path(given).resolve()
+    if not (TOOLS / "build").exists():
+        raise Missing(f"the compilers' sources in {TOOLS}")
+    missing = [name for name in NEEDED if not shutil.which(name)]
+    if missing:
+        raise Missing(", ".join(missing))
+    out = ROOT / "target" / "compilers"
+    run(TOOLS / "build", out)
+    return out
+
+
+def texts(build: str) -> str:
+    """The library as it is shipped, in one file, and a block of the tests that has the functions on its pins."""
+    tries = (HERE / "check/tests/tries/TryFunctions.st").read_text().replace("LREAL", build)
+    (_, text), *_ = package.structured_text(package.library(build), build)
+    return f"{text}\n{tries}"
+
+
+def compiled(compiler: str, build: str, folder: Path, literals: str = "as they are", foreign: str = "") -> Path:
+    """The driver with the library as this compiler understands it.
+
+    Both compilers leave a literal in C as a `double`, so that in REAL an expression with one is worked out in 64 bits
+    and rounded at its end. With `literals` "of 32 bits" the C compiler takes them as `float`, as IEC 61131-3 means them
+    beside a REAL. `foreign` is the program of that name, made by cargo where it is not given.
+    """
+    at = tools()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "all.st").write_text(texts(build))
+    words = [foreign] if foreign else ["cargo", "run", *PACKAGE, "--example", "foreign", "--"]
+    (folder / "table.inc").write_text(run(*words, compiler, build))
+    flags = ["-O2", "-ffp-contract=off", "-w", f"-I{folder}", f'-DBUILD="{build}"']
+    if literals == "of 32 bits":
+        flags.append("-fsingle-precision-constant")
+    driver = HERE / "check/foreign/driver.c"
+    if compiler == "matiec":
+        library = at / "matiec/lib"
+        run(at / "matiec/iec2c", "-f", "-p", "-I", library, "all.st", folder=folder)
+        made = [f"-I{library / 'C'}", driver, "-lm"]
+        run("gcc", *flags, *made, "-o", folder / "driver", folder=folder)
+    else:
+        run("node", at / "strucpp/dist/node/cli.js", "all.st", "-o", "out.cpp", "--no-line-mapping", folder=folder)
+        made = [f"-I{at / 'strucpp/src/runtime/include'}", "-std=c++17", "-x", "c++", driver]
+        run("g++", *flags, *made, "-o", folder / "driver", folder=folder)
+    return folder / "driver"
+
+
+def traces(folder: Path, twins: str = "") -> list[Path]:
+    """What the tests beside the core do with each block, and what it shows: every vector and random sequences."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if not any(folder.iterdir()):
+        words = [twins] if twins else ["cargo", "test", *PACKAGE, "--test", "twins", "--"]
+        run(*words, *(f"{name}::" for name in BESIDE), folder=HERE / "check", GLAPP_TRACES=str(folder))
+    return sorted(folder.iterdir())
+
+
+def compared(driver: Path, files: list[Path]) -> list[tuple[str, list[float]]]:
+    """For each block: traces, scans, numbers; how many have other bits, or are off by more than 1E-3; the largest.
+
+    Off by how much is a share of 1 + the number.
+    """
+    return [(name, [float(cell) for cell in cells]) for name, *cells in rows(driver, "compare", files=files)]
+
+
+def rows(driver: Path, *words: object, files: Iterable[Path] = ()) -> list[list[str]]:
+    """What the driver tells, in cells."""
+    listed = "".join(f"{path}\n" for path in files)
+    return [line.split("\t") for line in run(driver, *words, given=listed).splitlines()]
+
+
+def project(build: str, folder: Path) -> list[float]:
+    """What the project for OpenPLC and Beremiz shows after 10 000 ticks under matiec: `plc/check/foreign/project.c`."""
+    library = tools() / "matiec/lib"
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = dict(package.structured_text(package.library(build), build))
+    (folder / "project.st").write_text(texts[f"GlappProject_{build}.st"])
+    run(tools() / "matiec/iec2c", "-f", "-p", "-I", library, "project.st", folder=folder)
+    sources = [HERE / "check/foreign/project.c", "GlappConfiguration.c", "GlappResource.c"]
+    flags = ["-O1", "-ffp-contract=off", "-w", f"-I{library / 'C'}", f"-I{folder}"]
+    run("gcc", *flags, *sources, "-lm", "-o", "project", folder=folder)
+    return [float(cell) for cell in rows(folder / "project")[0]]
+
+
+def self_test(driver: Path) -> list[float]:
+    """Done, Passed, Exact, Block and Off of GlappSelfTest."""
+    return [float(cell) for cell in rows(driver, "self-test")[0]]
+
+
+def compare(work: Path) -> None:
+    """Prints what each compiler gives beside the core."""
+    files = traces(work / "traces")
+    for compiler in COMPILERS:
+        for build, literals in CASES:
+            driver = compiled(compiler, build, work / compiler / build, literals)
+            done, passed, exact, block, off = self_test(driver)
+            told = f"done {done:.0f}, passed {passed:.0f}, exact {exact:.0f}, block {block:.0f}, off {off:.3g}"
+            print(f"\n{compiler}, {build}, literals {literals}: GlappSelfTest {told}")
+            heads = ["block", "traces", "scans", "numbers", "other bits", "beyond 1E-3", "largest"]
+            print("{:32}{:>8}{:>10}{:>12}{:>12}{:>13}{:>12}".format(*heads))
+            for name, (count, scans, numbers, other, beyond, largest) in compared(driver, files):
+                print(f"{name:32}{count:8.0f}{scans:10.0f}{numbers:12.0f}{other:12.0f}{beyond:13.0f}{largest:12.3g}")
+
+
+def cost(work: Path) -> None:
+    """Puts into docs/plc.md what a scan of each block takes under matiec, and its memory."""
+    files = traces(work / "traces")
+    table: dict[str, list[str]] = {}
+    for build in BUILDS:
+        driver = compiled("matiec", build, work / "matiec" / build)
+        for name, _, mean, most, size in rows(driver, "cost", 5, files=files):
+            table.setdefault(name, []).extend([f"{float(mean):.2f}", f"{float(most):.2f}", size])
+    lines = [f"| `{name}` | {' | '.join(cells)} |" for name, cells in table.items() if not name.startswith("GlappTry")]
+    page = ROOT / "docs/plc.md"
+    text = page.read_text()
+    head = re.escape(f"{COST}\n|---|---|---|---|---|---|---|\n")
+    found = re.search(rf"(µs.*?\n\n{head})((?:\|.*\n)*)", text, re.DOTALL)
+    if not found:
+        raise ValueError(f"{page} has no table of the cost in µs")
+    page.write_text(text[: found.start(2)] + "\n".join(lines) + "\n" + text[found.end(2) :])
+
+
+if __name__ == "__main__":
+    os.nice(19 - os.nice(0))
+    command = {"compare": compare, "cost": cost}[sys.argv[1]]
+    command(Path(sys.argv[2] if len(sys.argv) > 2 else ROOT / "target/compiled").resolve())

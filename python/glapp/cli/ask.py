@@ -1,0 +1,130 @@
+"""Where guessing fails and somebody sits at the terminal: the first rows, a question, and a settings file."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..reading import first_rows
+from ..reading.init import settings_of
+from ..recording import Recording
+from .inputs import Refused, Valve, opened_with
+from .outputs import save
+from .screen import Column, err, say_error, show_table_on
+
+__all__ = ["asked", "can_ask"]
+
+_ROWS = 3
+_WIDEST = 40
+"""So many columns are offered."""
+_TIMES = 3
+"""So many questions of one file."""
+_SIGNALS = (("time", "the time"), ("pv", "PV"), ("op", "OP"), ("sp", "SP"))
+_ORDERS = ("day first", "month first")
+
+
+def can_ask() -> bool:
+    """Whether somebody sees a question and can answer it."""
+    return sys.stdin is not None and sys.stdin.isatty() and err.is_terminal
+
+
+def asked(opened: Sequence[Recording | Valve | Refused], settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
+    """The same, with recordings in the place of files that can be read after a question; the answers are written."""
+    return [one for entry in opened for one in (_ask(entry, settings) if isinstance(entry, Refused) else [entry])]
+
+
+def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
+    file, given, error = Path(entry.source), dict(settings), entry.error
+    for _ in range(_TIMES):
+        kind = _question(error)
+        if kind is None:
+            break
+        try:
+            given = _time_format(file, error, given) if kind == "time_format" else _columns(file, error, given)
+        except (EOFError, InputError):
+            break
+        found = opened_with(file, given)
+        if recordings := [one for one in found if isinstance(one, Recording)]:
+            _write(file, recordings)
+            return found
+        error = next(one.error for one in found if isinstance(one, Refused))
+    return [Refused(entry.name, entry.source, error, entry.loop)]
+
+
+def _question(error: InputError) -> str | None:
+    """The key of the settings that the error asks for."""
+    hint = error.hint or ""
+    return "time_format" if "--time-format" in hint else "columns" if "columns = {" in hint else None
+
+
+def _columns(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, Any]:
+    names, rows = first_rows(file, _ROWS)
+    say_error(error)
+    err.print(f"\n{file} begins so:")
+    shown = names[:_WIDEST]
+    cells = [[row[i] for row in rows] for i in range(len(shown))]
+    show_table_on(
+        err,
+        [
+            Column("", [str(i + 1) for i in range(len(shown))], True),
+            Column("column", [name or "(no name)" for name in shown]),
+            *(Column(f"row {k + 1}", [column[k] for column in cells]) for k in range(len(rows))),
+        ],
+    )
+    columns: dict[str, str] = {}
+    given = dict(given)
+    for key, signal in _SIGNALS:
+        if (at := _number(f"Which column is {signal}? A number, or nothing where there is none: ", len(shown))) is None:
+            continue
+        columns[key] = shown[at - 1]
+    if "time" not in columns and "sample_time" not in given:
+        given["sample_time"] = _positive("Seconds between two rows: ")
+    return {**given, "columns": {**given.get("columns", {}), **columns}}
+
+
+def _time_format(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, Any]:
+    err.print(f"\n{file}: {error.what}.")
+    for i, order in enumerate(_ORDERS, start=1):
+        err.print(f"  {i}  {order}")
+    while (choice := _number("Which one? A number: ", len(_ORDERS))) is None:
+        pass
+    return {**given, "time_format": _ORDERS[choice - 1]}
+
+
+def _number(question: str, most: int) -> int | None:
+    while text := _line(question):
+        if text.isdecimal() and 1 <= int(text) <= most:
+            return int(text)
+        err.print(f"  a number from 1 to {most}")
+    return None
+
+
+def _positive(question: str) -> float:
+    while True:
+        try:
+            if (value := float(_line(question))) > 0:
+                return value
+        except ValueError:
+            pass
+        err.print("  a number above 0")
+
+
+def _line(question: str) -> str:
+    err.print(question, end="")
+    line = sys.stdin.readline()
+    if not line:
+        raise EOFError
+    return line.strip()
+
+
+def _write(file: Path, recordings: Sequence[Recording]) -> None:
+    """The answers, to be used the next time: loops.toml, or a name of the file's own where that is taken."""
+    path, number = Path("loops.toml"), 1
+    while path.exists():
+        path, number = Path(f"{file.stem}{'' if number == 1 else f'-{number}'}.toml"), number + 1
+    save(path, settings_of(recordings, path.parent))
+    err.print(f"Wrote {path}: the next time, type  glapp analyze {shlex.quote(str(path))}\n", soft_wrap=True)

@@ -1,0 +1,294 @@
+"""Answers beside what the workshop found: right, wrong or silent.
+
+A file of labels has a row per valve: the recording, and what was found when the valve was opened or tested. Each answer
+is held against its label by rules that are fixed here, before any label is read, and counted by how sure it was.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from statistics import NormalDist
+from typing import Any, Literal, get_args
+
+from .errors import InputError
+from .result import Answer, Result, span_of
+
+__all__ = ["Count", "Found", "Label", "Outcome", "Scored", "counted", "judged", "read_labels", "share"]
+
+Found = Literal["gap", "stiction", "both", "sound", "other"]
+"""What the workshop found. *other*: the loop swings, and the valve is not the reason."""
+
+Outcome = Literal["right", "wrong", "silent", "not counted"]
+
+FAULTS = ("gap", "stiction", "both")
+"""What is a fault of the valve."""
+
+COLUMNS = ("file", "loop", "found", "width", "unit", "date")
+"""Columns that are read; `file` and `found` must be there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """What is known of one valve.
+
+    Attributes
+    ----------
+    row : int
+        Row of the file of labels; its header is row 1.
+    file : Path
+        Recording, or a loops.toml.
+    loop : str or None
+        Which loop of it; None where it has one.
+    found : Found
+        What the workshop found.
+    width : float or None
+        Measured dead band, in `unit`.
+    unit : str
+        "" for that of OP, "% of span" for per cent of its span.
+    date : date or None
+        When the valve was looked at. A recording that begins later is not counted.
+    """
+
+    row: int
+    file: Path
+    loop: str | None
+    found: Found
+    width: float | None = None
+    unit: str = ""
+    date: date | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """One answer beside its label.
+
+    Attributes
+    ----------
+    label : Label
+    result : Result
+    outcome : Outcome
+    why : str
+        In a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
+    width : float or None
+        Measured dead band [OP unit].
+    """
+
+    label: Label
+    result: Result
+    outcome: Outcome
+    why: str = ""
+    width: float | None = None
+
+
+def read_labels(path: Path) -> list[Label]:
+    r"""The labels of a CSV file; files in it are named from its own folder.
+
+    Raises
+    ------
+    InputError
+        Where a column is missing, or a cell cannot be used: with row, column, value and what is allowed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "labels.csv"
+    ...     _ = path.write_text("file,found,width\nFIC101.csv,gap,2.5\n")
+    ...     [label] = read_labels(path)
+    >>> label.found, label.width, label.row
+    ('gap', 2.5, 2)
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", file=str(path)) from None
+    rows = csv.DictReader(text.splitlines())
+    names = [name.strip().lower() for name in rows.fieldnames or []]
+    for name in ("file", "found"):
+        if name not in names:
+            known = ", ".join(COLUMNS)
+            raise InputError(f"has no column '{name}'", file=str(path), hint=f"the columns are {known}")
+    labels: list[Label] = []
+    for cells in rows:
+        row = {key.strip().lower(): (value or "").strip() for key, value in cells.items() if isinstance(key, str)}
+        if any(row.values()):
+            labels.append(_label(row, rows.line_num, path))
+    if not labels:
+        raise InputError("has no row", file=str(path))
+    _told_once(labels, path)
+    return labels
+
+
+def _label(row: dict[str, str], number: int, path: Path) -> Label:
+    def wrong(column: str, what: str, bound: str) -> InputError:
+        return InputError(what, file=str(path), row=number, column=column, value=row.get(column), bound=bound)
+
+    if not row["file"]:
+        raise wrong("file", "names no recording", "a file")
+    found = row["found"].lower()
+    if found not in get_args(Found):
+        allowed = ", ".join(get_args(Found))
+        raise wrong("found", f"'{row['found']}' is not one of {allowed}", allowed)
+    width = None
+    if text := row.get("width"):
+        try:
+            width = float(text)
+        except ValueError:
+            width = math.nan
+        if not 0.0 <= width < math.inf:
+            raise wrong("width", f"'{text}' is no width", "a number ≥ 0")
+    looked = None
+    if text := row.get("date"):
+        try:
+            looked = date.fromisoformat(text[:10])
+        except ValueError:
+            raise wrong("date", f"'{text}' is no date", "written as 2026-03-31") from None
+    loop, unit = row.get("loop") or None, row.get("unit") or ""
+    return Label(number, path.parent / row["file"], loop, found, width, unit, looked)  # type: ignore[arg-type]
+
+
+def _told_once(labels: Sequence[Label], path: Path) -> None:
+    """Refuse a valve that stands there twice."""
+    seen: dict[tuple[Path, str | None], Label] = {}
+    for label in labels:
+        first = seen.setdefault((label.file.resolve(), label.loop), label)
+        if first is not label:
+            name = label.loop or label.file.name
+            raise InputError(f"{name} stands in row {first.row} already", file=str(path), row=label.row)
+
+
+def judged(label: Label, result: Result) -> Scored:
+    """Hold one answer against its label.
+
+    A fault is answered *right* where a dead band is found or likely, its cause is no other, and its interval holds the
+    measured width. *Sound* is right of it below a bound that is wider than the measured width, and else wrong. A valve
+    without a fault is answered wrong where a dead band beyond the acceptable limit is found or likely. What cannot be
+    told, or was not analysed, is silent.
+
+    Raises
+    ------
+    InputError
+        Where the width's unit is not that of OP, nor "% of span" with a known span.
+    """
+    answer, width = result.answer, _in_op(label, result)
+    if label.date is not None and result.t0 is not None and result.t0.date() > label.date:
+        return Scored(label, result, "not counted", f"it was recorded after {label.date}", width)
+    outcome, why = (_of_fault if label.found in FAULTS else _of_sound)(label, answer, width)
+    return Scored(label, result, outcome, why, width)
+
+
+def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcome, str]:
+    if answer.verdict == "oscillation":
+        return "wrong", "the answer says that the valve is not the reason"
+    if answer.confidence in ("sound", "none_seen"):
+        if width is not None and answer.high is not None and width <= answer.high:
+            return "right", ""
+        if width is None and answer.confidence == "none_seen":
+            return "silent", ""
+        return "wrong", "the answer sees no dead band"
+    if answer.confidence not in ("found", "likely"):
+        return "silent", ""
+    if {label.found, answer.cause} == {"gap", "stiction"} or (label.found, answer.cause) == ("stiction", "backlash"):
+        return "wrong", f"the answer says {answer.cause}"
+    low, high = answer.low, math.inf if answer.high is None else answer.high
+    if width is not None and answer.width_kind != "unsure" and low is not None and not low <= width <= high:
+        return "wrong", "the measured width lies outside of the interval"
+    return "right", ""
+
+
+def _of_sound(label: Label, answer: Answer, width: float | None) -> tuple[Outcome, str]:
+    if answer.confidence in ("found", "likely"):
+        within = answer.acceptable == "within"
+        return ("right", "") if within else ("wrong", "the answer sees a dead band")
+    if answer.confidence in ("sound", "none_seen") or answer.verdict == "oscillation":
+        return "right", ""
+    return "silent", ""
+
+
+def _in_op(label: Label, result: Result) -> float | None:
+    """The measured width in OP's unit."""
+    if label.width is None or label.unit in ("", result.unit):
+        return label.width
+    span = span_of(result.loop)
+    if label.unit in ("%", "% of span") and span is not None:
+        return label.width / 100.0 * span
+    hint = f"write {result.unit or 'nothing'}" + ("" if span is None else " or '% of span'")
+    raise InputError(f"'{label.unit}' is not the unit of OP", loop=result.name, row=label.row, column="unit", hint=hint)
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How many answers of one confidence are right, wrong and silent."""
+
+    confidence: str
+    """That of the answer, or *oscillation*."""
+    right: int
+    wrong: int
+    silent: int
+
+
+def counted(scored: Sequence[Scored]) -> list[Count]:
+    """Right, wrong and silent answers by how sure they are, the surest first; what is not counted is left out."""
+    order = ("found", "likely", "sound", "none_seen", "oscillation", "cannot_tell", "not_judged", "refused")
+    counts = []
+    for confidence in order:
+        outcomes = [one.outcome for one in scored if _sure(one.result.answer) == confidence]
+        right, wrong, silent = (outcomes.count(kind) for kind in ("right", "wrong", "silent"))
+        if right or wrong or silent:
+            counts.append(Count(confidence, right, wrong, silent))
+    return counts
+
+
+def _sure(answer: Answer) -> str:
+    """How sure the answer is; an oscillation for another reason is an answer of its own."""
+    return answer.verdict if answer.verdict == "oscillation" else answer.confidence
+
+
+def share(right: int, wrong: int) -> tuple[float, float, float] | None:
+    """Share of right answers among those that say something, with its 95 % interval (Wilson); None where none does.
+
+    Examples
+    --------
+    >>> low, middle, high = share(9, 1)
+    >>> f"{middle:.0%} ({low:.0%} to {high:.0%})"
+    '90% (60% to 98%)'
+    """
+    n = right + wrong
+    if n == 0:
+        return None
+    p, z = right / n, NormalDist().inv_cdf(0.975)
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+    return middle - half, p, middle + half
+
+
+def to_dict(scored: Sequence[Scored]) -> dict[str, Any]:
+    """The score for programs: a row a valve, and the counts."""
+    valves = [
+        {
+            "row": one.label.row,
+            "file": str(one.label.file),
+            "loop": one.result.name,
+            "found": one.label.found,
+            "measured_width": one.width,
+            "unit": one.result.unit,
+            "confidence": one.result.answer.confidence,
+            "cause": one.result.answer.cause,
+            "width": one.result.answer.width,
+            "low": one.result.answer.low,
+            "high": one.result.answer.high,
+            "outcome": one.outcome,
+            "why": one.why or None,
+        }
+        for one in scored
+    ]
+    counts = [
+        {"confidence": one.confidence, "right": one.right, "wrong": one.wrong, "silent": one.silent}
+        for one in counted(scored)
+    ]
+    return {"valves": valves, "counts": counts}

@@ -1,0 +1,125 @@
+"""Exports as their makers document them (`bench.exports`), and what must never be read wrongly."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench.exports import FORMS, guide
+from bench.exports.score import of
+
+from glapp.errors import InputError
+from glapp.loop import Loop
+from glapp.reading import open_recordings
+from glapp.recording import joined
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_makers_export_is_read_right_or_after_one_answer(tmp_path, name):
+    outcome = of(FORMS[name], tmp_path)
+    assert outcome.end == ("asked" if FORMS[name].make().answer else "read"), outcome.said
+
+
+def test_most_are_read_unaided():
+    asked = Counter(bool(form.make().answer) for form in FORMS.values())
+    assert len(FORMS) == 60 and asked[False] >= 55
+
+
+def test_the_guide_lists_every_form():
+    text = (Path(__file__).parents[1] / "docs" / "file-forms.md").read_text(encoding="utf-8")
+    assert guide() in text, "run: python -m bench.exports --docs"
+
+
+def read(tmp_path, name, text, **settings):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    opened = open_recordings(path, defaults=settings)
+    return {recording.name: joined(list(recording.batches())) for recording in opened}
+
+
+ROWS = [(k, 50 + k % 3, 40 + k % 4) for k in range(20)]
+
+
+def test_rows_of_several_loops_are_not_mixed(tmp_path):
+    """They were: a column that names the loop of each row was passed over, and all rows were one loop."""
+    lines = [f"{name},{k},50,{pv + shift},{op}" for k, pv, op in ROWS for name, shift in (("F1", 0), ("F2", 100))]
+    got = read(tmp_path, "x.csv", "\n".join(["name,time,sp,pv,op", *lines]))
+    assert list(got) == ["F1", "F2"]
+    np.testing.assert_array_equal(got["F1"].pv, [pv for _, pv, _ in ROWS])
+    np.testing.assert_array_equal(got["F2"].pv, [pv + 100 for _, pv, _ in ROWS])
+
+
+def test_units_behind_numbers_must_be_one_unit(tmp_path):
+    lines = [f"{k},50 l/s,{pv}{' m3/h' if k == 17 else ' l/s'},{op}%" for k, pv, op in ROWS]
+    with pytest.raises(InputError, match=r"column PV: '50 l/s' is not a number"):
+        read(tmp_path, "x.csv", "\n".join(["t,SP,PV,OP", *lines]))
+
+
+def test_a_number_of_the_row_is_no_time(tmp_path):
+    lines = [f"{k + 1},50,{pv},{op}" for k, pv, op in ROWS]
+    with pytest.raises(InputError, match="no time column among: Nr, SP, PV, OP"):
+        read(tmp_path, "x.csv", "\n".join(["Nr,SP,PV,OP", *lines]))
+    with pytest.raises(InputError, match="no time column"):
+        read(tmp_path, "x.csv", "\n".join([",SP,PV,OP", *lines]))
+
+
+def test_a_row_that_is_cut_in_line_protocol_has_its_line(tmp_path):
+    lines = [f"pid,loop=F1 pv={pv},op={op},sp=50 {1763100000 + k}000000000" for k, pv, op in ROWS]
+    lines[7] = lines[7][:20]
+    with pytest.raises(InputError, match=r"x.txt, row 8: is not a point"):
+        read(tmp_path, "x.txt", "\n".join(lines))
+
+
+def test_line_protocol_with_spaces_and_quotes(tmp_path):
+    lines = [f'my\\ pid,loop=F\\ 1 pv={pv},sp=50i,op={op},mode="AUTO" {1763100000 + k}000000000' for k, pv, op in ROWS]
+    got = read(tmp_path, "x.txt", "\n".join(lines))
+    assert list(got) == ["my pid.F 1"]
+    np.testing.assert_array_equal(got["my pid.F 1"].sp, 50)
+
+
+def test_a_table_within_a_web_page_spans_rows_and_columns(tmp_path):
+    head = "<tr><td rowspan=2>Time</td><td colspan=3>F1</td></tr><tr><td>F1.SP</td><td>F1.PV</td><td>F1.OP</td></tr>"
+    body = "".join(f"<tr><td>{k}</td><td>50</td><td>{pv}</td><td>{op}</td></tr>" for k, pv, op in ROWS)
+    got = read(tmp_path, "x.html", f"<html><table><tr><td>Menu</td></tr></table><table>{head}{body}</table></html>")
+    np.testing.assert_array_equal(got["F1"].pv, [pv for _, pv, _ in ROWS])
+    np.testing.assert_array_equal(got["F1"].t, [k for k, _, _ in ROWS])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "line"),
+    [
+        ("x.json", '{"a": 1}', "holds no table that is known here"),
+        ("x.json", "[{", "is not readable as JSON"),
+        ("x.json", "[" * 100_000, "is JSON nested too deeply|is not"),
+        ("x.json", '[{"t": 1, "PV": 2}', "is not readable as JSON"),
+        ("x.html", "<html><body>none</body></html>", "is a web page without a table"),
+        ("x.csv", "#group,false\n#datatype,string\n", "has a header but no rows"),
+        (
+            "x.csv",
+            ",result,table,_time,_value,_field,_measurement\n,,0,2025-11-14T06:00:00Z,1,pv\n",
+            "row 2: has 6 cells",
+        ),
+        ("x.html", "<table><tr><td colspan=999999>a</td></tr></table>", "has 999999 columns"),
+    ],
+)
+def test_what_is_damaged_is_told(tmp_path, name, text, line):
+    with pytest.raises(InputError, match=line):
+        read(tmp_path, name, text)
+
+
+def test_lines_of_json_have_their_line(tmp_path):
+    lines = [json.dumps({"time": k, "sp": 50, "pv": pv, "op": op}) for k, pv, op in ROWS]
+    lines[4] = lines[4][:-3]
+    with pytest.raises(InputError, match="row 5: is not an object of JSON"):
+        read(tmp_path, "x.jsonl", "\n".join(lines))
+
+
+def test_a_form_without_names_asks_for_columns(tmp_path):
+    text = "\n".join(f"{k},50,{pv},{op}" for k, pv, op in ROWS)
+    with pytest.raises(InputError, match=r"has no header.*--time 'column 1' --pv 'column 2'.*in loops.toml"):
+        read(tmp_path, "x.csv", text)
+    path = tmp_path / "x.csv"
+    columns = {"time": "column 1", "sp": "column 2", "pv": "column 3", "op": "column 4"}
+    [recording] = open_recordings(path, [Loop(name="F", columns=columns)])
+    assert len(joined(list(recording.batches()))) == len(ROWS)

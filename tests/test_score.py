@@ -1,0 +1,125 @@
+"""Answers beside what the workshop found."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import glapp
+from glapp.cli import app
+from glapp.demo import write_recordings
+from glapp.errors import InputError
+from glapp.fit import Fit
+from glapp.result import Result
+from glapp.score import Label, Outcome, counted, judged, read_labels, share
+
+
+def answered(verdict: str, d: float = 2.0, low: float = 1.8, high: float | None = 2.2, **more: Any) -> Result:
+    """The answer to a fit that says so, of a loop whose OP has a span of 100 %."""
+    error = InputError("is not read", file="FIC101.csv")
+    loop = glapp.Loop(name="FIC101", op_span=(0, 100), op_unit="%")
+    refused = Result.of_error(error, "FIC101", "FIC101.csv", loop)
+    fit = Fit(verdict, "", "%", d, low, high, lr_no_gap=90.0, lr_needed=15.0, **more)  # type: ignore[arg-type]
+    return replace(refused, crossings="no_estimate").decided_with(fit=fit)
+
+
+def label(found: str, width: float | None = None, **more: Any) -> Label:
+    return Label(2, Path("FIC101.csv"), None, found, width, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("found", "width", "answer", "outcome"),
+    [
+        ("gap", None, answered("backlash"), "right"),
+        ("gap", 2.1, answered("backlash"), "right"),
+        ("gap", 2.3, answered("backlash"), "wrong"),
+        ("gap", 9.0, answered("at_least", high=None), "right"),
+        ("gap", None, answered("stiction", jump=2.0), "wrong"),
+        ("both", None, answered("stiction", jump=2.0), "right"),
+        ("stiction", None, answered("stiction", jump=2.0), "right"),
+        ("gap", None, answered("sound", 0.0, 0.0, 0.5), "wrong"),
+        ("gap", 0.4, answered("sound", 0.0, 0.0, 0.5), "right"),
+        ("gap", 0.6, answered("sound", 0.0, 0.0, 0.5), "wrong"),
+        ("gap", None, answered("cannot_tell"), "silent"),
+        ("sound", None, answered("sound", 0.0, 0.0, 0.5), "right"),
+        ("sound", None, answered("backlash"), "wrong"),
+        ("sound", None, answered("backlash", 0.5, 0.4, 0.6), "right"),
+        ("sound", None, answered("cannot_tell"), "silent"),
+        ("other", None, answered("backlash"), "wrong"),
+    ],
+)
+def test_an_answer_is_right_wrong_or_silent(found: str, width: float | None, answer: Result, outcome: Outcome) -> None:
+    scored = judged(label(found, width), answer)
+    assert scored.outcome == outcome
+    assert bool(scored.why) == (outcome == "wrong")
+
+
+def test_a_width_is_held_in_the_unit_of_op() -> None:
+    answer = answered("backlash")
+    assert judged(label("gap", 2.1, unit="% of span"), answer).width == 2.1
+    with pytest.raises(InputError, match=r"row 2, column unit: 'mm' is not the unit of OP; write % or '% of span'"):
+        judged(label("gap", 2.1, unit="mm"), answer)
+
+
+def test_what_was_recorded_after_the_repair_is_not_counted() -> None:
+    answer = replace(answered("backlash"), t0=datetime(2026, 3, 2))
+    assert judged(label("sound", date=date(2026, 3, 2)), answer).outcome == "wrong"
+    late = judged(label("sound", date=date(2026, 3, 1)), answer)
+    assert (late.outcome, late.why) == ("not counted", "it was recorded after 2026-03-01")
+    assert counted([late]) == []
+
+
+def test_a_share_has_an_interval() -> None:
+    assert share(0, 0) is None
+    found = share(20, 0)
+    assert found is not None and found == pytest.approx((0.8389, 1.0, 1.0), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("found\ngap\n", "has no column 'file'; the columns are file, loop, found"),
+        ("file,found\n", "has no row"),
+        ("file,found\na.csv,worn\n", "row 2, column found: 'worn' is not one of gap, stiction, both, sound, other"),
+        ("file,found,width\na.csv,gap,wide\n", "row 2, column width: 'wide' is no width"),
+        ("file,found,width\na.csv,gap,-1\n", "row 2, column width: '-1' is no width"),
+        ("file,found,date\na.csv,gap,1.3.26\n", "row 2, column date: '1.3.26' is no date"),
+        ("file,found\na.csv,gap\n./a.csv,sound\n", "row 3: a.csv stands in row 2 already"),
+        ("file,found\n,gap\n", "row 2, column file: names no recording"),
+    ],
+)
+def test_a_wrong_label_is_told(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as wrong:
+        read_labels(path)
+    assert says in str(wrong.value)
+
+
+@pytest.mark.slow
+def test_the_demonstration_is_scored(tmp_path: Path) -> None:
+    write_recordings(tmp_path / "demo")
+    labels = tmp_path / "labels.csv"
+    labels.write_text(
+        "file,loop,found,width,unit\n"
+        "demo/loops.toml,PIC305,gap,3,%\n"
+        "demo/loops.toml,LIC110,sound,,\n"
+        "demo/loops.toml,LIC999,sound,,\n"
+        "demo/lost.csv,,gap,,\n"
+    )
+    report = tmp_path / "differ.html"
+    done = CliRunner().invoke(app, ["score", str(labels), "--json", "--report", str(report)])
+    assert done.exit_code == 1, "two of the four cannot be opened"
+    told = " ".join(done.stderr.split())
+    assert "row 4, column loop: has no loop 'LIC999'" in told and "row 5, column file: there is no such file" in told
+    found = json.loads(done.stdout)
+    assert found["valves"][0]["outcome"] == "right"
+    assert sum(one["right"] + one["wrong"] + one["silent"] for one in found["counts"]) == 2
+    shown = CliRunner().invoke(app, ["score", str(labels)])
+    assert "PIC305" not in shown.stdout and "right of those" in shown.stdout

@@ -178,7 +178,7 @@ class CompensationPage:
             return True
         if source == 1:
             return float(self.size.value or 0.0) != seen["comp_size"]
-        return source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"]
+        return bool(source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"])
 
     def _typed(self) -> None:
         if self.source.value != 1 and self.size.value:

@@ -17,7 +17,7 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from ..modules import Backlash, Graph, Input, Output
-from ..report.words import METHODS, NAMES, count, number, quantity, sentence
+from ..report.words import MEANINGS, METHODS, NAMES, count, number, quantity, sentence
 from ..service.compensation import TOLD
 from ..service.recordings import Signals
 from ..service.settable import Bound
@@ -402,7 +402,11 @@ class _Page:
         self.verdict.classes(remove="high medium unjudged").classes(
             add="unjudged" if answer is None else urgency if urgency in ("high", "medium") else ""
         )
-        self.so.set_text(status.get("why", "") if answer is None else answer["so"])
+        if answer is None:
+            so = status.get("why", "")
+        else:  # an answer that an older version stored has no sentence of its own
+            so = answer.get("so") or sentence(MEANINGS.get(answer["verdict"], ""))
+        self.so.set_text(so)
         progress = view.progress(self.name)
         self.todo.set_text(answer["next"]["text"] if answer is not None else view.todo(self.name))
         self.to_do.set_visibility(answer is not None or not progress)
@@ -412,11 +416,11 @@ class _Page:
         if id == self.answered and self.answered is not None:
             return
         self.answered = id
-        self.believed.set_visibility(answer is not None)
+        self.believed.set_visibility(answer is not None and bool(answer.get("why")))
         self.why.clear()
         self.facts.clear()
         with self.why:
-            for text in [] if answer is None else answer["why"]:
+            for text in [] if answer is None else answer.get("why", []):
                 ui.html(f"<p>{escape(text)}</p>", sanitize=False)
         with self.facts:
             for name, text in self._known(answer):

@@ -344,7 +344,7 @@ WRONG = {
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
     "ambiguous day": (
         "t,SP,PV\n01/02/2024 00:00,1,2\n01/02/2024 00:01,1,2\n",
-        ", row 2, column t: '01/02/2024 00:00' can be read day first or month first; say which: --time-format 'day first'",
+        ", row 2, column t: '01/02/2024 00:00' can be read day first or month first; say which: --time-format",
     ),
     "mixed zones": (
         "t,SP,PV\n2024-01-01 00:00:00,1,2\n2024-01-01 00:00:01Z,1,2\n",

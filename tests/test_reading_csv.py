@@ -246,7 +246,7 @@ def test_local_times_in_autumn_are_exact_and_in_spring_must_exist(tmp_path):
 
 def test_no_time_column_needs_sample_time(tmp_path):
     path = write(tmp_path, "SP,PV\n1,2\n1,3\n1,4\n")
-    with pytest.raises(InputError, match=r"no time column among: SP, PV; name it .* or give sample_time"):
+    with pytest.raises(InputError, match=r"no time column among: SP, PV; name it: --time NAME.* --sample-time SECONDS"):
         read(path)
     recording, got = read(path, Loop(name="x", sample_time=0.5))
     assert (recording.t0, got["t"].tolist()) == (None, [0, 0.5, 1])

@@ -115,7 +115,7 @@ def analyze(recording: list[Any], **asked: Any) -> list[Result]: ...
 def analyze(recording: Any = None, **asked: Any) -> Result: ...
 
 
-def analyze(
+def analyze(  # type: ignore[misc]  # the overloads leave the names of its options to it
     recording: Any = None,
     *,
     t: ArrayLike | str | None = None,

@@ -30,5 +30,6 @@ result = glapp.analyze(glapp.recording_from(sim.to_arrow(), loop))
 
 print(f"{result.name}: {result.verdict}, a gap of {result.width:.2f} {result.unit}", end=" ")
 print(f"({result.answer.low:.2f} to {result.answer.high:.2f})")
+print(result.by_position)  # most plants have no position: glapp.analyze(table, position="") leaves it out
 print(f"crossings: d = {result.d_hat:.2f} {result.unit} ({result.detections} detections)")
 print("rejected:", result.reasons)

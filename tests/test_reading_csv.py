@@ -246,7 +246,7 @@ def test_local_times_in_autumn_are_exact_and_in_spring_must_exist(tmp_path):
 
 def test_no_time_column_needs_sample_time(tmp_path):
     path = write(tmp_path, "SP,PV\n1,2\n1,3\n1,4\n")
-    with pytest.raises(InputError, match=r"no time column among: SP, PV; name it: --time NAME.*--sample-time SECONDS"):
+    with pytest.raises(InputError, match=r"no time column among: SP, PV; name it: --time NAME.* --sample-time SECONDS"):
         read(path)
     recording, got = read(path, Loop(name="x", sample_time=0.5))
     assert (recording.t0, got["t"].tolist()) == (None, [0, 0.5, 1])
@@ -344,7 +344,7 @@ WRONG = {
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
     "ambiguous day": (
         "t,SP,PV\n01/02/2024 00:00,1,2\n01/02/2024 00:01,1,2\n",
-        ", row 2, column t: '01/02/2024 00:00' can be read day first or month first",
+        ", row 2, column t: '01/02/2024 00:00' can be read day first or month first; say which: --time-format",
     ),
     "mixed zones": (
         "t,SP,PV\n2024-01-01 00:00:00,1,2\n2024-01-01 00:00:01Z,1,2\n",

@@ -1,4 +1,4 @@
-"""Exports as their makers document them (`bench.exports`), and what must never be read wrongly."""
+"""Exports as their makers document them (`bench.makers`), and what must never be read wrongly."""
 
 import json
 from collections import Counter
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.exports import FORMS, guide
-from bench.exports.score import of
+from bench.makers import FORMS, guide
+from bench.makers.score import of
 
 from glapp.errors import InputError
 from glapp.loop import Loop
@@ -28,7 +28,7 @@ def test_most_are_read_unaided():
 
 def test_the_guide_lists_every_form():
     text = (Path(__file__).parents[1] / "docs" / "file-forms.md").read_text(encoding="utf-8")
-    assert guide() in text, "run: python -m bench.exports --docs"
+    assert guide() in text, "run: python -m bench.makers --docs"
 
 
 def read(tmp_path, name, text, **settings):

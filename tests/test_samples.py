@@ -114,7 +114,7 @@ def test_a_recording_has_its_own_signals(worn: Simulation) -> None:
     recording = glapp.recording_from(worn.to_arrow(), LOOP)
     with pytest.raises(glapp.InputError, match="pv, loop: a recording has its signals and its loop"):
         glapp.fit(recording, pv=worn.pv, loop=LOOP)
-    with pytest.raises(glapp.InputError, match=r"recording: is a ndarray, not a recording; give signals by name"):
+    with pytest.raises(glapp.InputError, match=r"a ndarray is not a table with named columns"):
         glapp.fit(worn.pv)  # type: ignore[arg-type]
 
 

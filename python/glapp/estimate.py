@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,29 +107,39 @@ def estimate(
     return _analyzed(recording, 4096, progress, judge=False, fit=False)
 
 
-def analyze(
-    recording: Recording | None = None,
+@overload
+def analyze(recording: list[Any], **asked: Any) -> list[Result]: ...
+
+
+@overload
+def analyze(recording: Any = None, **asked: Any) -> Result: ...
+
+
+def analyze(  # type: ignore[misc]  # the overloads leave the names of its options to it
+    recording: Any = None,
     *,
-    t: ArrayLike | None = None,
-    sp: ArrayLike | None = None,
-    pv: ArrayLike | None = None,
-    op: ArrayLike | None = None,
-    position: ArrayLike | None = None,
+    t: ArrayLike | str | None = None,
+    sp: ArrayLike | str | None = None,
+    pv: ArrayLike | str | None = None,
+    op: ArrayLike | str | None = None,
+    position: ArrayLike | str | None = None,
     flags: ArrayLike | None = None,
     loop: Loop | None = None,
     trust: bool = False,
     fit: bool = True,
     progress: Progress | None = None,
-) -> Result:
+) -> Result | list[Result]:
     """Judge a recording, find K, Ti and Td where they are not given, estimate and fit the width of the gap.
 
     Parameters
     ----------
-    recording : Recording
-        From `glapp.recording_from` or `glapp.open_recordings`; or, in its place:
-    t, sp, pv, op, position, flags : array[n]
-        Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit],
-        the valve's measured position [%];
+    recording : Recording, path, table or list of these
+        From `glapp.recording_from` or `glapp.open_recordings`; a file that holds one loop; a pandas, Polars or Arrow
+        table or a dict of arrays. A list gives a list of answers, one for each loop of each file. Or, in its place:
+    t, sp, pv, op, position, flags : array[n] or str
+        Beside a file or a table, names of its columns where the guess is wrong; `position=""` leaves a measured
+        position out. Alone, samples: time [s] or datetime64; setpoint and process value [PV unit], controller output
+        [OP unit], the valve's measured position [%];
         sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
     loop : Loop
         Settings that go with samples.
@@ -157,9 +169,32 @@ def analyze(
     >>> result = glapp.analyze(glapp.recording_from(sim.to_arrow(), loop))
     >>> result.verdict, result.crossings
     ('backlash', 'estimate')
+    >>> table = {"seconds": sim.t, "flow": sim.pv, "valve": sim.op}
+    >>> glapp.analyze(table, t="seconds", pv="flow", op="valve", fit=False).verdict
+    'refused'
     """
-    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
+    signals: dict[str, Any] = {"t": t, "sp": sp, "pv": pv, "op": op, "position": position, "flags": flags}
+    if isinstance(recording, list):
+        opened = _all_of(recording, loop, signals)
+        parts = shares(progress, *[1 / max(len(opened), 1)] * len(opened))
+        pairs = zip(opened, parts, strict=True)
+        return [_analyzed(one, INSPECTED_ROWS, part, trust=trust, fit=fit) for one, part in pairs]
+    recording = recording_of(recording, loop, **signals)
     return _analyzed(recording, INSPECTED_ROWS, progress, trust=trust, fit=fit)
+
+
+def _all_of(several: list[Any], loop: Loop | None, signals: dict[str, Any]) -> list[Recording]:
+    """Every loop of every file, table and recording."""
+    from .reading import open_recordings
+
+    plain = loop is None and all(column is None for column in signals.values())
+    opened: list[Recording] = []
+    for one in several:
+        if plain and isinstance(one, str | os.PathLike):
+            opened += open_recordings(Path(one))
+        else:
+            opened.append(recording_of(one, loop, **signals))
+    return opened
 
 
 def _analyzed(recording: Recording, rows: int, progress: Progress | None, **asked: bool) -> Result:
@@ -231,6 +266,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         reason=why_told(answer, loop, found, identification),
         d_hat=answer["d_hat"],
         unit=loop.op_label,
+        columns=dict(recording.columns),
         d_hat_percent_span=answer["d_hat_percent_span"],
         repeatability=None if answer["repeatability"] is None else tuple(answer["repeatability"]),
         noise_floor=answer["noise_floor"],

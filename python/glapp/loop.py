@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -12,6 +13,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from .checked import Checked
 from .controller import Controller, Ideal, Span
 from .errors import InputError
+from .notebook import table
 
 __all__ = ["Cascade", "Columns", "Loop", "Positioner", "Process", "Tags", "TimeFormat"]
 
@@ -218,6 +220,14 @@ class Loop(Checked):
     Traceback (most recent call last):
     glapp.errors.InputError: pv_span: is (50.0, 0.0), must be low < high
     """
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        """What was given, and nothing that has its default."""
+        return ((key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set)
+
+    def _repr_html_(self) -> str:
+        """What is known, for a notebook."""
+        return table(self.name, [(str(key), repr(value)) for key, value in self.__repr_args__() if key != "name"])
 
     name: Annotated[str, Field(min_length=1)]
     file: Path | None = None

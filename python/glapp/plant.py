@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,10 @@ import numpy.typing as npt
 from . import _glapp
 from .errors import InputError
 
-__all__ = ["PLANTS", "Character", "Plant"]
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+__all__ = ["PLANTS", "Bode", "Character", "Plant", "Step"]
 
 Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
 """What limits the control of a process (thesis 4.1)."""
@@ -28,6 +31,63 @@ _KEYS = "known keys: num, den, dead_time"
 
 _QUIET = 0.02
 """A loop gain below this no longer matters for stability or robustness."""
+
+
+class Step(NamedTuple):
+    """A step response.
+
+    Attributes
+    ----------
+    t : float64[n]
+        Time [s].
+    y : float64[n]
+        Response [output per input].
+    """
+
+    t: npt.NDArray[np.float64]
+    y: npt.NDArray[np.float64]
+
+    def plot(self) -> go.Figure:
+        """A zoomable figure."""
+        import plotly.graph_objects as go
+
+        figure = go.Figure(go.Scatter(x=self.t, y=self.y))
+        return figure.update_layout(xaxis_title="t [s]", yaxis_title="y", template="simple_white", height=300)
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
+        return self.plot()._repr_mimebundle_(include, exclude)
+
+
+class Bode(NamedTuple):
+    """A frequency response.
+
+    Attributes
+    ----------
+    w : float64[n]
+        Frequency [rad/s].
+    magnitude : float64[n]
+        |P(jω)|.
+    phase : float64[n]
+        Its angle [°].
+    """
+
+    w: npt.NDArray[np.float64]
+    magnitude: npt.NDArray[np.float64]
+    phase: npt.NDArray[np.float64]
+
+    def plot(self) -> go.Figure:
+        """A zoomable figure."""
+        from plotly.subplots import make_subplots
+
+        figure = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.06)
+        figure.add_scatter(x=self.w, y=self.magnitude, row=1, col=1, showlegend=False)
+        figure.add_scatter(x=self.w, y=self.phase, row=2, col=1, showlegend=False)
+        figure.update_xaxes(type="log").update_xaxes(title="ω [rad/s]", row=2)
+        figure.update_yaxes(type="log", title="magnitude", row=1).update_yaxes(title="phase [°]", row=2)
+        return figure.update_layout(template="simple_white", height=420)
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
+        return self.plot()._repr_mimebundle_(include, exclude)
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +323,51 @@ class Plant:
             end = min(alive.max(initial=0.0), 2_000 / self.dead_time)
             parts.append(np.arange(turn, end, turn))
         return np.unique(np.concatenate(parts))
+
+    def step(self, t: npt.ArrayLike | None = None) -> Step:
+        """Times and response to a unit step at t = 0, exact but for rounding; a notebook shows its picture.
+
+        Parameters
+        ----------
+        t : array_like of float, optional
+            Times [s]; by default 400 from 0 until the response has settled, or three times the slowest lag of a
+            process that does not settle.
+
+        Examples
+        --------
+        >>> t, y = PLANTS["P2"].step()
+        >>> len(t), round(float(y[-1]), 2)
+        (400, 1.0)
+        """
+        at = np.linspace(0.0, self._horizon(), 400) if t is None else np.asarray(t, dtype=np.float64)
+        return Step(at, self.step_response(at))
+
+    def bode(self, w: npt.ArrayLike | None = None) -> Bode:
+        """Frequencies, magnitude and phase [°], the phase unwrapped; a notebook shows their picture.
+
+        Parameters
+        ----------
+        w : array_like of float, optional
+            Frequencies [rad/s], ascending, > 0; by default those of `frequencies`.
+
+        Examples
+        --------
+        >>> w, magnitude, phase = Plant([1], [1, 1]).bode([1.0])
+        >>> round(float(magnitude[0]), 3), round(float(phase[0]))
+        (0.707, -45)
+        """
+        at = self.frequencies() if w is None else np.asarray(w, dtype=np.float64)
+        response = self.response(at)
+        return Bode(at, np.abs(response), np.degrees(np.unwrap(np.angle(response))))
+
+    def _horizon(self) -> float:
+        """How long a step response is worth looking at [s]."""
+        poles = np.roots(self.den)
+        rates = np.abs(poles.real[np.abs(poles.real) > 1e-12])
+        settles = bool(len(poles)) and bool((poles.real < -1e-12).all())
+        slowest = 1 / rates.min() if rates.size else 1.0
+        lags = float(np.sum(1 / rates)) + 6 * slowest if settles else 3 * slowest
+        return float(1.2 * self.dead_time + lags)
 
     def step_response(self, t: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Response to a unit step at t = 0, exact but for rounding.

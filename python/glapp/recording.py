@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .loop import Loop
+from .notebook import table
 from .quality import Finding
 
 __all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "finished", "joined"]
@@ -127,6 +128,19 @@ class Recording(ABC):
     units: dict[str, str]
     rows: int | None
     found: Sequence[Finding] = ()
+
+    def __repr__(self) -> str:
+        rows = "" if self.rows is None else f", {self.rows} rows"
+        taken = ", ".join(f"{role} {column!r}" for role, column in self.columns.items())
+        return f"<Recording {self.name}: {self.source}{rows}; {taken}>"
+
+    def _repr_html_(self) -> str:
+        """File, beginning and columns, for a notebook."""
+        first = [] if self.t0 is None else [("begins", f"{self.t0:%Y-%m-%d %H:%M:%S}")]
+        rows = [] if self.rows is None else [("rows", str(self.rows))]
+        units = {role: f" [{unit}]" for role, unit in self.units.items()}
+        taken = [(role, f"{column}{units.get(role, '')}") for role, column in self.columns.items()]
+        return table(self.name, [("file", self.source), *first, *rows, *taken])
 
     @abstractmethod
     def batches(self, rows: int = 65536) -> Iterator[Batch]:

@@ -17,6 +17,7 @@ from .errors import InputError
 from .fit import Fit
 from .identify import Identification
 from .loop import Loop
+from .notebook import table
 from .quality import Finding
 from .recording import Batch
 from .trace import Trace
@@ -536,6 +537,9 @@ class Result:
         The width from zero crossings with its known bias taken out; None without detections.
     step_test : StepTest or None
         What a step test in the recording's first half million rows gives (`glapp.step_test`), where it gives a width.
+    columns : dict
+        Role to the column or tag that was taken: where a position was measured, the width may be that of the position
+        alone, and `repr` says so.
     messages : list of dict
         Why fit and crossings say what they do: each a `code` of the catalogue with its `numbers`.
     """
@@ -564,6 +568,7 @@ class Result:
     corrected: Corrected | None = None
     step_test: StepTest | None = None
     messages: list[dict[str, Any]] = field(default_factory=list)
+    columns: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of_error(cls, error: InputError, name: str, source: str, loop: Loop | None = None) -> Result:
@@ -609,10 +614,35 @@ class Result:
             high = "no upper limit" if answer.high is None else f"{answer.high:.4g}"
             limits = "" if answer.low is None else f" ({answer.low:.4g} to {high})"
             width = "" if answer.width is None else f" {answer.width:.4g} {self.unit}"
-            return f"<Result {self.name}: {answer.verdict}{',' if width or limits else ''}{width}{limits}>"
+            told = f"{answer.verdict}{',' if width or limits else ''}{width}{limits}"
+            return f"<Result {self.name}: {told}{'' if (by := self.by_position) is None else f', {by}'}>"
         width = "" if self.d_hat is None else f" {self.d_hat:.4g} {self.unit},"
         found = f"{self.detections} detections in {self.total_half_periods} half-periods"
         return f"<Result {self.name}: {answer.verdict},{width} {found}>"
+
+    def _repr_html_(self) -> str:
+        """What is so, what to do and why, for a notebook."""
+        from .report.words import headline, told
+
+        said = told(self)
+        why = [("why" if i == 0 else "", text) for i, text in enumerate(said["why"])]
+        by = [] if self.by_position is None else [("by", self.by_position)]
+        return table(
+            f"{self.name}: {headline(self) or self.verdict}", [("", said["so"]), ("do", said["do"]), *by, *why]
+        )
+
+    @property
+    def by_position(self) -> str | None:
+        """That the width is by a measured position, from which column, and what PV alone says; None where it is not."""
+        if self.fit is None or self.fit.best.get("signal") != "position":
+            return None
+        alone = self.fit.through_pv
+        by = f"by the measured position in '{self.columns.get('position') or self.columns.get('POSITION')}'"
+        if alone is None:
+            return by
+        if alone.low is None:
+            return f"{by}; PV alone: {alone.verdict.replace('_', ' ')}"
+        return f"{by}; PV alone: {alone.low:.4g} to {'no upper limit' if alone.high is None else f'{alone.high:.4g}'}"
 
     @property
     def verdict(self) -> Verdict:
@@ -621,8 +651,17 @@ class Result:
 
     @property
     def width(self) -> float | None:
-        """The one width [`unit`]: the most likely one, or the bound where that is all; None where no gap was found."""
-        return self.answer.width
+        """The most likely width [`unit`]; None where no gap was found, or only a bound is known: see `bound`."""
+        return None if self.answer.width_kind == "bound" else self.answer.width
+
+    @property
+    def bound(self) -> tuple[float | None, float | None] | None:
+        """Where only a bound of the width is known [`unit`]: (at least, None) or (None, at most); else None."""
+        if self.answer.width_kind != "bound":
+            return None
+        if self.answer.width is not None:
+            return self.answer.low if self.answer.low else self.answer.width, None
+        return None, self.answer.high
 
     @property
     def span(self) -> float | None:

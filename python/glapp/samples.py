@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -67,8 +69,10 @@ class Samples(Recording):
         return self._fraction
 
 
-def recording_of(recording: Recording | None, loop: Loop | None, **signals: ArrayLike | None) -> Recording:
-    """The recording, or one of the signals that were given in its place.
+def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None) -> Recording:
+    """The recording, one in a file or a table, or one of the signals that were given in its place.
+
+    Beside a file or a table a signal may be the name of its column.
 
     Raises
     ------
@@ -78,11 +82,7 @@ def recording_of(recording: Recording | None, loop: Loop | None, **signals: Arra
     given: dict[str, Any] = {name: x for name, x in signals.items() if x is not None}
     if recording is not None:
         if not isinstance(recording, Recording):
-            raise InputError(
-                f"is a {type(recording).__name__}, not a recording",
-                parameter="recording",
-                hint="give signals by name (t=..., pv=..., op=...), or a table to glapp.recording_from",
-            )
+            return _opened(recording, loop, given)
         if given or loop is not None:
             also = ", ".join([*given, *([] if loop is None else ["loop"])])
             raise InputError("a recording has its signals and its loop", parameter=also, hint="give one or the other")
@@ -92,6 +92,29 @@ def recording_of(recording: Recording | None, loop: Loop | None, **signals: Arra
             "is missing", parameter=" and ".join(missing), hint="give a recording, or t=..., pv=..., op=..."
         )
     return Samples(Loop(name="loop") if loop is None else loop, given)
+
+
+def _opened(data: Any, loop: Loop | None, given: dict[str, Any]) -> Recording:
+    """The one loop in a file or a table, with columns named by the person where a guess would be wrong."""
+    from .reading import open_recordings, recording_from
+    from .reading.files import name_of
+
+    if wrong := [name for name, column in given.items() if not isinstance(column, str)]:
+        hint = "give names of columns beside a file or a table, or arrays alone"
+        raise InputError("goes with no file or table", parameter=", ".join(wrong), hint=hint)
+    named = {"time" if name == "t" else name: column for name, column in given.items()}
+    path = Path(data) if isinstance(data, str | os.PathLike) else None
+    if named or path is None:
+        loop = loop or Loop(name="loop" if path is None else name_of(path))
+        loop = loop.model_copy(update={"columns": loop.columns.model_copy(update=named)})
+    if path is None:
+        return recording_from(data, loop)
+    found = open_recordings(path, None if loop is None else [loop])
+    if len(found) > 1:
+        names = ", ".join(recording.name for recording in found)
+        what = f"holds {len(found)} loops: {names}"
+        raise InputError(what, file=str(path), hint="give a list, glapp.analyze([path]), for an answer of each")
+    return found[0]
 
 
 def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:

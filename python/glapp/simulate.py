@@ -31,6 +31,7 @@ from rich.progress import Progress
 
 from . import _glapp
 from .errors import InputError
+from .notebook import table
 from .recording import AT_HIGH, AT_LOW, NOT_AUTO
 from .scenario import (
     Coloured,
@@ -91,7 +92,7 @@ STANDINGS = tuple(_glapp.standings())
 """What the numbers in `Simulation.standing` mean."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Simulation:
     """Signals of a simulated loop, one value a recorded sample.
 
@@ -131,6 +132,17 @@ class Simulation:
     standing: npt.NDArray[np.float64] | None = None
     over: npt.NDArray[np.float64] | None = None
     error: npt.NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        if not len(self.t):
+            return "<Simulation: no samples>"
+        return f"<Simulation: {len(self.t)} samples, {self.t[0]:g} to {self.t[-1]:g} s; SP, PV, OP, position, load>"
+
+    def _repr_html_(self) -> str:
+        """Ranges of the signals, for a notebook."""
+        signals = (("SP", self.sp), ("PV", self.pv), ("OP", self.op), ("position", self.position), ("load", self.load))
+        rows = [(name, f"{np.nanmin(x):.4g} to {np.nanmax(x):.4g}") for name, x in signals if len(x)]
+        return table(repr(self)[1:-1], rows)
 
     def to_arrow(self) -> pa.Table:
         """Columns t, SP, PV, OP, MODE, OP_LOW, OP_HIGH, POSITION, LOAD; OUTER_SP, OUTER_PV, U_FF where there are."""

@@ -122,6 +122,8 @@ def _block(result: Result) -> None:
     rows += [("why" if text is why[0] else "", text) for text in why]
     warnings = [f.text for f in result.quality if f.severity == "warning"]
     rows += [("note", words.sentence(text)) for text in warnings if text.lower() not in " ".join(why).lower()]
+    if result.by_position is not None:
+        rows.append(("by", result.by_position))
     out.print(head)
     out.print(Padding(key_values([(label, one_line(text)) for label, text in rows]), (0, 0, 1, 2)))
 

@@ -11,13 +11,14 @@ import numpy.typing as npt
 
 from ..controller import Ideal
 from ..errors import InputError
+from ..notebook import table
 from ..plant import Plant
 from .fotd import Fotd
 from .integrating import Integrating
 from .process import Array, Process, root
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Tuning:
     """A controller, and what it makes of the loop.
 
@@ -60,6 +61,16 @@ class Tuning:
     def loop(self) -> Plant:
         """The open loop P(s)·C(s)·F(s)."""
         return open_loop(self.plant, self.controller, self.tf)
+
+    def __repr__(self) -> str:
+        return f"<Tuning {self}>"
+
+    def _repr_html_(self) -> str:
+        """Controller, robustness and load rejection, for a notebook."""
+        k, ti, td, _ = self.controller
+        rows = [("K", f"{k:.4g}"), ("Ti", f"{ti:.4g} s"), ("Td", f"{td:.4g} s"), ("Ms", f"{self.ms:.2f}")]
+        rows += [("Mt", f"{self.mt:.2f}"), ("gain margin", f"{self.gain_margin:.3g}")]
+        return table(self.rule, [*rows, ("phase margin", f"{self.phase_margin:.0f}°"), ("IAE", f"{self.iae:.3g}")])
 
     def __str__(self) -> str:
         k, ti, td, _ = self.controller

@@ -24,6 +24,8 @@ def migo(
     ms: float | None = None,
     mt: float | None = None,
     tf: float = 0.0,
+    Ms: float | None = None,  # noqa: N803 (as it is written)
+    Mt: float | None = None,  # noqa: N803
 ) -> Tuning:
     """M-constrained integral gain optimisation: the greatest ki = K/Ti that keeps the loop robust.
 
@@ -51,6 +53,8 @@ def migo(
         One circle for Ms and Mt, > 1. The default, 1.4, where neither `ms` nor `mt` is given.
     ms, mt : float, optional
         Bounds of Ms and Mt, > 1; both may be given.
+    Ms, Mt : float, optional
+        The same, as books write them.
     tf : float
         Time constant of a second-order measurement filter in the loop [s], ≥ 0, counted in.
 
@@ -73,6 +77,10 @@ def migo(
     >>> f"K {t.controller.k:.2f}, Ti {t.controller.ti:.2f} s, Ms {t.ms:.2f}"
     'K 0.48, Ti 0.31 s, Ms 2.00'
     """
+    for name, small, large in (("ms", ms, Ms), ("mt", mt, Mt)):
+        if small is not None and large is not None:
+            raise InputError("is given twice", parameter=name, value=large)
+    ms, mt = Ms if ms is None else ms, Mt if mt is None else mt
     plant = stable(plant_of(plant))
     circles, bound = circles_of(m, ms, mt)
     sign = sign_of(plant)

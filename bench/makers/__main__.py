@@ -1,4 +1,4 @@
-"""Read sixty exports of historians and control systems unaided, and count: `python -m bench.exports`.
+"""Read sixty exports of historians and control systems unaided, and count: `python -m bench.makers`.
 
 `--write FOLDER` keeps the files there, `--docs` prints the table of docs/file-forms.md and reads nothing.
 """
@@ -19,7 +19,7 @@ from .score import of
 
 def main() -> None:
     """Write all forms, read them, and show what came of each."""
-    parser = argparse.ArgumentParser(prog="python -m bench.exports", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m bench.makers", description=__doc__.split("\n\n")[0])
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="keep the files here")
     parser.add_argument("--docs", action="store_true", help="print the table of docs/file-forms.md")
     given = parser.parse_args()

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from exports import FORMS
 
 import glapp
-from exports import FORMS
 from glapp.reading import open_recordings
 from glapp.report import words
 from glapp.simulate import closed_loop

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from exports import FORMS
+
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_recordings

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from exports import FORMS, PV, guide, typed, workbook
+
 from glapp import analyze, estimate, simulate
 from glapp.errors import InputError
 from glapp.loop import Loop

@@ -158,7 +158,7 @@ class TestRefused:
     def test_what_is_no_recording(self) -> None:
         with pytest.raises(InputError, match="recording: holds no recording"):
             glapp.fit([])
-        with pytest.raises(InputError, match="FIC101.csv: no such file"):
+        with pytest.raises(InputError, match=r"FIC101\.csv: no such file"):
             glapp.fit(["FIC101.csv", "FIC101_2.csv"])  # type: ignore[list-item]
         with pytest.raises(InputError, match="a recording has its signals"):
             glapp.fit([small(0), small(1)], t=np.arange(3.0))

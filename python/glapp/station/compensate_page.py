@@ -177,7 +177,7 @@ class CompensationPage:
         if source != in_force:
             return True
         if source == 1:
-            return float(self.size.value or 0.0) != seen["comp_size"]
+            return bool(float(self.size.value or 0.0) != seen["comp_size"])
         return bool(source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"])
 
     def _typed(self) -> None:

@@ -58,6 +58,7 @@ BESIDE = {
         " The points lie too far apart",
         "no Δy before it to compare with",
         "bound (5.1) not applied yet",
+        "by the measured position in",
         "{} detections in {} half-periods",
     ],
     "one half-period, number by number": [
@@ -107,8 +108,10 @@ BESIDE = {
         "SELECT ",
         "Find out why no value comes",
         "Look at the transmitter",
-        ": write them into loops.toml.",
-        "Nothing yet: it is fitted",
+        "{}: write them into loops.toml.",
+        "{}It will be judged",
+        "Will be judged next.",
+        "Will be judged after",
     ],
 }
 

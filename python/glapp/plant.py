@@ -336,7 +336,7 @@ class Plant:
         Examples
         --------
         >>> t, y = PLANTS["P2"].step()
-        >>> len(t), round(float(y[-1]), 2)
+        >>> len(t), round(float(y[-1]), 1)
         (400, 1.0)
         """
         at = np.linspace(0.0, self._horizon(), 400) if t is None else np.asarray(t, dtype=np.float64)

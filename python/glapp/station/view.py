@@ -477,7 +477,9 @@ def summary(rows: Sequence[Row], when: str = "tonight") -> str:
     >>> summary([Row("FIC101", 1, "", None, UNJUDGED, "unjudged", UNJUDGED, "", "–", "now", "", "")], "at 02:00")
     '1 loop. 1 is not judged yet: at 02:00.'
     """
-    counted = [(key, sum(row.urgency == key for row in rows)) for key in ("high", "signal", "medium")]
+    swings = VERDICTS["oscillation"]
+    needs = ["tuning" if row.urgency == "medium" and row.verdict == swings else row.urgency for row in rows]
+    counted = [(key, needs.count(key)) for key in ("high", "signal", "tuning", "medium")]
     told = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
     if unjudged := sum(row.urgency == "unjudged" for row in rows):
         told.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")

@@ -59,7 +59,7 @@ VERIFIED := rust-checked interop site bare page
 verify: setup $(VENV)/.docs
 	@+$(MAKE) --no-print-directory --jobs=2 $(VERIFIED:%=timed-%)
 	$(call stage,The other Python tests,8 min)
-	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m verify
+	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 -m verify
 
 .PHONY: $(VERIFIED:%=timed-%)
 $(VERIFIED:%=timed-%): timed-%:

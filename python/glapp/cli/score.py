@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json as js
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
@@ -43,11 +45,13 @@ def score(
     if report is not None:
         check_output("--report", report, [labels, *(label.file for label in known)], PAGE)
     opened, faults = [], list[InputError]()
+    loops = cache(_loops)  # a loops.toml may hold the valves of many rows
     for label in known:
         try:
-            opened.append((label, _opened(label)))
+            opened.append((label, _opened(label, _loops if label.loop is None else loops)))
         except InputError as error:
             faults.append(error)
+    loops.cache_clear()  # nobody waits for the loops that have no label
     answers = analyze_all([entry for _, entry in opened], trust=False, fit=True)
     scored = []
     for (label, _), answer in zip(opened, answers, strict=True):
@@ -74,7 +78,11 @@ def score(
         raise typer.Exit(1)
 
 
-def _opened(label: Label) -> Recording | Refused | Valve:
+def _loops(file: Path) -> list[Recording | Valve | Refused]:
+    return open_files([file], Options())
+
+
+def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refused]]) -> Recording | Valve | Refused:
     """The one recording of a label.
 
     Raises
@@ -84,7 +92,7 @@ def _opened(label: Label) -> Recording | Refused | Valve:
     """
     if not label.file.exists():
         raise InputError("there is no such file", file=str(label.file), row=label.row, column="file")
-    opened = open_files([label.file], Options())
+    opened = loops(label.file)
     if label.loop is not None:
         opened = [entry for entry in opened if entry.name == label.loop]
     if len(opened) != 1:

@@ -74,18 +74,11 @@ class _Rows:
     def source(self, label: str) -> Source:
         if not self.times:
             raise InputError("has a header but no rows", file=label)
-        table = pa.table(
-            {name: pa.array(column, pa.string()) for name, column in zip(_NAMES, self._columns(), strict=True)}
-        )
+        columns = {"time": self.times, "tag": self.tags, "value": self.values}
+        table = pa.table({name: pa.array(column, pa.string()) for name, column in columns.items()})
         source = TableSource(table, label, self.lines)
         source.digits = digits_of(self.values[:5000], label)
         return source
-
-    def _columns(self) -> tuple[list[str], list[str], list[str]]:
-        return self.times, self.tags, self.values
-
-
-_NAMES = ("time", "tag", "value")
 
 
 def annotated(text: str, label: str) -> Source:

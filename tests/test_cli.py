@@ -140,6 +140,8 @@ def test_every_documented_command_does_what_it_says(run, monkeypatch):
             write(f"{day}.csv", plant)
         if " -o loops.toml" not in line:
             write("loops.toml", settings)
+        if "labels.csv" in line:
+            write("labels.csv", "file,loop,found,width,unit,date\nplant.csv,,other,,,2026-04-02\n")
         words = [
             w
             for word in shlex.split(line.split(" >")[0])[1:]

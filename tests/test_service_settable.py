@@ -267,6 +267,7 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.verify
+@pytest.mark.by_the_clock
 @pytest.mark.skipif(
     shutil.which("node") is None or not (ROOT / "target" / "interop" / "node_modules" / "node-opcua-client").is_dir(),
     reason="node-opcua is not installed: make interop",

@@ -113,7 +113,7 @@ def test_an_engineer_enables_sees_the_effect_and_withdraws(browser: Any, demo: s
     if use.is_enabled():
         assert enable.is_disabled()
         use.click()
-        page.get_by_text("Taken over.").wait_for()
+        page.get_by_text("Taken over.", exact=True).wait_for()
     if not seen.count():
         enable.click()
         page.get_by_text(re.compile("Refused: .*it was never seen")).wait_for()  # the safety rules are the service's

@@ -171,6 +171,7 @@ def by_hand():
     return "t,SP,PV,OP,MODE\n" + "".join(f"{k},40,{s.pv[k]:.3f},{s.op[k]:g},MAN\n" for k in range(400))
 
 
+@pytest.mark.slow
 def test_step_test_shows_the_gap_each_reading_and_a_picture(run, by_hand):
     write("test.csv", by_hand)
     code, out, err = run("step-test", "test.csv", "--plot", "test.html")
@@ -210,6 +211,7 @@ def test_help_tells_the_exit_codes(run):
     assert all(part in text for part in ("Exit codes", "0 every", "1 at least", "2 the command"))
 
 
+@pytest.mark.slow
 def test_step_test_takes_many_files(run, by_hand):
     for name in ("north.csv", "south.csv"):
         write(name, by_hand)
@@ -226,6 +228,7 @@ def test_step_test_takes_many_files(run, by_hand):
 
 
 @pytest.mark.parametrize("columns", [60, 80, 120])
+@pytest.mark.slow
 def test_no_header_is_left_out_on_any_screen(run, monkeypatch, columns, by_hand):
     """It was that a narrow table had only some of them."""
     write("FIC101.csv", rows())
@@ -246,6 +249,7 @@ def test_no_header_is_left_out_on_any_screen(run, monkeypatch, columns, by_hand)
 
 
 @pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.slow
 def test_many_loops_are_one_table_that_is_not_torn(run, monkeypatch, columns):
     names = [f"FIC10{i}.csv" for i in range(5)] + ["a_recording_with_a_name_that_is_long.csv"]
     for name in names:
@@ -563,6 +567,7 @@ def test_trust_goes_on_with_a_poor_identification(run):
     assert run("analyze", "poor.csv", "--trust")[0] == 0
 
 
+@pytest.mark.slow
 def test_identify_prints_what_a_loops_toml_takes(run):
     write("good.csv", rows().replace("t,SP,PV,OP", "t,SP,PV (bar),OP"))
     code, out, err = run("identify", "good.csv")
@@ -805,6 +810,7 @@ def test_real_loops_with_nothing_but_their_files(run):
     assert "cascade_slave" in [finding["code"] for finding in loops["FIC40102B_0825"]["quality"]]
 
 
+@pytest.mark.slow
 def test_thesis_writes_a_page_and_says_what_is_wrong(run):
     code, out, _ = run("thesis", "1.2", "figure 4.1", "--out", "pages")
     assert code == 0

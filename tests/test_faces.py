@@ -200,6 +200,7 @@ def test_two_hundred_recordings_through_every_face(tmp_path: Path) -> None:
     assert walked(200, tmp_path) == []
 
 
+@pytest.mark.slow
 def test_a_face_that_decides_by_itself_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lake once held loops to a limit of its own, and the service stored a width that the answer had not."""
     from glapp.service import fits

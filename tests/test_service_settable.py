@@ -86,6 +86,7 @@ def test_what_is_listed_is_all_there_is(client: TestClient, watch: Watch) -> Non
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_each_parameter_is_allowed_within_its_bounds_and_refused_beyond(
     client: TestClient, watch: Watch, name: str
 ) -> None:

@@ -565,13 +565,13 @@ def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result)
     # 2 % of a span of 200 are 4.
     for verdict, high in (("backlash", 6.0), ("at_least", None)):
         so, do = told(verdict, 5.0, high)
-        assert so.endswith(", more than the 2 % of span allowed.") and not do.startswith("Nothing")
+        assert so.endswith(", more than the 2\u00a0% of span allowed.") and not do.startswith("Nothing")
     assert told("backlash", 5.0, 6.0)[1].startswith("Check the linkage for play, and the packing")
-    assert told("backlash", 2.0, 3.9)[1].startswith("Nothing now: all of it is within the 2 % of span allowed.")
+    assert told("backlash", 2.0, 3.9)[1].startswith("Nothing now: all of it is within the 2\u00a0% of span allowed.")
     so, do = told("backlash", 3.0, 5.0)
     assert "allowed" not in so and do.startswith("Check the linkage"), "it may be either"
     assert told("at_least", 3.0, None)[1].startswith("Record while OP moves further")
-    assert told("backlash", 5.0, 6.0, None)[0].endswith(", more than the usual 1 % of span."), "nominal"
+    assert told("backlash", 5.0, 6.0, None)[0].endswith(", more than the usual 1\u00a0% of span."), "nominal"
 
 
 def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:

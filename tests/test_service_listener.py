@@ -378,7 +378,6 @@ def test_log_in_and_disable_while_strangers_hold_connections(window: Window) -> 
             assert page.status_code == 200 and "Overview" in page.text
 
 
-@pytest.mark.by_the_clock
 @pytest.mark.verify
 @pytest.mark.parametrize("target", ["service", "station"])
 def test_log_in_and_disable_while_strangers_hold_connections_for_two_minutes(target: str) -> None:

@@ -98,6 +98,18 @@ def test_an_operator_from_the_overview_to_the_step_test(browser: Any, demo: str)
     assert page.wrong == []
 
 
+def test_on_a_telephone_a_loop_is_a_card(browser: Any, demo: str) -> None:
+    page = entered(browser, demo, "vera")
+    page.set_viewport_size({"width": 390, "height": 844})
+    card = page.locator(".ag-row[row-index='0'] .ag-cell[col-id=card]")
+    card.get_by_text("Check the linkage for play").wait_for()
+    assert card.inner_text().splitlines()[:2] == ["2.40 % (1.90 to 3.06) Backlash", "Next round"]
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.locator(".ag-row[row-index='0'] .ag-cell[col-id=verdict]").wait_for()
+    assert card.count() == 0
+
+
 def test_an_engineer_enables_sees_the_effect_and_withdraws(browser: Any, demo: str) -> None:
     page = entered(browser, demo, path="/loop?name=FIC101")
     page.locator(".one", has_text="2.40 %").wait_for()  # a link to a loop leads there after the login

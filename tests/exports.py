@@ -1,7 +1,7 @@
 """One loop as control systems and historians export it: each form once, with what is to be read from it.
 
     python tests/exports.py FOLDER     writes all of them, and truth.json: values, times and units of each
-    python tests/exports.py            prints the table of docs/file-forms.md
+    python tests/exports.py            prints the table of bench/results/file_forms.md
 
 The loop is FIC101: 40 samples of SP, PV and OP, 5 s apart from 2026-03-21 10:00:00 on. PV and SP are near 9700 m3/h, so
 that thousands show.
@@ -816,7 +816,7 @@ def feather_file() -> Export:
 
 
 def guide() -> str:
-    """The table of `docs/file-forms.md`."""
+    """The table of `bench/results/file_forms.md`."""
     rows = ["| form | is | file | rows are | read right | in the page |", "|---|---|---|---|---|---|"]
     for name, (about, make) in FORMS.items():
         told = {"own_times": "those of PV; SP and OP held", None: "those of the file"}

@@ -1,7 +1,7 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
 Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes
-the tables into docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module
+the tables into bench/results/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module
 that ships.
 """
 
@@ -665,7 +665,7 @@ def main() -> None:
     """Measure, print, and write into the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/compensation.md")
     parser.add_argument("--only", choices=PARTS, help="one part")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:

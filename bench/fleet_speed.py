@@ -6,7 +6,7 @@
   at none of them, Polars + NumPy, DuckDB + Python, and Spark with a pandas UDF in plain NumPy.
 
 Rates are by processor time, which other work on the machine moves least; where it is by the clock, it is told. `--docs`
-writes the tables into docs/fleet.md.
+writes the tables into bench/results/fleet.md.
 """
 
 from __future__ import annotations
@@ -263,7 +263,7 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--loops", type=int, default=1000, help="in memory")
     asked.add_argument("--files", type=int, default=200, help="loops of a day, from Parquet")
-    asked.add_argument("--docs", action="store_true", help="write docs/fleet.md")
+    asked.add_argument("--docs", action="store_true", help="write bench/results/fleet.md")
     given = asked.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="glapp-fleet-"))
     lines = [f"{machine()}, DuckDB {version('duckdb')}, PySpark {version('pyspark')}, {platform.system()}.", ""]

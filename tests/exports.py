@@ -206,7 +206,7 @@ def swiss_thousands() -> Export:
     return plain(body(HEAD, stamps(), thousands("'", ".")), ";")
 
 
-@form("9.700 without decimals beside 45,50")
+@form("9.700 without decimals next to 45,50")
 def whole_thousands() -> Export:
     rows = body(HEAD, stamps(), thousands(".", ","))
     for row in rows[1:]:
@@ -595,12 +595,12 @@ def signal_inside() -> Export:
     return wide("FIC101 SP Reflux", "FIC101 PV Reflux", "FIC101 OP Reflux", loop="FIC101 Reflux")
 
 
-@form("CV as the output, beside PV")
+@form("CV as the output, next to PV")
 def cv_is_output() -> Export:
     return wide("FIC101.SP", "FIC101.PV", "FIC101.CV")
 
 
-@form("CV as the controlled variable, beside MV")
+@form("CV as the controlled variable, next to MV")
 def cv_is_controlled() -> Export:
     return wide("FIC101.SP", "FIC101.CV", "FIC101.MV")
 

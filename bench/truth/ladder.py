@@ -621,7 +621,7 @@ def main() -> None:
     parser.add_argument("--family", choices=FAMILIES, default="inside")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--resume", action="store_true", help="go on with out/ladder.jsonl")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/truth.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/truth.md")
     given = parser.parse_args()
     if not TRUTH.exists():
         parser.error(f"there is no {TRUTH}: run python -m bench.truth first")

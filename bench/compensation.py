@@ -1,8 +1,8 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
 Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes
-the tables into bench/results/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module
-that ships.
+the tables into bench/results/compensation.md. Everything is simulated, so that the gap is known; the module
+that ships compensates.
 """
 
 from __future__ import annotations

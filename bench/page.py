@@ -14,5 +14,7 @@ def write(name: str, text: str, mark: str = "measured") -> None:
     between = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
     written, places = between.subn(lambda m: f"{m[1]}\n{text.strip()}\n\n{m[2]}", page.read_text(encoding="utf-8"))
     if places != 1:
-        raise ValueError(f"bench/results/{name} has {places} places between <!-- {mark} --> and <!-- end -->; one is needed")
+        raise ValueError(
+            f"bench/results/{name} has {places} places between <!-- {mark} --> and <!-- end -->; one is needed"
+        )
     page.write_text(written, encoding="utf-8")

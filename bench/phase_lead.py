@@ -1,4 +1,6 @@
-"""What a phase lead does to loops with a gap: `python -m bench.phase_lead`, seconds; `--docs` writes bench/results/nonlinear.md.
+"""What a phase lead does to loops with a gap: `python -m bench.phase_lead`, seconds.
+
+`--docs` writes bench/results/nonlinear.md.
 
 Each loop is predicted by describing functions, a lead is designed for it (`glapp.nonlinear.phase_lead`), and both
 are run as graphs of modules with a gap of 1, no noise: a step of the setpoint, later one of the load, and then what

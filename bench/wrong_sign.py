@@ -2,7 +2,7 @@
 
 The random loops of `bench/compensation.py`, each as it is, with its process turned round, and with a detector that is
 told a K of the other sign; OP's range is 100 % where they have no limits. What notices it is the module that ships,
-beside a controller that nothing compensates. `--docs` writes the table into bench/results/modules.md; two minutes on two cores.
+beside a controller that nothing compensates. `--docs` writes bench/results/modules.md; two minutes on two cores.
 """
 
 from __future__ import annotations

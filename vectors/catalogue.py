@@ -42,8 +42,8 @@ def page(catalogue: dict[str, Any]) -> str:
     delays = [(f"`{name}`", f"{share:g}") for name, share in catalogue["longest_delays"].items()]
     parts += [
         "## longest delays",
-        "Longest delay of u_FF with which compensation may be enabled next to another maker's controller, as a share of "
-        "Ti; one scan is always allowed ([compensation.md](compensation.md#when-u_ff-comes-late)).",
+        "Longest delay of u_FF with which compensation may be enabled next to another maker's controller, as a share "
+        "of Ti; one scan is always allowed ([compensation.md](compensation.md#when-u_ff-comes-late)).",
         _table(("way", "Ti"), delays),
         "## conditions",
         "Of the safety net that can be switched off, one by one: " + ", ".join(catalogue["conditions"]) + ".",

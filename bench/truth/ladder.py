@@ -552,7 +552,7 @@ def unseen(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Ru
 
 
 def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
-    """In how many valves that stick the jump is told from a mere gap on each rung, and by the fit."""
+    """In how many valves that stick the jump is seen, and not only a gap, on each rung, and by the fit."""
     body = []
     for load in (*LOADS, "all"):
         of = [(row, r.lr_no_jump) for row, r in gaps if row.truth.cause_told and load in (row.truth.load, "all")]

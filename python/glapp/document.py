@@ -176,7 +176,7 @@ class Identified(_Part):
     k: Limits
     """Gain K [OP unit/PV unit] with its 95 % limits."""
     ti: Limits
-    """Integral time Ti [s] with its 95 % limits; no upper one where integral action cannot be told from none."""
+    """Integral time Ti [s] with its 95 % limits; no upper one where there may be no integral action."""
     td: Limits
     """Derivative time Td [s] with its 95 % limits; 0 where a law without it explains OP as well."""
     setpoint_weight: Value

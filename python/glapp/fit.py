@@ -473,7 +473,7 @@ def _joint(answer: dict[str, Any], each: list[OneOfMany]) -> dict[str, Any]:
 
 
 def _names(each: list[OneOfMany]) -> list[str]:
-    """Of recordings, told apart where several have one."""
+    """Names of recordings, made different where several have the same one."""
     names = [one.source for one in each]
     if len(set(names)) < len(names):
         return [f"{name} ({place})" for place, name in enumerate(names, 1)]

@@ -514,7 +514,7 @@ class Result:
         Smallest and largest detection behind `d_hat` [`unit`]: how well detections repeat, not an interval of
         confidence.
     noise_floor : float or None
-        A width below this cannot be told from what noise alone produces [`unit`].
+        Noise alone can produce a width up to this [`unit`].
     detections : int
         Accepted half-periods.
     half_periods : HalfPeriods

@@ -234,9 +234,9 @@ pub enum Reason {
         /// All holds.
         holds: usize,
     },
-    /// PV did not answer a second move in the same direction: the gain is not told from 0.
+    /// PV did not answer a second move in the same direction: the gain may be 0.
     GainNearZero,
-    /// The readings disagree by so much that the gain is not told from 0.
+    /// The readings disagree by so much that the gain may be 0.
     GainNearZeroDisagree {
         /// F ratio.
         f: f64,

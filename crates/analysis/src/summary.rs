@@ -308,7 +308,7 @@ pub struct Summary {
     pub cause: Option<Cause>,
     /// What the width is; none where there is neither width nor bound.
     pub width_kind: Option<WidthKind>,
-    /// Whether the loop swings to and fro in almost even time, whatever makes it.
+    /// Whether the loop swings back and forth in almost even time, whatever the cause.
     pub oscillates: bool,
     /// The width that lists rank by: the most likely one, or the bound where that is all; none where no gap was found [OP unit].
     pub width: Option<f64>,

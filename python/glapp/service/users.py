@@ -341,7 +341,7 @@ class Users:
         Raises
         ------
         Refused
-            For a wrong name or password, which are not told apart.
+            For a wrong name or password, with the same message.
         """
         query = "SELECT role, password FROM users WHERE name = ?"
         known = self._memory.one(query, attempt.name)

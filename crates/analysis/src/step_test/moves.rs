@@ -13,7 +13,7 @@ pub(super) struct Move {
     pub(super) kind: Kind,
     pub(super) origin: usize,
     pub(super) to: usize,
-    /// The last hold at which the valve is known to have been pressed; from there on OP may have gone to and fro within the
+    /// The last hold at which the valve is known to have been pressed; from there on OP may have gone back and forth within the
     /// dead band.
     pub(super) since: Option<usize>,
     /// OP's move from the origin [OP unit].

@@ -1,4 +1,4 @@
-//! What the three parts of an answer are told from.
+//! The input of the three parts of an answer.
 
 use super::Message;
 use serde::Deserialize;

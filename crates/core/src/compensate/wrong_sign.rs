@@ -36,7 +36,7 @@ const LONGEST: f64 = 1e9;
 /// One that grows steadily keeps PV at the same distance while OP goes. One that comes at once takes PV away first: by the time OP
 /// has gone to its limit PV is on its way back, or at its farthest. A step of SP takes OP to its limit and PV towards SP.
 ///
-/// What cannot be told apart: a load that by itself grows as a loop of the wrong sign does, faster and faster, and beyond what OP
+/// It cannot be separated from this: a load that by itself grows as a loop of the wrong sign does, faster and faster, and beyond what OP
 /// can do; and one far beyond it that comes at once, where K is so large that OP is at its limit before PV is half of its way. Either
 /// way the loop has lost its PV. Without limits nothing is noticed; nor where OP began near the limit at which it ends.
 ///

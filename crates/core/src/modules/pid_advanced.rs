@@ -118,7 +118,7 @@ impl<R: Real> PidAdvancedSettings<R> {
 /// and the conditions of the safety net use the longest Ti and the largest |K| of the table.
 ///
 /// The [`AutoTuner`] inside (6.6, 7.2.2) stands between controller and output, as it would outside: set `tuner.run` in the state,
-/// and a relay experiment begins with the next scan. It ends like any other; besides in manual ([`Stop::NotAuto`]) and where the
+/// and a relay experiment begins with the next scan. It ends like any other, and also in manual ([`Stop::NotAuto`]) and where the
 /// controller's own `rate` is too low for the relay, whose swing is 4/3 of the amplitude ([`Stop::OpLimit`]).
 /// Once it is done, [`offered`](Self::offered) gives the controller that the rule makes of it, and [`take_over`](Self::take_over) puts it in
 /// force without a bump. The Kp that it found, where it found one, goes to the detector at once, unless `kp` is given.

@@ -14,7 +14,7 @@ use crate::{ParameterError, Real};
 ///          low high
 /// ```
 ///
-/// It has no memory, hence no state. An input that is no number passes as it is.
+/// It has no memory, so no state. An input that is no number passes as it is.
 ///
 /// ```
 /// use glapp_core::Saturation;

@@ -44,7 +44,7 @@ const FEWEST_SAMPLES: u32 = 8;
 ///
 /// **Static gain.** Kp = (mean PV, biased − mean PV, balanced)/(the same of OP). An integrating process brings the mean of OP
 /// back to where it was: below κ = 0.05 there is no telling it from one, `kp` is none and `kappa` 0. Known bias: a load that
-/// changes between the two phases goes into Kp in full, save where PV's mean did not follow (`kp` and `kappa` none).
+/// changes between the two phases goes into Kp in full, except where PV's mean did not follow (`kp` and `kappa` none).
 ///
 /// **A gap** of known width d takes d/2 off either level before it reaches the process; that is counted in. One that is not
 /// known makes Ku too high by the share d/(4a/3 − d) and more, and Kp by much more.

@@ -32,7 +32,7 @@ BESIDE = ("beside", "is told", "are told", "be it")
 INVERTED = re.compile(
     r"(?:Here|There|Below|Above|Behind|Under|Over|Within|Beyond|In|Next to) (?:it |them )?(?:stands?|lies?|comes?|goes)\b"
     r"|(?:Nor|So|Such|Neither) (?:is|are|was|were|do|does|did|has|have|can|could|may|must|will|would)\b"
-    r"|(?:(?!Speed|Need|Feed|Seed)[A-Z]\w+ed|Shown|Lost|Taken|Left|Given|Found|Held|Known|Written|Seen|Told|Put|Made|Kept)"
+    r"|(?:(?!Speed|Need|Feed|Seed)[A-Z]\w+ed|Shown|Lost|Taken|Left|Given|Found|Held|Known|Written|Seen|Told|Put|Made)"
     r" (?:is|are|was|were)\b"
 )
 """How a sentence begins whose subject comes behind its verb."""

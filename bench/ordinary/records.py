@@ -293,8 +293,8 @@ def swept(valve: Valve, about: float) -> tuple[float, float, float, float]:
     """Width, its least and greatest, and the slip jump, of a valve whose width is about `about`.
 
     OP goes back and forth by 2 to 3 widths, so slowly that the actuator's lag is a hundredth of the width. A width is
-    how far OP goes after a turn before the plug has moved by `LEAST_MOVE` of it. The jump is how far the plug gets then,
-    while OP moves by that, beyond what OP moved; a jump below a twentieth of the width is none.
+    how far OP goes after a turn before the plug has moved by `LEAST_MOVE` of it. The jump is how far the plug gets
+    then, while OP moves by that, beyond what OP moved; a jump below a twentieth of the width is none.
     """
     random = Random(f"{valve}")
     least = LEAST_MOVE * about

@@ -58,7 +58,7 @@ class Identification:
     note : str
         How the fit was made, for the report.
     usable : bool
-        R² at least `R2_USABLE`, K and Ti both differ clearly from zero, and the ends of each at most a factor `WIDEST` apart.
+        R² at least `R2_USABLE`, K and Ti both clearly not zero, and the ends of each at most a factor `WIDEST` apart.
     reason : str
         One sentence for a person; empty when usable.
     td : float | None

@@ -345,7 +345,7 @@ class Harm:
     since_force: int | None = None
     """Half-periods from where it came in force to where it was withdrawn; None: it was not."""
     since_shown: int | None = None
-    """The same from where harm began to show, 0 where it was withdrawn before; None: no withdrawal, or no harm."""
+    """Half-periods from the first harm to the withdrawal; 0: withdrawn before; None: no withdrawal or no harm."""
     kept: float | None = None
     """Where it was withdrawn though it would have stayed within the bounds: `pv` had it not been."""
     absent: bool = False
@@ -423,7 +423,7 @@ def _harm(with_it: Scenario, compensated: Simulation, without: Simulation) -> Ha
 
 
 def _never(of: Scenario) -> Scenario:
-    """The same loop of modules, its compensation never enabled."""
+    """The loop of modules, with its compensation never enabled."""
     assert of.compensation is not None
     return of.model_copy(update={"compensation": of.compensation.model_copy(update={"begin": 2 * of.t_end})})
 

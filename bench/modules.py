@@ -86,7 +86,7 @@ def show(case: Case, c: Ideal, **told: float) -> Shown:
 
 
 def shows(case: Case) -> dict[str, Shown]:
-    """The same loop told much and little; an integrating process has no Kp, and is told to integrate."""
+    """What a loop shows with much and with little known; an integrating process has no Kp, and is set so."""
     c = RULES[case.rule](case.plant)
     integrates = PLANTS[case.plant].gain is None
     kp = {"integrating": 1.0} if integrates else {"kp": case.gain}

@@ -78,7 +78,7 @@ class Answer:
 
     @property
     def told(self) -> Told:
-        """As in `bench.loads`."""
+        """The outcome, by the rules of `bench.loads`."""
         return told(self.verdict, self.d_true, self.low, self.high)
 
     @property

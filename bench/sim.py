@@ -69,7 +69,7 @@ def ours_watched(steps: int, lanes: int, instructions: str | None) -> Callable[[
 
 
 def of_modules(steps: int) -> Callable[[], object]:
-    """The same loop put together from `glapp.modules`, its signals recorded."""
+    """A loop of `glapp.modules` with its signals recorded: the loop of the others."""
     loop = modules.Graph(
         H,
         {

@@ -30,7 +30,7 @@ class Loop(NamedTuple):
     right: float | None
     """With the right sign, how long after PV last crossed SP [Ti]."""
     wrong: float | None
-    """The same with the process turned round."""
+    """With the process turned round, how long after PV last crossed SP [Ti]."""
     told_wrong: float | None
     """Where the module is told a K of the other sign than the controller has, how long after the beginning [Ti]."""
 

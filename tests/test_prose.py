@@ -30,7 +30,7 @@ ARCHAIC = (
 BESIDE = ("beside", "is told", "are told", "be it")
 """Said in another way on pages: next to, with, compared with; is reported, is shown; also."""
 INVERTED = re.compile(
-    r"(?:Here|There|Below|Above|Behind|Under|Over|Within|Beyond|In|Next to) (?:it |them )?(?:stands?|lies?|comes?|goes)\b"
+    r"(?:Here|There|Below|Above|Behind|Under|Over|Within|Beyond|In|Next to) (?:it |them )?(?:stands?|lies?|comes?)\b"
     r"|(?:Nor|So|Such|Neither) (?:is|are|was|were|do|does|did|has|have|can|could|may|must|will|would)\b"
     r"|(?:(?!Speed|Need|Feed|Seed)[A-Z]\w+ed|Shown|Lost|Taken|Left|Given|Found|Held|Known|Written|Seen|Told|Put|Made)"
     r" (?:is|are|was|were)\b"

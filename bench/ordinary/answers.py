@@ -180,7 +180,7 @@ def done(path: Path) -> set[tuple[str, int]]:
 
 
 def _plain(x: Any) -> Any:
-    """The same in types that JSON has; numbers to six digits."""
+    """A value in types that JSON has; numbers to six digits."""
     if isinstance(x, dict):
         return {str(key): _plain(value) for key, value in x.items()}
     if isinstance(x, np.ndarray):

@@ -669,7 +669,7 @@ def _product(lags: Floats) -> Floats:
 
 
 def two_digits(x: float) -> float:
-    """As a person types it."""
+    """A number with the two digits that a person types."""
     return float(f"{x:.2g}")
 
 

@@ -244,7 +244,7 @@ def known(record: Record, process: Process, moves: Iterable[Floats]) -> list[Cos
 
 
 def sought(record: Record, process: Process, moves: Iterable[Floats], variance: float) -> list[Cost]:
-    """The same where the places of the load's changes are sought, and each costs what its place and its size are worth.
+    """What each movement costs where the places of the load's changes are sought, at the price of place and size.
 
     Orthogonal least squares: the change that pays most is taken in turn, from none and from the true ones; then what no
     longer pays is left out. A load that walks has no places.

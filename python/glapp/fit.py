@@ -598,7 +598,7 @@ def _windows(answer: dict[str, Any]) -> list[Window]:
 
 
 def _trend(answer: dict[str, Any]) -> Trend | None:
-    """The same a day."""
+    """The trend, with slope and error per day."""
     if (found := answer["trend"]) is None:
         return None
     told = {key: found[key] for key in ("windows", "t", "d", "changes")}

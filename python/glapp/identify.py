@@ -84,7 +84,7 @@ class Identification:
     td_high: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp analyze --json` writes it; None where there is no value."""
+        """The result in plain types, as `glapp analyze --json` writes it; None where there is no value."""
         return {
             "usable": self.usable,
             "k": [self.k, self.k_low, self.k_high],

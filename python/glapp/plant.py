@@ -231,7 +231,7 @@ class Plant:
     __rmul__ = __mul__
 
     def delayed(self, dead_time: float) -> Plant:
-        """The same process behind another `dead_time` ≥ 0 [s]."""
+        """The process with another `dead_time` ≥ 0 [s]."""
         return self * Plant([1], [1], dead_time)
 
     @property

@@ -213,7 +213,7 @@ class Corrected:
     reason: str | None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp analyze --json` writes it."""
+        """The corrected width in plain types, as `glapp analyze --json` writes it."""
         shown = {column.name: getattr(self, column.name) for column in fields(self)}
         return shown | {"kp_range": None if self.kp_range is None else list(self.kp_range)}
 
@@ -603,7 +603,7 @@ class Result:
         )
 
     def decided_with(self, *, harm: Sequence[Harm] = (), **facts: Any) -> Result:
-        """The same with other facts (fields of `Result`), and the one answer that follows from them."""
+        """A result with other facts (fields of `Result`), and the one answer that follows from them."""
         changed = replace(self, **facts)
         names = ("crossings", "d_hat", "detections", "reasons", "fit", "loop", "step_test")
         return replace(changed, answer=decide(**{name: getattr(changed, name) for name in names}, harm=harm))

@@ -391,7 +391,7 @@ pub fn fitted(batches: &[Batch<'_>], sign: f64, sinusoid: Option<usize>) -> Fitt
     }
 }
 
-/// The same with what was fitted to PV.
+/// The answer of position and PV together, with what was fitted to PV.
 pub(crate) fn fitted_with(batches: &[Batch<'_>], sinusoid: Option<usize>, pv: Result<JointAnswer, Unfit>) -> Fitted {
     let through_pv = FitAnswer::of_pv(&pv, sinusoid);
     let Some(position) = at_valve(batches) else {

@@ -130,7 +130,7 @@ pub enum LimitOrigin {
 pub struct Limit {
     /// [% of OP's span].
     pub percent_span: f64,
-    /// The same [OP unit], where the span is known.
+    /// Its width [OP unit], where the span is known.
     pub width: Option<f64>,
     /// Who said so.
     pub origin: LimitOrigin,
@@ -312,15 +312,15 @@ pub struct Summary {
     pub oscillates: bool,
     /// The width that lists rank by: the most likely one, or the bound where that is all; none where no gap was found [OP unit].
     pub width: Option<f64>,
-    /// The same [% of span], where that is known.
+    /// That width [% of span], where the span is known.
     pub width_percent_span: Option<f64>,
     /// Narrowest width that is not excluded [OP unit]; none where nothing is, as with crossings alone.
     pub low: Option<f64>,
-    /// The same [% of span].
+    /// That limit [% of span].
     pub low_percent_span: Option<f64>,
     /// Widest one.
     pub high: Option<f64>,
-    /// The same [% of span].
+    /// That limit [% of span].
     pub high_percent_span: Option<f64>,
     /// How strongly the recording speaks for a gap; none without a fit.
     pub evidence: Option<Evidence>,

@@ -29,7 +29,7 @@ pub enum GlappGraph {}
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GlappSetting {
-    /// As in the catalogue.
+    /// Its name in the catalogue.
     pub name: *const c_char,
     /// In the unit of the catalogue.
     pub value: f64,

@@ -305,7 +305,7 @@ impl Column {
         Ok(())
     }
 
-    /// The same of timestamps; the smallest integer where there is none.
+    /// The next timestamps, as many as a batch has; the smallest integer where there is none.
     fn integers(&mut self, scratch: &mut Scratch) -> Result<(), ParquetError> {
         let Scratch { levels, long, .. } = scratch;
         levels.clear();

@@ -88,7 +88,7 @@ impl Plant {
         self.dead_time
     }
 
-    /// The same with a dead time of at most `longest` \[s\].
+    /// This plant with a dead time of at most `longest` \[s\].
     pub(crate) fn within(self, longest: f64) -> Self {
         Self { dead_time: self.dead_time.min(longest), ..self }
     }

@@ -181,7 +181,7 @@ class Reach:
 
 
 def _column_number(letters: bytes) -> int:
-    """As Excel counts: A is 1, XFD is 16384."""
+    """The number of a column by its letters: A is 1, XFD is 16384."""
     number = 0
     for letter in letters.upper():
         number = 26 * number + letter - 64

@@ -134,7 +134,7 @@ class Head:
 
 
 def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:
-    """The same items, made in a background thread at most `depth` ahead, so that reading and work overlap."""
+    """Items made in a background thread, at most `depth` ahead, so that reading and work overlap."""
     shelf: Queue[tuple[bool, T | BaseException | None]] = Queue(depth)
     stop = Event()
 

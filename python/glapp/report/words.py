@@ -184,7 +184,7 @@ def told(result: Result) -> dict[str, Any]:
 
 
 def _finite(of: Any) -> Any:
-    """The same without numbers that JSON does not have."""
+    """A value without numbers that JSON does not have."""
     if isinstance(of, dict):
         return {name: _finite(value) for name, value in of.items()}
     if isinstance(of, list | tuple):

@@ -117,7 +117,7 @@ class _Told:
 
 @dataclass(slots=True)
 class _Rush:
-    """The same in very many tags at once."""
+    """How often something happened in very many tags at once."""
 
     since: float
     told: int = 0

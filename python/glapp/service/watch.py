@@ -1095,7 +1095,7 @@ class Watch:
         return await self.change(loop, values, person, role)
 
     async def asked_fit(self, loop: str, person: str, role: str) -> None:
-        """As `ask_fit`, put down.
+        """Queue a fit; log who asked.
 
         Raises
         ------

@@ -204,7 +204,7 @@ class _Envelope:
         return np.where(np.reshape(np.isfinite(ki) & stable, (-1, 1)), limits, -1.0)
 
     def near(self, k: Array, kd: float, w: Array, p: npt.NDArray[np.complex128], ki: float) -> Array:
-        """The same limit where it is known to be close to `ki`."""
+        """The limits where they are known to be close to `ki`."""
         low, _ = self.forbidden(k, kd, w, p)
         limits = self._least(np.where((low > 0.5 * ki) & (low < 1.3 * ki), low, math.inf))
         # Where another circle forbids what lies just below, the robust stretch has closed.

@@ -36,12 +36,12 @@ impl Ladder {
         &self.rungs
     }
 
-    /// The same, to hand them samples.
+    /// The detectors, to give them samples.
     pub fn rungs_mut(&mut self) -> &mut [Crossings] {
         &mut self.rungs
     }
 
-    /// The same half-periods judged with another process gain, see [`Crossings::with_gain`].
+    /// A ladder whose half-periods are judged with another process gain, see [`Crossings::with_gain`].
     ///
     /// # Errors
     ///

@@ -23,7 +23,7 @@ pub(super) struct Look<'a> {
     pub frozen: Vec<bool>,
     /// Step of PV's grid and steps in its range.
     pub pv_grid: Option<(f64, u64)>,
-    /// The same of OP.
+    /// Step of OP's grid and steps in its range.
     pub op_grid: Option<(f64, u64)>,
 }
 

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 /// Means that a settled hold is cut into: enough to see drift, long enough to leave noise uncorrelated.
 pub(super) const MEANS: usize = 16;
-/// The same of slopes: their certainty falls with the third power of a block's length.
+/// Slopes that a settled hold is cut into: fewer, since their certainty falls with the third power of a block's length.
 pub(super) const SLOPES: usize = 4;
 /// Fewest blocks of a hold: level, drift, and one that tells noise.
 const FEWEST: usize = 3;

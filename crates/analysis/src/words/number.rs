@@ -74,7 +74,7 @@ pub fn number(value: Option<f64>, digits: usize) -> String {
     text.strip_prefix('-').map_or(text.clone(), |size| format!("−{size}"))
 }
 
-/// The same with its unit, a no-break space between; a dash alone where there is no number.
+/// A number with its unit, a no-break space between; a dash alone where there is no number.
 pub fn quantity(value: Option<f64>, unit: &str, digits: usize) -> String {
     let text = number(value, digits);
     if text == DASH || unit.is_empty() { text } else { format!("{text}\u{a0}{unit}") }
@@ -117,7 +117,7 @@ pub fn clock(t0: Option<i64>, seconds: f64) -> String {
     dated(t0, seconds).unwrap_or_else(|| format!("{} s", general(seconds, 6)))
 }
 
-/// The same; none where there is no calendar or the moment lies beyond it.
+/// Date and time of a moment; none where there is no calendar or the moment lies beyond it.
 pub(super) fn dated(t0: Option<i64>, seconds: f64) -> Option<String> {
     const DAY: i128 = 86_400_000_000;
     let micros = i128::from(t0?) + libm::rint(seconds * 1e6) as i128;

@@ -25,7 +25,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// As a number; none of a word.
+    /// The value as a number; none of a word.
     pub(super) fn number(&self) -> Option<f64> {
         match self {
             Self::Count(count) => Some(*count as f64),
@@ -34,7 +34,7 @@ impl Value {
         }
     }
 
-    /// As a whole number.
+    /// The value as a whole number.
     pub(super) fn whole(&self) -> Option<i64> {
         match self {
             Self::Count(count) => Some(*count),

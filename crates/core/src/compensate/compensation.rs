@@ -238,8 +238,8 @@ impl<R: Real> CompensationSettings<R> {
         }
     }
 
-    /// The same of a `share` of the on-line estimate: as it is when compensation is enabled, and no width before. Band and time
-    /// from side to side are as above, of that estimate; no greatest width.
+    /// Defaults for a `share` of the on-line estimate as it is when compensation is enabled; before that there is no width. Band and
+    /// time from side to side are those of [`new`](Self::new) for that estimate; no greatest width.
     pub fn by_estimate(way: Way, k: R, ti: R, share: R) -> Self {
         let none = Self::new(way, k, ti, R::ZERO, share);
         Self { source: Source::Estimate, limit: R::of(NO_LIMIT), ..none }
@@ -338,7 +338,7 @@ pub struct CompensationSample<R> {
     /// On-line estimate of the whole gap, where there is one: the detector's, which shows what is left, and the size that was in
     /// force while it was made [OP unit].
     pub d_hat: Option<R>,
-    /// The same where it may be compensated by: it is a source.
+    /// That estimate where it may be compensated by: it is a source.
     pub offered: Option<R>,
     /// Whether over-compensation is warned of.
     pub over: bool,

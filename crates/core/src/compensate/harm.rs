@@ -8,7 +8,7 @@ const BLOCKS: f64 = 150.0;
 const KNOWN: f64 = 10.0;
 /// Blocks after which it is judged, and after which it has stood the trial.
 const TRIAL: (f64, f64) = (60.0, 100.0);
-/// As many times the mean of before is no part of how the loop swings: a step of setpoint or load.
+/// Greatest block, in means of before: a larger one is a step of setpoint or load, and not how the loop swings.
 const STEP: f64 = 4.0;
 /// More blocks in a row are no step any more.
 const BURST: u8 = 10;

@@ -15,7 +15,7 @@ pub const NOISE_SPAN: f64 = 6.0;
 /// next. What is worked out from the pairs takes longer than a scan does otherwise: it is done in the scan after the one in which a pair
 /// came, and in no other. O(1) per scan.
 ///
-/// The same bits as [`pairs`] and [`corrected`] over all half-periods, of which the last [`PAIRS`] pairs count.
+/// It has the bits of [`pairs`] and [`corrected`] over all half-periods, of which the last [`PAIRS`] pairs count.
 ///
 /// It is refused for one more reason: a width below six times the deviation of OP's fast noise, by [`NoiseLevel`], is what noise moves the valve
 /// by. A Kp that is a default counts as not known.

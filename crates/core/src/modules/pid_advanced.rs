@@ -255,12 +255,12 @@ impl<R: Real> PidAdvanced<R> {
         &self.detection
     }
 
-    /// As [`Pid::at_rest`].
+    /// The state in which the loop rests, see [`Pid::at_rest`].
     pub fn at_rest(&self, mode: Mode, y: R, output: R) -> PidAdvancedState<R> {
         PidAdvancedState { pid: self.pid.at_rest(mode, y, output), ..PidAdvancedState::at(output) }
     }
 
-    /// As [`Pid::forward`]; `by` is the scheduling variable, anything where there is no schedule.
+    /// Computes the output, see [`Pid::forward`]; `by` is the scheduling variable, anything where there is no schedule.
     #[inline(always)]
     pub fn forward(
         &self,
@@ -317,8 +317,8 @@ impl<R: Real> PidAdvanced<R> {
         out
     }
 
-    /// As [`Pid::backward`]; the detector learns from the sample of this scan. The output it sees is the controller's own,
-    /// without what came from outside.
+    /// Takes what became of the output, see [`Pid::backward`]; the detector learns from the sample of this scan. The output it sees
+    /// is the controller's own, without what came from outside.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidAdvancedState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
         let back = match &self.tuner {

@@ -151,7 +151,7 @@ mod tests {
             let between = (none[k - 3] + none[k - 4]) / 2.0;
             assert!((half[k] - between).abs() < 1e-14);
         }
-        // As long as it can be: the ring goes round.
+        // The longest dead time: the ring goes round.
         let long = at(6.2);
         assert_eq!(none[..100], long[62..162]);
     }

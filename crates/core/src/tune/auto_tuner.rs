@@ -300,7 +300,7 @@ struct Cycle<T> {
     /// ∫(OP − OP₀)dt, as the gap leaves it, and ∫±(PV − centre)dt.
     u: T,
     y: T,
-    /// The same times cos 2πt/T and sin 2πt/T.
+    /// Those integrands times cos 2πt/T and sin 2πt/T.
     u_cos: T,
     u_sin: T,
     y_cos: T,

@@ -169,8 +169,8 @@ impl<R: Real> Detector<R> {
         }
     }
 
-    /// As [`Self::glide`], with PV below SP or above it. A function of its own with copies on its stack, so that the
-    /// loop stays in registers. It asks what [`Self::advance`] asks, and the sign of the error.
+    /// [`Self::glide`] for an error of one sign: PV below SP, or above it. A function of its own with copies on its stack, so that
+    /// the loop stays in registers. It checks what [`Self::advance`] checks, and the sign of the error.
     #[inline(never)]
     fn glide_towards<const OP: bool, const FLAGS: bool, const BELOW: bool>(
         &self,

@@ -54,7 +54,7 @@ HELPS = 0.95
 
 
 def turns(x: Floats, band: float) -> list[int]:
-    """Where x has turned back from its farthest by more than `band`: the rows of the next extremes."""
+    """Rows at which x has turned back from its farthest by more than `band`."""
     slope = np.sign(np.diff(x))
     moves = np.flatnonzero(slope)
     rows = np.append(moves[1:][np.diff(slope[moves]) != 0], x.size - 1)

@@ -293,7 +293,7 @@ def longer(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list
 
 
 def _width(answer: Answer) -> float:
-    """Of the interval."""
+    """Width of the interval."""
     return (np.inf if answer.high is None else answer.high) - (answer.low or 0.0)
 
 

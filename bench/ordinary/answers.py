@@ -124,12 +124,12 @@ class Line:
         return _judged({"confidence": confidence, "cause": cause, "width_kind": kind}, numbers)
 
     def to_json(self) -> str:
-        """On one line; what is no number is null."""
+        """The answer as one line of JSON; what is no number is null."""
         return json.dumps(_plain(asdict(self)), allow_nan=False)
 
     @classmethod
     def of(cls, text: str) -> Self:
-        """From `to_json`."""
+        """An answer from a line of `to_json`."""
         line = json.loads(text)
         return cls(**line | {"truth": Truth(**line["truth"])})
 

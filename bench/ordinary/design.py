@@ -124,7 +124,7 @@ EACH = {2: (1.0, 1.0, 1.0, 2.0, 5.0), 8: (1.0, 2.0, 5.0, 5.0, 10.0), 24: (2.0, 5
 
 
 class Drive(NamedTuple):
-    """Of the valve what is the same with and without a fault: as in `Valve`."""
+    """Parts of the valve that a fault does not change, as in `Valve`."""
 
     lag: float
     positioner: float

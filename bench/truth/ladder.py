@@ -163,7 +163,7 @@ class Record:
         return lambda x: np.asarray(inverse @ x)
 
     def valve(self, op: Floats, d: float | None = None) -> Floats:
-        """Where a valve with a mere gap of `d` stands under `op`; the true valve where no width is given."""
+        """Positions under `op` of a valve with a mere gap of `d`; of the true valve where no width is given."""
         true = self.scenario
         parts: dict[str, modules.Module] = {"op": modules.Input()}
         width = true.d if d is None else d
@@ -204,7 +204,7 @@ class Record:
         return found
 
     def places(self) -> Places:
-        """Where a step or bend is sought [steps of the simulation]: evenly, and where they are."""
+        """Places at which a step or bend is sought [steps of the simulation]: even ones, and the true ones."""
         every = max(self.n / PLACES, self.drawn.every / 2)
         even = np.arange(every, self.n, every).astype(int)
         return np.concatenate([self.changes, even[~np.isin(even, self.changes)]])
@@ -493,13 +493,13 @@ def thresholds(sound: Sequence[tuple[Truth, Rungs]]) -> dict[str, list[float]]:
 
 
 def seen(rungs: Rungs, least: Sequence[float]) -> list[bool]:
-    """On which rungs, and on all above them, a gap can be told."""
+    """Whether a gap is seen on each rung and on all above it."""
     above = [ratio > x for ratio, x in zip(rungs.lr_no_gap, least, strict=True)]
     return [all(above[: i + 1]) for i in range(len(RUNGS))]
 
 
 def ask(name: str) -> Rungs:
-    """For a pool of processes."""
+    """Ask about one record; for a pool of processes."""
     return Rungs.of(name)
 
 

@@ -309,7 +309,7 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
 
 
 def _note(name: str, origin: Origin, answer: dict[str, Any], loop: Loop) -> str:
-    """Where a setting comes from, in words."""
+    """Origin of a setting, in words."""
     s, found = answer["controller"], answer["identification"]
     how: str = origin
     numbers: dict[str, Any] = {"tried": s["tried"], "kp": _glapp.KP_DEFAULT}

@@ -475,7 +475,7 @@ def _zeros_at_end(coefficients: Sequence[float]) -> int:
 
 
 def _coefficients(name: str, values: Any) -> tuple[float, ...]:
-    """Without zeros in front."""
+    """Coefficients without zeros in front."""
     try:
         numbers = [float(c) for c in np.atleast_1d(values)]
     except (TypeError, ValueError):

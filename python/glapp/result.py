@@ -633,7 +633,7 @@ class Result:
 
     @property
     def by_position(self) -> str | None:
-        """That the width is by a measured position, from which column, and what PV alone says; None where it is not."""
+        """Sentence on a width by a measured position: its column, and what PV alone says; None for any other width."""
         if self.fit is None or self.fit.best.get("signal") != "position":
             return None
         alone = self.fit.through_pv
@@ -656,7 +656,7 @@ class Result:
 
     @property
     def bound(self) -> tuple[float | None, float | None] | None:
-        """Where only a bound of the width is known [`unit`]: (at least, None) or (None, at most); else None."""
+        """Bound of the width where no more is known [`unit`]: (at least, None) or (None, at most); else None."""
         if self.answer.width_kind != "bound":
             return None
         if self.answer.width is not None:

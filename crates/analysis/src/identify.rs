@@ -76,7 +76,7 @@ pub struct Settings {
     pub note: Note,
 }
 
-/// From low to high; either may be infinite.
+/// An interval from low to high; either may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
     /// Lower end.

@@ -293,7 +293,7 @@ impl StepTest {
     }
 }
 
-/// From the least to the greatest.
+/// Distance from the least to the greatest.
 fn range(x: &[f64]) -> f64 {
     let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
     high - low

@@ -96,7 +96,7 @@ pub const LANES: usize = 8;
 
 /// [`LANES`] numbers in the registers of a processor.
 pub trait Lanes: Numbers + Adding<Self> {
-    /// Those of an array.
+    /// The numbers of an array.
     fn load(self, numbers: &[f64; LANES]) -> Self;
 
     /// They in an array.

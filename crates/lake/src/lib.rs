@@ -24,7 +24,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use stream::Stream;
 
-/// Where the samples of a loop are.
+/// Place of the samples of a loop.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Its files; their rows, one file after the other, are in the order of time.

@@ -26,7 +26,7 @@ pub(crate) struct Looped {
     last_y: f64,
 }
 
-/// Where in the graph the modules are that are fed, set or recorded.
+/// Places in the graph of the modules that are fed, set or recorded.
 struct Numbers {
     sp: usize,
     load: usize,

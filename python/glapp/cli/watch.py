@@ -516,7 +516,7 @@ def remove(name: Annotated[str, typer.Argument(metavar="NAME")], door: Url = _DO
 
 
 def _kept() -> Path:
-    """Where `login` keeps a token."""
+    """File in which `login` keeps a token."""
     base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".local" / "state")
     return Path(base) / "glapp" / "token"
 

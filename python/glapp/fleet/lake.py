@@ -165,7 +165,7 @@ class File:
         return cls(**{**known, **lists, "groups": groups, "digits": Digits(**known["digits"])})
 
     def column(self, role: str) -> str | None:
-        """Its column of this role: time, tag, value or quality."""
+        """The file's column of this role: time, tag, value or quality."""
         return next((name for name in self.columns if understand(name).role == role), None)
 
     @property

@@ -236,12 +236,12 @@ class Signals:
         return None if self.groups else ""
 
     def named(self, name: str) -> list[str]:
-        """Those that a person who wrote `name` means."""
+        """Columns that a person who wrote `name` means."""
         like = self._folded.get(name.strip().lower(), [])
         return [n for n in like if n == name] or like
 
     def meant(self, role: str, group: str) -> list[str]:
-        """Those that are `role` of the loop `group`, by their names."""
+        """Columns that are `role` of the loop `group`, by their names."""
         if role == "time":
             return self._times
         found = self._meant.get((role, group), [])

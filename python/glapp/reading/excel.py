@@ -287,7 +287,7 @@ def _text(cell: Any) -> str:
 
 
 def _whole(moment: datetime) -> datetime:
-    """To the millisecond: Excel's numbers of days are no finer."""
+    """A moment to the millisecond: Excel's numbers of days are no finer."""
     rounded = moment + timedelta(microseconds=500)
     return rounded.replace(microsecond=rounded.microsecond // 1000 * 1000)
 

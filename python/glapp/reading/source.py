@@ -119,7 +119,7 @@ class Head:
         self._read: dict[int, pa.Array | InputError] = {}
 
     def __call__(self, columns: Sequence[int]) -> list[pa.Array]:
-        """Those of the columns at these indices."""
+        """Arrays of the columns at these indices."""
         return [self._one(i) for i in columns]
 
     def _one(self, i: int) -> pa.Array:

@@ -447,7 +447,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
     @app.get("/metrics", responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}})
     async def metrics(request: Request) -> Response:
-        """For Prometheus: open on this computer, by a viewer's token from elsewhere."""
+        """Metrics for Prometheus: open on this computer, by a viewer's token from elsewhere."""
         host = request.client.host if request.client is not None else ""
         if not loopback(host):
             await at_least(Role.VIEWER)(request)
@@ -594,7 +594,7 @@ def loopback(host: str) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """With None for what JSON has no number for."""
+    """A value with None for what JSON has no number for."""
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

@@ -13,7 +13,7 @@ pub struct Ladder {
 }
 
 impl Ladder {
-    /// With the filter time of the settings where it is `given`; else with all: the shortest that serves
+    /// A ladder with the filter time of the settings where it is `given`; else with all: the shortest that serves
     /// ([`DetectorSettings::filter_time`]) and those of [`LADDER`] above it.
     pub fn new(settings: DetectorSettings<f64>, given: bool) -> Result<Self, ParameterError> {
         let DetectorSettings { ti, td, tf, .. } = settings;
@@ -59,7 +59,7 @@ impl Ladder {
         found.or_else(|| self.rungs.iter().position(|rung| rung.accepted() == most)).unwrap_or(0)
     }
 
-    /// Its place, and the detector with that filter time.
+    /// The place of the chosen filter time, and the detector with it.
     pub fn chosen(mut self) -> (usize, Crossings) {
         let place = self.choose();
         (place, self.rungs.swap_remove(place))

@@ -86,7 +86,7 @@ impl Crossings {
         })
     }
 
-    /// Its settings.
+    /// Settings of the detector.
     pub fn settings(&self) -> &DetectorSettings<f64> {
         &self.settings
     }

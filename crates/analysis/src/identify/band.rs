@@ -12,9 +12,9 @@ use crate::signals::median;
 
 /// Fewest and most blocks of time whose residuals count as independent.
 const BLOCKS: (usize, usize) = (8, 30);
-/// Moves, by which a law is judged.
+/// Most moves by which a law is judged.
 const EVERY: usize = 100_000;
-/// In a regression; they overlap, more add next to nothing.
+/// Most moves in a regression; they overlap, and more add next to nothing.
 const MOVES: usize = 2000;
 /// 95 % efficient for Gaussian residuals.
 pub(super) const TUKEY: f64 = 4.685;

@@ -37,7 +37,7 @@ pub(super) struct Lag {
 }
 
 impl Lag {
-    /// At rest at x.
+    /// Steady state for a constant input x.
     pub fn new(x: f64, tf: f64, h: f64, scans: bool) -> Self {
         let (a, now, before) = if scans {
             (tf / (tf + h), h / (tf + h), 0.0)

@@ -65,7 +65,7 @@ impl Blocks {
         self.y.len()
     }
 
-    /// Those of some holds.
+    /// The blocks of some holds.
     pub(super) fn of_holds(&self, holds: &[usize]) -> Self {
         let keep: Vec<usize> = (0..self.len()).filter(|i| holds.contains(&self.hold[*i])).collect();
         let pick = |x: &[f64]| keep.iter().map(|i| x[*i]).collect();

@@ -91,7 +91,7 @@ impl Limits {
 }
 
 impl Posterior {
-    /// Of the coefficients of these columns. `extra` is a variance common to all blocks of one hold and known beforehand, such as
+    /// Posterior of the coefficients of these columns. `extra` is a variance common to all blocks of one hold and known beforehand, such as
     /// that of a coarse PV; `widen` multiplies that of the noise. None where the columns do not tell them apart.
     pub(super) fn of(columns: &[Vec<f64>], axes: &Axes, extra: f64, widen: f64) -> Option<Self> {
         let (n, p) = (axes.blocks.len(), columns.len());

@@ -311,7 +311,7 @@ fn clause(message: Option<Message>) -> Value {
     message.map_or(Value::Word("".into()), Value::from)
 }
 
-/// Without its full stop: the sentence around it has its own.
+/// A text without its full stop: the sentence around it has its own.
 fn bare(text: &str) -> String {
     text.strip_suffix('.').unwrap_or(text).into()
 }

@@ -4,17 +4,17 @@ const DASH: &str = "–";
 /// A wider number needs an exponent; a narrower one too.
 const PLAIN: std::ops::Range<i32> = -4..6;
 
-/// With so many places behind the point.
+/// A number with so many places behind the point.
 pub(super) fn fixed(x: f64, places: usize) -> String {
     named(x).unwrap_or_else(|| format!("{x:.places$}"))
 }
 
-/// With so many places behind the point, times a power of ten of two digits or more.
+/// A number with so many places behind the point, times a power of ten of two digits or more.
 pub(super) fn scientific(x: f64, places: usize) -> String {
     named(x).unwrap_or_else(|| powered(&format!("{x:.places$e}")))
 }
 
-/// With so many significant digits, zeros at the end left out.
+/// A number with so many significant digits, zeros at the end left out.
 pub(super) fn general(x: f64, digits: usize) -> String {
     if let Some(named) = named(x) {
         return named;

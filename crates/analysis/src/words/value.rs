@@ -149,7 +149,7 @@ impl Message {
         Self { code: code.into(), numbers: BTreeMap::new() }
     }
 
-    /// With one number more.
+    /// Adds a number to the message.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.numbers.insert(name.into(), value.into());

@@ -208,7 +208,7 @@ pub struct CompensationSettings<R> {
 }
 
 impl<R: Real> CompensationSettings<R> {
-    /// For a controller with gain `k` and integral time `ti` \[s\], of a `share` of the width `size`: no more than that width; a
+    /// Defaults for a controller with gain `k` and integral time `ti` \[s\] and a `share` of the width `size`: no more than that width; a
     /// noise band of a fifth of it; the inverse goes from side to side in Ti/10, the other ways jump; no filter; taken away within
     /// Ti, or 300 s where that is shorter; the loop is compared over 300 Ti, and compensation withdrawn where that, or a warning, asks for it; the estimate may
     /// make the size smaller; no budgets, no limits.

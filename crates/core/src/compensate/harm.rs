@@ -10,7 +10,7 @@ const KNOWN: f64 = 10.0;
 const TRIAL: (f64, f64) = (60.0, 100.0);
 /// Greatest block, in means of before: a larger one is a step of setpoint or load, and not how the loop swings.
 const STEP: f64 = 4.0;
-/// More blocks in a row are no step any more.
+/// Most blocks in a row that count as one step.
 const BURST: u8 = 10;
 
 /// Compares PV's distance from SP, and how often OP turns, since compensation is in force with before it was enabled.

@@ -3,7 +3,7 @@
 use super::corrected::{Corrected, Doubt, Half, Pair, corrected, pairs};
 use crate::{NoiseLevel, ParameterError, Real, Record, Span, Swing, SwingParts, SwingState};
 
-/// So many of the last pairs of half-periods make the width on line.
+/// Number of the last pairs of half-periods that make the width on line.
 pub const PAIRS: usize = 9;
 /// Noise alone moves OP from end to end by so many times its deviation, and the valve follows.
 pub const NOISE_SPAN: f64 = 6.0;

@@ -3,7 +3,7 @@
 use crate::error::require;
 use crate::{HalfPeriod, LONGEST_WINDOW, ParameterError, Real};
 
-/// From which signals Δu, the travel of the control signal, is taken.
+/// Source of Δu, the travel of the control signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum TravelSource {

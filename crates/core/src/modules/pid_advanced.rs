@@ -156,7 +156,7 @@ pub struct PidAdvancedState<R: Real> {
 }
 
 impl<R: Real> PidAdvancedState<R> {
-    /// In auto, with the output at a known value, from which it goes on.
+    /// A controller in auto, with the output at a known value, from which it goes on.
     pub fn at(output: R) -> Self {
         Self {
             pid: PidState::at(output),

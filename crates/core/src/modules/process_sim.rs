@@ -41,7 +41,7 @@ pub struct ProcessSimState<R: Real, const N: usize> {
 }
 
 impl<R: Real, const N: usize> ProcessSimState<R, N> {
-    /// At rest under the constant input `x`.
+    /// Steady state for the constant input `x`.
     pub fn at_rest(x: R) -> Self {
         Self { y1: x.into(), y2: x.into(), inputs: [x; N], at: 0 }
     }

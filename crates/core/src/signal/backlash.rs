@@ -35,7 +35,7 @@ pub struct Backlash<R> {
     half: R,
 }
 
-/// Where the driven side of a [`Backlash`] stands.
+/// State of a [`Backlash`]: the position of the driven side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BacklashState<R> {

@@ -66,7 +66,7 @@ pub struct FrictionState<R> {
 }
 
 impl<R: Real> FrictionState<R> {
-    /// At rest, the output `u` in the middle of the band.
+    /// A valve at rest, the output `u` in the middle of the band.
     pub fn at(u: R) -> Self {
         Self { position: u, u, direction: R::ZERO }
     }

@@ -45,7 +45,7 @@ pub struct PhaseLeadState<R: Real> {
 }
 
 impl<R: Real> PhaseLeadState<R> {
-    /// At rest at a known value.
+    /// Steady state at a known value.
     pub fn at(value: R) -> Self {
         Self { lagged: value.into(), output: value, started: true }
     }

@@ -137,7 +137,7 @@ impl Rule {
     }
 }
 
-/// Where an experiment stands.
+/// Phase of an experiment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]

@@ -54,7 +54,7 @@ pub(super) struct Row<R> {
     pub(super) flags: Status,
 }
 
-/// From when to when a half-period lasts: its first sample, and the sample that ended it or, at a gap, the last one
+/// Start and end of a half-period: its first sample, and the sample that ended it or, at a gap, the last one
 /// before it. In the time of [`Columns`]; NaN before the first time that is a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {

@@ -17,7 +17,7 @@ const ROWS: usize = 64;
 const LEAST_STEP: f64 = 1e-9;
 const LARGEST: f64 = 1e29;
 
-/// With fewer loops under way in their lanes all run alone, for so many rows.
+/// Fewest loops under way that are run in lanes; with fewer all run alone, for so many rows.
 const WORTHWHILE: usize = 3;
 const ALONE: usize = 4 * ROWS;
 

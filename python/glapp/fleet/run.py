@@ -196,7 +196,7 @@ def analyze(
         raise InputError(f"is {engine!r}, must be 'local' or 'spark'", parameter="engine", value=engine)
     names, wrong = files_of(lake)
     if out.resolve().is_relative_to(lake.resolve()) and not out.name.startswith(("_", ".")):
-        hint = "name a folder beside the lake: what is in it would be read as part of the lake"
+        hint = "name a folder outside the lake: what is in it would be read as part of the lake"
         raise InputError("lies within the lake", file=str(out), parameter="out", hint=hint)
     tell: Stage = stage if stage is not None else lambda name, total, done: None
     out.mkdir(parents=True, exist_ok=True)

@@ -472,7 +472,7 @@ class Memory(Reader):
             self._db, version = _connected(path), 0
         elif not there and any(self.folder.glob("signals/*")):
             self.found = (
-                f"there is no {NAME} beside recorded signals: a new one was begun without the users, settings, "
+                f"there is no {NAME} next to recorded signals: a new one was begun without the users, settings, "
                 "answers and events of before; restore a copy of it"
             )
         try:

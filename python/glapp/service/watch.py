@@ -515,7 +515,7 @@ class Watch:
             self._tell(Event(now, None, "given_up", text))
         if now - self._failing_since > 60.0:
             for watched in self._loops.values():
-                self._switch_off(watched, "what happens cannot be put down: the memory cannot be written")
+                self._switch_off(watched, "what happens cannot be stored: the memory cannot be written")
 
     def _recovered(self, now: float) -> None:
         if self._failing_since is not None:

@@ -674,6 +674,7 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
     assert client.get("/overview.csv").headers["location"] == "/login"
 
 
+@pytest.mark.slow
 def test_whoever_is_removed_reads_nothing_any_more(
     window: tuple[Station, FastAPI], plant: tuple[Watch, FastAPI]
 ) -> None:

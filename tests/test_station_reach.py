@@ -24,9 +24,9 @@ DIALOGS = {
 }
 
 CONTROLS = """(scope) => {
-  const all = document.querySelectorAll(`${scope} :is(a[href], button, input, select, textarea, [tabindex])`);
+  const all = document.querySelectorAll(`${scope} :is(a[href], button, input, select, summary, textarea, [tabindex])`);
   const found = [...all].filter((e) => e.tabIndex >= 0 && !e.disabled && e.type !== 'hidden'
-    && e.getClientRects().length && !e.closest('.ag-root-wrapper, [aria-hidden=true], .q-dialog__inner > [tabindex]')
+    && e.checkVisibility() && !e.closest('.ag-root-wrapper, [aria-hidden=true], .q-dialog__inner > [tabindex]')
     && !e.matches('.q-focus-helper'));
   found.forEach((e, k) => (e.dataset.k = k));
   return found.map((e) => e.getAttribute('aria-label') || e.innerText || e.placeholder || e.type || e.tagName);

@@ -183,7 +183,7 @@ pub struct FitAnswer {
 }
 
 impl FitAnswer {
-    /// Nothing was fitted.
+    /// The answer where nothing was fitted.
     fn none(why: FitWhy, signal: Signal) -> Self {
         Self {
             verdict: LostMotion::CannotTell,
@@ -370,7 +370,7 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// Nothing was asked.
+    /// The answer where the fit was not asked, and why.
     pub fn not(why: FitWhy) -> Self {
         Self { answer: FitAnswer::none(why, Signal::PV), pv: None, position: None }
     }

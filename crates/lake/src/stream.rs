@@ -165,7 +165,7 @@ impl Stream {
         }
     }
 
-    /// Passes over them.
+    /// Skips values.
     pub(crate) fn pass(&mut self, n: usize) {
         self.from += n;
         self.done += n as u64;

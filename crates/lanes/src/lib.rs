@@ -40,7 +40,7 @@ impl Instructions {
         Self::available().pop().unwrap_or(Self::Baseline)
     }
 
-    /// Its name.
+    /// Name of the instruction set.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Baseline => "baseline",

@@ -28,7 +28,7 @@ pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResul
     Ok(out)
 }
 
-/// What PV said.
+/// The answer of PV's fit.
 pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
     let joint = match found {
         Ok(joint) => joint,

@@ -586,7 +586,7 @@ impl Wiring<'_> {
         Ok(())
     }
 
-    /// The forward pass: every module after those that drive it, save that the output of a delay is there from the start.
+    /// The forward pass: every module after those that drive it, except that the output of a delay is there from the start.
     fn order(&self) -> Result<Vec<usize>, GraphError> {
         let n = self.names.len();
         let waits_for = |i: usize, done: &[bool]| {

@@ -45,7 +45,7 @@ struct Numbers {
 }
 
 impl Looped {
-    /// At rest at the first setpoint `sp` and the first load; `n` samples in all.
+    /// A loop at rest at the first setpoint `sp` and the first load; `n` samples in all.
     pub(crate) fn new(s: &Scenario, n: usize, sp: f64, load: f64) -> Result<Self, SimError> {
         let signals = |outer: &Outer| {
             let noise = source(s, "outer noise", &outer.noise, stream::OUTER_NOISE, n)?;

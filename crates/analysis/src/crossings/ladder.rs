@@ -26,7 +26,7 @@ impl Ladder {
         Ok(Self { rungs: times.iter().map(rung).collect::<Result<_, _>>()? })
     }
 
-    /// The detectors of one that was saved.
+    /// A ladder from the detectors of one that was saved.
     pub(super) fn of(rungs: Vec<Crossings>) -> Self {
         Self { rungs }
     }

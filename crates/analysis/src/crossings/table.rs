@@ -91,7 +91,7 @@ impl Crossings {
         &self.settings
     }
 
-    /// The detector.
+    /// The detector of the crossings.
     pub fn detector(&self) -> &Detector<f64> {
         &self.detector
     }

@@ -96,7 +96,7 @@ pub(super) fn bands<'a>(signals: &'a Signals<'a>) -> Vec<Band<'a>> {
 }
 
 impl<'a> Band<'a> {
-    /// None where there are too few usable stretches of 2m rows.
+    /// The moves between means of m rows; none where there are too few usable stretches of 2m rows.
     fn new(signals: &'a Signals<'a>, m: usize, plain: &Sums) -> Option<Self> {
         let good = &signals.good;
         let usable = |k: &usize| good[k + 2 * m - 1] - good[*k] == 2 * m - 1;

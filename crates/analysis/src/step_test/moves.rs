@@ -92,7 +92,7 @@ pub(super) fn moves(
     moves
 }
 
-/// (a − b)·sign.
+/// Difference (a − b)·sign of two holds.
 pub(super) fn difference(a: &[f64], b: &[f64], sign: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| (a - b) * sign).collect()
 }

@@ -44,7 +44,7 @@ fn bare(text: &str) -> &str {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
 
-/// `1.2e5` as `1.2e+05`.
+/// Rewrites an exponent: `1.2e5` as `1.2e+05`.
 fn powered(text: &str) -> String {
     let Some((mantissa, power)) = text.split_once('e') else { return text.into() };
     let (sign, power) = power.strip_prefix('-').map_or(('+', power), |power| ('-', power));

@@ -144,7 +144,7 @@ pub struct Message {
 }
 
 impl Message {
-    /// One without numbers.
+    /// A message without numbers.
     pub fn new(code: impl Into<String>) -> Self {
         Self { code: code.into(), numbers: BTreeMap::new() }
     }

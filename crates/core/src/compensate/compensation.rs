@@ -487,7 +487,7 @@ impl<R: Real> Compensation<R> {
         Ok(Self { settings, longest: s.longest_release(), filter: SecondOrderFilter::new(s.tf)?, harm })
     }
 
-    /// The settings.
+    /// The settings of this block.
     pub fn settings(&self) -> &CompensationSettings<R> {
         &self.settings
     }
@@ -590,7 +590,7 @@ impl<R: Real> Compensation<R> {
         }
     }
 
-    /// Finds the direction.
+    /// Finds the direction in which the valve is driven.
     #[inline(always)]
     fn look(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
         let s = &self.settings;
@@ -620,7 +620,7 @@ impl<R: Real> Compensation<R> {
         if self.settings.source == Source::Estimate { state.pressed } else { self.settings.size }
     }
 
-    /// The noise band.
+    /// The noise band that counts as a reversal.
     #[inline(always)]
     fn band(&self, state: &CompensationState<R>) -> R {
         let s = &self.settings;

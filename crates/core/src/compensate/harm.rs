@@ -116,7 +116,7 @@ impl<R: Real> Harm<R> {
         state.time.value() * R::of(BLOCKS) >= self.watch && self.conclude(state)
     }
 
-    /// Ends a block.
+    /// Ends a block of the watch and judges.
     #[inline(never)]
     fn conclude(&self, state: &mut HarmState<R>) -> bool {
         let (x, n) = (state.area.value() / state.time.value(), state.reversals);

@@ -58,7 +58,7 @@ pub struct PidState<R: Real> {
 }
 
 impl<R: Real> Pid<R> {
-    /// Gain `k` ≠ 0, negative for a direct-acting controller [output per process value], integral time `ti` > 0 \[s\],
+    /// A PID with gain `k` ≠ 0, negative for a direct-acting controller [output per process value], integral time `ti` > 0 \[s\],
     /// derivative time `td` ≥ 0 \[s\], setpoint weight `b` between 0 and 1.
     pub fn new(k: R, ti: R, td: R, b: R, limits: Saturation<R>) -> Result<Self, ParameterError> {
         Ok(Self {

@@ -103,7 +103,7 @@ impl<R: Real> Default for CorrectionState<R> {
 }
 
 impl<R: Real> Correction<R> {
-    /// `k` [OP unit/PV unit] ≠ 0; `ti` \[s\] > 0; `b` setpoint weight, 0 to 1; `kp` process gain [PV unit/OP unit] where it is known, and
+    /// The block for a controller: `k` [OP unit/PV unit] ≠ 0; `ti` \[s\] > 0; `b` setpoint weight, 0 to 1; `kp` process gain [PV unit/OP unit] where it is known, and
     /// no default; `integrating`: the process has no plateau, and no width is given.
     pub fn new(k: R, ti: R, b: R, kp: Option<R>, integrating: bool) -> Result<Self, ParameterError> {
         Ok(Self { swing: Swing::new(k, ti, None, b)?, kp, integrating })

@@ -265,7 +265,7 @@ impl<R: Real> DetectorState<R> {
 }
 
 impl<R: Real> Detector<R> {
-    /// Puts the blocks together. `max_h` \[s\] > 0, at most 10⁹: a longer step is a gap. `op_limits` \[OP unit\], low < high: an OP at
+    /// A detector of these blocks. `max_h` \[s\] > 0, at most 10⁹: a longer step is a gap. `op_limits` \[OP unit\], low < high: an OP at
     /// or beyond one of them is saturated.
     pub fn new(
         filter: SecondOrderFilter<R>,

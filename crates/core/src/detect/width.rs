@@ -76,7 +76,7 @@ impl<R: Real> WidthParts<R> {
 }
 
 impl<R: Real> Width<R> {
-    /// `k` [OP unit/PV unit] ≠ 0, negative for a direct-acting controller; `ti` \[s\] > 0; `td` \[s\] ≥ 0 where known;
+    /// The block for a controller: `k` [OP unit/PV unit] ≠ 0, negative for a direct-acting controller; `ti` \[s\] > 0; `td` \[s\] ≥ 0 where known;
     /// `b` setpoint weight, 0 to 1; `kp` process gain [PV unit/OP unit] ≠ 0 where known.
     pub fn new(k: R, ti: R, td: Option<R>, b: R, kp: Option<R>) -> Result<Self, ParameterError> {
         if let Some(td) = td {

@@ -26,7 +26,7 @@ pub struct ForeignDetectionSettings<R> {
 }
 
 impl<R: Real> ForeignDetectionSettings<R> {
-    /// u_FF is a scan late; what is read back may be off by a tenth of the width; the longest delay is that of the way.
+    /// Default settings: u_FF is a scan late; what is read back may be off by a tenth of the width; the longest delay is that of the way.
     pub fn new(detection: BacklashDetectionSettings<R>) -> Self {
         Self { detection, delay: 1, tolerance: None, longest: None }
     }

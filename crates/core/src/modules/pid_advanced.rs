@@ -76,7 +76,7 @@ pub struct PidAdvancedSettings<R> {
 }
 
 impl<R: Real> PidAdvancedSettings<R> {
-    /// Kp and spans not known, no filter of the detector's own, N = 9, no ramp, no schedule, no compensation, no autotuner.
+    /// Default settings: Kp and spans not known, no filter of the detector's own, N = 9, no ramp, no schedule, no compensation, no autotuner.
     pub fn new(pid: PidSettings<R>) -> Self {
         Self {
             pid,

@@ -48,7 +48,7 @@ impl<R: Real, const N: usize> ProcessSimState<R, N> {
 }
 
 impl<R: Real, const N: usize> ProcessSim<R, N> {
-    /// Static `gain` ≠ 0 [output per input], lags `t1`, `t2` ≥ 0 \[s\], `dead_time` ≥ 0 \[s\], scan time `h` > 0 \[s\].
+    /// A process with static `gain` ≠ 0 [output per input], lags `t1`, `t2` ≥ 0 \[s\], `dead_time` ≥ 0 \[s\], scan time `h` > 0 \[s\].
     pub fn new(gain: R, t1: R, t2: R, dead_time: R, h: R) -> Result<Self, ParameterError> {
         require("h", h, h > R::ZERO, "greater than 0 s")?;
         let steps = require("dead_time", dead_time, dead_time >= R::ZERO, "0 s or greater")? / h;

@@ -46,7 +46,7 @@ pub struct BacklashState<R> {
 }
 
 impl<R: Real> BacklashState<R> {
-    /// The driven side at a known position [unit of the input].
+    /// State with the driven side at a known position [unit of the input].
     pub fn at(output: R) -> Self {
         Self { output, started: true }
     }

@@ -73,7 +73,7 @@ impl<R: Real> FrictionState<R> {
 }
 
 impl<R: Real> Friction<R> {
-    /// Stick band plus dead band `s` ≥ 0, slip jump 0 ≤ `j` ≤ `s`.
+    /// Friction with stick band plus dead band `s` ≥ 0 and slip jump 0 ≤ `j` ≤ `s`.
     pub fn new(model: Model, s: R, j: R) -> Result<Self, ParameterError> {
         require("s", s, s >= R::ZERO, "0 or greater")?;
         require("j", j, j >= R::ZERO && j <= s, "0 or greater, at most s")?;

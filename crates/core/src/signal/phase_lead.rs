@@ -52,7 +52,7 @@ impl<R: Real> PhaseLeadState<R> {
 }
 
 impl<R: Real> PhaseLead<R> {
-    /// Time constants `lead` ≥ `lag` > 0 \[s\].
+    /// A phase lead with time constants `lead` ≥ `lag` > 0 \[s\].
     pub fn new(lead: R, lag: R) -> Result<Self, ParameterError> {
         require("lag", lag, lag > R::ZERO, "greater than 0 s")?;
         require("lead", lead, lead >= lag, "a number not less than lag: a phase lead")?;

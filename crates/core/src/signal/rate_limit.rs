@@ -38,7 +38,7 @@ pub struct RateLimitState<R: Real> {
 }
 
 impl<R: Real> RateLimitState<R> {
-    /// The output at a known value.
+    /// State with the output at a known value.
     pub fn at(output: R) -> Self {
         Self { output: output.into(), started: true }
     }

@@ -277,7 +277,7 @@ impl<R: Real> Found<R> {
         }
     }
 
-    /// [`tuning::ziegler_nichols_frequency`].
+    /// The controller by [`tuning::ziegler_nichols_frequency`].
     pub fn ziegler_nichols(&self, kind: Kind, table: Table) -> Result<Gains<R>, ParameterError> {
         tuning::ziegler_nichols_frequency(self.ku, self.tu, kind, table)
     }

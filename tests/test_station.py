@@ -145,7 +145,10 @@ def test_width_is_in_percent_of_span_only_where_that_is_known(view: View) -> Non
 
 
 def test_a_service_that_stopped_is_told_with_its_age(view: View) -> None:
-    assert view.behind is None
+    shown = view.shown["wall"]
+    for late, behind in ((19.0, None), (21.0, 21.0)):
+        view._clock = lambda late=late: shown + late
+        assert view.behind == (None if behind is None else pytest.approx(behind))
     view._clock = lambda: time.time() + 130.0
     assert view.behind is not None and 129.0 < view.behind < 140.0
 

@@ -101,7 +101,7 @@ _BLOCKS = 5
 
 
 def _show(answers: Sequence[Result | Refused], why: bool) -> None:
-    """What is so and what to do: a block a loop, or of many loops a table, the most urgent first; why in blocks only."""
+    """What is so and what to do: a block a loop, or of many a table, the most urgent first; why in blocks only."""
     results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
     shown = [result for result in results if result.trace is not None]  # an error has a line of its own
     if why or len(results) <= _BLOCKS:

@@ -292,8 +292,9 @@ class CompensationPage:
         found = calm(values["time"], sp, pv, u_ff, self._begun, least)
         if found is None:
             left = max(0.0, least - (now - self._begun))
+            last = next((x for x in reversed(u_ff) if math.isfinite(x)), 0.0)  # the newest PV may be there before it
             self.calm.set_text(
-                f"u_FF is {quantity(u_ff[-1] if u_ff else 0.0, self.op_unit)}. Whether PV is calmer can be told "
+                f"u_FF is {quantity(last, self.op_unit)}. Whether PV is calmer can be told "
                 f"in {duration(left)}: that takes {duration(least)} before it was enabled, and as long since."
             )
         else:

@@ -187,11 +187,10 @@ target/site/.npm:
 	npm install --prefix target/site --no-audit --no-fund --loglevel=error iframe-worker@1.0.4
 	touch $@
 
-# Names, numbers, units, bounds and defaults, from the crates into docs/catalogue.md.
+# Names, numbers, units, bounds and defaults, from the crates into vectors/catalogue.json; the site shows them as a page.
 catalogue: setup
 	cargo run --quiet -p glapp-analysis --example catalogue > vectors/catalogue.json.new
 	mv vectors/catalogue.json.new vectors/catalogue.json
-	$(BIN)/python vectors/catalogue.py
 
 # The figures of the thesis with their numbers, as docs/gallery has them.
 gallery: setup

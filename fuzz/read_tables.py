@@ -192,7 +192,7 @@ def _lz4(text: bytes) -> bytes:
 
 
 def _excel(table: pa.Table) -> Iterator[Sound]:
-    """As Excel writes it, with shared strings, and with everything in its cells."""
+    """Workbooks by Excel's two ways: with shared strings, and with everything in its cells."""
     from openpyxl import Workbook
 
     for write_only in (False, True):

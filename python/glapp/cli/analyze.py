@@ -108,7 +108,7 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
         for result in shown:
             _block(result, why)
         if not why:
-            out.print(styled("Add --why to see what each answer stands on.", style="dim"))
+            out.print(styled("Reasons: add --why", style="dim"))
         return
     show_table(fitting(_columns(results), 4))
     out.print()

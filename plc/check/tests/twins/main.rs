@@ -2,6 +2,7 @@
 
 mod advanced;
 mod bounds;
+mod codes;
 mod common;
 mod compensate;
 mod control;

@@ -257,7 +257,7 @@ impl<R: Real> Stiction<R> {
                 state.u_ff.approach(R::ZERO, state.whole / s.release * sample.h);
             }
             state.travel.add(state.u_ff.since(old).magnitude());
-            self.compare(state, sample);
+            self.compare(state, sample, bad);
         }
         state.u_ff.value()
     }
@@ -352,8 +352,8 @@ impl<R: Real> Stiction<R> {
     }
 
     /// Compares the loop with what it was before it was enabled. The pushes themselves are no turns of the controller.
-    fn compare(&self, state: &mut StictionState<R>, sample: &StictionSample<R>) {
-        let unknown = sample.flags != 0 || !(sample.e + sample.u).is_measurable();
+    fn compare(&self, state: &mut StictionState<R>, sample: &StictionSample<R>, bad: bool) {
+        let unknown = bad || sample.flags != 0 || !(sample.e + sample.u).is_measurable();
         if !state.in_force && (state.standing != Standing::NotEnabled || unknown) {
             return match state.standing {
                 Standing::NotEnabled => self.harm.begin(&mut state.harm, false),

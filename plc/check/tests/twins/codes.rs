@@ -3,7 +3,7 @@
 use crate::common::home;
 use glapp_core::auto_tuner::{Phase, Rule, Stop};
 use glapp_core::modules::{Mode, Unfit};
-use glapp_core::{Doubt, Reason, Source, Standing, Way};
+use glapp_core::{Doubt, Push, Reason, Source, Standing, Way};
 use std::fmt::Debug;
 
 fn told(name: &str) -> Vec<(String, u8)> {
@@ -20,6 +20,8 @@ fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u8) {
         (_, "Struck") => "Contradicted".into(),
         (_, "Manual") => "ByHand".into(),
         ("Ways", _) => format!("By{name}"),
+        ("Pushes", "Knocker") => "ByPulses".into(),
+        ("Pushes", _) => format!("By{name}"),
         _ => name,
     };
     let known = known.into_iter().filter(|(name, _)| name != "None").map(|(name, number)| (here(name), number));
@@ -39,4 +41,5 @@ fn names_have_the_numbers_of_the_core() {
     held("Ways", &Way::ALL, |one| one as u8);
     held("Sources", &Source::ALL, |one| one as u8);
     held("Rules", &Rule::ALL, |one| one as u8);
+    held("Pushes", &Push::ALL, |one| one as u8);
 }

@@ -17,5 +17,6 @@ mod open_pins;
 mod random;
 mod self_check;
 mod self_test;
+mod stiction;
 mod subset;
 mod vectors;

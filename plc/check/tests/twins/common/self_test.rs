@@ -9,6 +9,7 @@ use super::detection;
 use super::detector::{Pins, Reference};
 use super::names::{KNOWN, Names, Place, known};
 use super::{Case, Number, Scan, folder, home};
+use glapp_core::{Push, Stiction, StictionSample, StictionSettings, StictionState};
 use glapp_plc_check::{Build, Instance, Library, sources};
 use std::cell::RefCell;
 use std::fmt::Write;
@@ -43,7 +44,7 @@ struct Called {
 const SCANS: usize = 400;
 
 /// A, B, C and D are drawn anew in each scan, 0 to 1. A block that others here are made of is driven by them.
-const DRIVES: [Drive; 10] = [
+const DRIVES: [Drive; 11] = [
     Drive {
         block: "filter",
         name: "SecondOrderFilter",
@@ -222,6 +223,19 @@ const DRIVES: [Drive; 10] = [
         outputs: &SHOWN,
         when: "",
     },
+    // Each way of pushing in turn.
+    Drive {
+        block: "stiction",
+        name: "Stiction",
+        params: "{}",
+        before: "",
+        call: "Enable := TRUE, Compensate := Scan > 20, H := 0.25, E := A - 0.5, U := 40.0 + (5.0 * B), K := 1.0, Ti := 1.0, \
+               Push := 1 + (Scan / 150), Size := 2.0",
+        h: "H",
+        row: |pin| vec![pin("E"), pin("U"), pin("Compensate"), pin("Push")],
+        outputs: &["UFf", "#Standing", "#Direction"],
+        when: "",
+    },
 ];
 
 const CALLED: [Called; 9] = [
@@ -369,6 +383,18 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
             let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), k: *k, td: Some(0.0), ..Pins::default() };
             let flags = if *bad != 0.0 { glapp_core::status::BAD } else { 0 };
             Some(reference.scan(&Pins { flags, kp: Some(2.0), op_span: Some(100.0), n: 3, ..pins }).0)
+        });
+    }
+    if drive.block == "stiction" {
+        let mut state = StictionState::<R>::default();
+        return Box::new(move |x, h| {
+            let [e, u, enable, push] = x else { panic!("{x:?}") };
+            let push = Push::ALL[*push as usize - 1];
+            let block = Stiction::new(StictionSettings::new(push, R::ONE, R::ONE, R::of(2.0))).unwrap();
+            let sample =
+                StictionSample { e: R::of(*e), u: R::of(*u), h: R::of(h), enable: *enable != 0.0, flags: 0 };
+            let u_ff = block.update(&mut state, &sample);
+            Some(vec![u_ff.as_f64(), f64::from(state.standing as u8), state.direction.into()])
         });
     }
     if drive.outputs.len() == SHOWN.len() {

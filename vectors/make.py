@@ -163,7 +163,7 @@ def stiction(params: Params, h: Sequence[float], samples: Sequence[Sequence[floa
     push, size, ti = int(params["push"]), params["size"], params["ti"]
     two_moves = push == 3
     hold = params.get("hold", ti if two_moves else ti / 10.0)
-    period = params.get("period", 10.0 * ti if two_moves else ti / 2.0)
+    period = params.get("period", 10.0 * ti if two_moves else ti / 5.0)
     band, far = params.get("band", size / 10.0), params.get("far", 0.0)
     rate, release = params.get("rate", 1e37), params.get("release", min(ti, 300.0))
     budget = params.get("travel", 1e37)
@@ -3212,7 +3212,7 @@ BLOCKS: dict[
         ["e", "u", "enable", "flags"],
         ["u_ff", "standing", "direction"],
         "Pushes for a valve that sticks; push 1 knocker, 2 constant reinforcement, 3 two moves. Not given: limit size, "
-        "hold Ti/10 (two moves Ti), period Ti/2 (two moves 10 Ti), band size/10, release Ti, watch 300 Ti, no rate, no "
+        "hold Ti/10 (two moves Ti), period Ti/5 (two moves 10 Ti), band size/10, release Ti, watch 300 Ti, no rate, no "
         "budget. standing as of compensation.",
         {
             "Edge": "a push before it is enabled, beyond its rate, or through a limit of OP",

@@ -846,7 +846,7 @@ class Stiction(Module):
     hold : float, optional
         Length of a pulse, or of each of two moves, > 0, ≤ 10 Ti [s]; where not given Ti/10, of two moves Ti.
     period : float, optional
-        Time from one push to the next, ≥ 2 hold, ≤ 1000 Ti [s]; where not given Ti/2, of two moves 10 Ti.
+        Time from one push to the next, ≥ 2 hold, ≤ 1000 Ti [s]; where not given Ti/5, of two moves 10 Ti.
     band : float, optional
         How far the output must go before that is a direction, ≥ 0 [unit of the output]; a tenth of the size where not
         given.

@@ -22,7 +22,7 @@ use pyo3::prelude::*;
 /// hold : float, optional
 ///     Length of a pulse, or of each of two moves [s], > 0, ≤ 10 Ti; where not given Ti/10, of two moves Ti.
 /// period : float, optional
-///     Time from one push to the next [s], ≥ 2 hold, ≤ 1000 Ti; where not given Ti/2, of two moves 10 Ti.
+///     Time from one push to the next [s], ≥ 2 hold, ≤ 1000 Ti; where not given Ti/5, of two moves 10 Ti.
 /// band : float, optional
 ///     How far OP must go before that is a direction [unit of OP], ≥ 0; size/10 where not given.
 /// far : float

@@ -82,13 +82,13 @@ pub struct StictionSettings<R> {
 
 impl<R: Real> StictionSettings<R> {
     /// Pushes of height `size` for a controller with gain `k` and integral time `ti` \[s\]: no higher than that; pulses of Ti/10 every
-    /// Ti/2; two moves of Ti each, 10 Ti apart; a band of a tenth of the height; no rate and no budget; taken away within Ti, or 300 s where
+    /// Ti/5; two moves of Ti each, 10 Ti apart; a band of a tenth of the height; no rate and no budget; taken away within Ti, or 300 s where
     /// that is shorter; compared over 300 Ti, and withdrawn where that asks for it.
     pub fn new(push: Push, k: R, ti: R, size: R) -> Self {
         let ten = R::of(10.0);
         let (hold, period) = match push {
             Push::TwoMoves => (ti, ten * ti),
-            _ => (ti / ten, ti / R::of(2.0)),
+            _ => (ti / ten, ti / R::of(5.0)),
         };
         Self {
             push,

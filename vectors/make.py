@@ -172,7 +172,7 @@ def stiction(params: Params, h: Sequence[float], samples: Sequence[Sequence[floa
     last: float | None = None
     lowest = highest = time = u_ff = whole = travel = 0.0
     direction = withdrawn = 0
-    pushed = in_force = False
+    in_force = False
     rows = []
     for step, (e, u, enable, flags) in zip(h, samples, strict=True):
         bad = int(flags) & 2 != 0 or not (math.isfinite(e) and math.isfinite(u))
@@ -195,8 +195,7 @@ def stiction(params: Params, h: Sequence[float], samples: Sequence[Sequence[floa
                 if turned:
                     begins, direction, lowest, highest = True, turned, u, u
             if begins:
-                time, pushed = 0.0, direction != 0
-                begins = pushed
+                time, begins = 0.0, direction != 0
         if not enable:
             withdrawn, standing = 0, 1
         elif int(flags) & 1:
@@ -222,9 +221,9 @@ def stiction(params: Params, h: Sequence[float], samples: Sequence[Sequence[floa
             before, goal = u_ff, 0.0
             if in_force:
                 whole, most = 0.0, rate * step
-                if pushed and (push == 2 or time < hold):
+                if push == 2 or time < hold:
                     goal = size
-                elif pushed and two_moves and time < 2.0 * hold:
+                elif two_moves and time < 2.0 * hold:
                     goal = -size
                 goal = -goal if direction < 0 and goal else goal
             else:

@@ -173,8 +173,6 @@ pub struct StictionState<R: Real> {
     high: R,
     /// Time since the last push began, or since the first sample \[s\].
     time: R::Sum,
-    /// A push has begun.
-    pushed: bool,
     /// Which way it is pushed: +1 or −1; 0 while that is not known.
     pub direction: i8,
     in_force: bool,
@@ -299,8 +297,7 @@ impl<R: Real> Stiction<R> {
             _ => return false,
         }
         state.time = R::Sum::default();
-        state.pushed = state.direction != 0;
-        state.pushed
+        state.direction != 0
     }
 
     /// Where u_FF is to go while it is in force.
@@ -308,7 +305,6 @@ impl<R: Real> Stiction<R> {
         let s = &self.settings;
         let (towards, time) = (if state.direction < 0 { -s.size } else { s.size }, state.time.value());
         match s.push {
-            _ if !state.pushed => R::ZERO,
             Push::Reinforcement => towards,
             _ if time < s.hold => towards,
             Push::TwoMoves if time < R::of(2.0) * s.hold => -towards,

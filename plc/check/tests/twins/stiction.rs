@@ -28,10 +28,10 @@ struct Pins {
     withdraw: bool,
     far: f64,
     /// Each with its pin: those that may be left as they begin.
-    options: [(&'static str, Option<f64>); 7],
+    options: [(&'static str, Option<f64>); 8],
 }
 
-const OPTIONS: [&str; 7] = ["MaxSize", "Hold", "Period", "Band", "Rate", "Release", "Travel"];
+const OPTIONS: [&str; 8] = ["MaxSize", "Hold", "PushPeriod", "Band", "Rate", "Release", "Travel", "Watch"];
 
 fn on(x: bool) -> f64 {
     f64::from(u8::from(x))
@@ -41,7 +41,7 @@ fn on(x: bool) -> f64 {
 fn known(x: Option<f64>, pin: &str) -> Option<f64> {
     let open = if pin == "MaxSize" { Some(-1.0) } else { None };
     match pin {
-        "Hold" | "Period" => x.filter(|x| *x != 0.0),
+        "Hold" | "PushPeriod" => x.filter(|x| *x != 0.0),
         _ if open.is_some() => x.filter(|x| Some(*x) != open),
         _ => given(x, pin),
     }
@@ -71,7 +71,7 @@ impl Pins {
             return Err(named("push"));
         }
         let usual = StictionSettings::new(Push::ALL[self.push as usize - 1], r(self.k), r(self.ti), r(self.size));
-        let [limit, hold, period, band, rate, release, travel] =
+        let [limit, hold, period, band, rate, release, travel, watch] =
             self.options.map(|(pin, value)| known(value, pin).map(r));
         Stiction::new(StictionSettings {
             limit: limit.unwrap_or(usual.limit),
@@ -82,6 +82,7 @@ impl Pins {
             rate: rate.unwrap_or(usual.rate),
             release: release.unwrap_or(usual.release),
             travel: travel.unwrap_or(usual.travel),
+            watch: watch.unwrap_or(usual.watch),
             withdraw: self.withdraw,
             limits,
             ..usual
@@ -167,11 +168,12 @@ fn of_case(case: &Case) -> Pins {
         options: [
             ("MaxSize", of("limit")),
             ("Hold", of("hold")),
-            ("Period", of("period")),
+            ("PushPeriod", of("period")),
             ("Band", of("band")),
             ("Rate", of("rate")),
             ("Release", of("release")),
             ("Travel", of("travel")),
+            ("Watch", of("watch")),
         ],
     }
 }
@@ -183,35 +185,19 @@ fn vectors<R: Number>(with_vectors: bool) {
         // Seen off in a scan that counts for nothing.
         let before = Pins { h: 0.0, ..pins.clone() };
         before.set(&block);
-        block.option("Watch", case.param("watch"));
         block.call();
-        reference.armed = true;
-        let watch = case.param("watch").map(R::of);
+        reference.scan(&before);
         for (i, (h, x)) in case.input.iter().enumerate() {
             (pins.h, pins.e, pins.u, pins.compensate, pins.flags) = (*h, x[0], x[1], x[2] != 0.0, x[3] as u16);
             pins.set(&block);
             block.call();
-            reference.seen_h = true;
-            let settings = StictionSettings {
-                watch: watch.unwrap_or(R::of(300.0) * R::of(pins.ti)),
-                ..*pins.core::<R>().unwrap().settings()
-            };
-            let sample = StictionSample {
-                e: R::of(pins.e),
-                u: R::of(pins.u),
-                h: R::of(pins.h),
-                enable: pins.compensate,
-                flags: pins.flags,
-            };
-            Stiction::new(settings).unwrap().update(&mut reference.state, &sample);
-            let s = &reference.state;
-            let expected = vec![s.u_ff.value().as_f64(), f64::from(s.standing as u8), s.direction.into()];
-            let got = block.all(&["UFf", "Standing", "Direction"]);
-            assert!(same(&expected, &got), "{}, scan {i}: {got:?} instead of {expected:?}", case.name);
+            let (expected, shown) = (reference.scan(&pins), shown(&block));
+            assert!(same(&expected, &shown), "{}, scan {i}: {shown:?} instead of {expected:?}", case.name);
+            let got = &shown[3..6];
             if with_vectors {
                 let row = case.output.as_ref().unwrap()[i].as_array().unwrap();
                 let told: Vec<f64> = row.iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect();
-                assert!(same(&told, &got), "{}, scan {i}: {got:?} instead of {told:?}", case.name);
+                assert!(same(&told, got), "{}, scan {i}: {got:?} instead of {told:?}", case.name);
             }
         }
     }
@@ -230,6 +216,7 @@ fn vectors_real() {
 /// A loop that swings, with everything that can go wrong with it.
 fn drawn(d: &mut Draw) -> Pins {
     let ti = d.between(0.5, 4.0);
+    let ti = d.of(&[ti, ti, ti, 1e3]);
     Pins {
         enable: true,
         reset: false,
@@ -247,17 +234,18 @@ fn drawn(d: &mut Draw) -> Pins {
         withdraw: d.chance(0.8),
         far: d.of(&[0.0, 0.5]),
         options: OPTIONS.map(|pin| {
-            let some = match pin {
+            let some: f64 = match pin {
                 "MaxSize" => 3.0,
                 "Hold" => d.of(&[0.25, 0.5]),
-                "Period" => d.of(&[1.0, 2.0, 9.0]),
+                "PushPeriod" => d.of(&[1.0, 2.0, 9.0]),
                 "Band" => d.of(&[0.0, 0.1]),
                 "Rate" => d.of(&[1.0, 20.0]),
                 "Release" => d.of(&[0.5, 3.0]),
+                "Watch" => d.of(&[37.5, 75.0]),
                 _ => d.of(&[30.0, 900.0]),
             };
             // Two moves need a period with a hold of Ti.
-            let some = if pin == "Period" { some.max(8.0 * ti.min(0.5)) } else { some };
+            let some = if pin == "PushPeriod" { some.max(8.0 * ti.min(0.5)) } else { some };
             (pin, d.chance(0.5).then_some(some))
         }),
     }
@@ -266,7 +254,7 @@ fn drawn(d: &mut Draw) -> Pins {
 fn spoil(p: &mut Pins, d: &mut Draw) {
     let none = d.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]);
     let options = &mut p.options;
-    match d.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]) {
+    match d.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]) {
         0 => p.k = d.of(&[0.0, none]),
         1 => p.ti = d.of(&[0.0, -1.0, 2e9, none]),
         2 => p.push = d.of(&[0, 4, -1]),
@@ -279,6 +267,7 @@ fn spoil(p: &mut Pins, d: &mut Draw) {
         9 => options[4].1 = Some(d.of(&[-1.0, none])),
         10 => options[5].1 = Some(d.of(&[-1.0, none, 301.0, 11.0 * p.ti])),
         11 => options[6].1 = Some(d.of(&[-1.0, none])),
+        12 => options[7].1 = Some(d.of(&[-1.0, none, 1.1e5 * p.ti])),
         _ => p.limits = d.of(&[Some((1.0, 1.0)), Some((f64::NAN, 1.0)), Some((0.0, f64::INFINITY)), Some((-1e-3, 1e-3))]),
     }
 }
@@ -313,6 +302,9 @@ fn random<R: Number>() {
             if d.chance(wrong) {
                 let bad = d.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e32, -1e32, 1e36]);
                 if d.chance(0.5) { pins.e = bad } else { pins.u = bad }
+            }
+            if d.chance(0.2 * wrong) {
+                (pins.e, pins.u) = (0.9 * R::MOST.as_f64(), 0.9 * R::MOST.as_f64());
             }
             if d.chance(wrong) || (i < 2 && wrong > 0.0) {
                 pins.h = d.of(&[0.0, -0.25, 5.0, f64::NAN, 1e9, 1e12]);
@@ -365,17 +357,20 @@ fn another_version<R: Number>(cover: &mut Cover) {
     block.call();
     assert!(!block.on("Dropped"));
     cover.collect(&block);
-    let block = Block::new::<R>("GlappStiction");
-    block.unheld();
-    let mut pins = Pins { push: 2, size: 1e11, ti: 1e9, limits: None, ..drawn(&mut Draw::new(4)) };
-    pins.options = OPTIONS.map(|pin| (pin, (pin == "Rate").then_some(9e36)).clone());
-    pins.options[5].1 = Some(1e-36);
-    for i in 0..60 {
-        (pins.u, pins.compensate, pins.h) = (if (i / 6) % 2 == 0 { 9e11 } else { -9e11 }, (3..50).contains(&i), 1e8);
-        pins.set(&block);
-        block.call();
+    for release in [1e-36, 1e-20] {
+        let block = Block::new::<R>("GlappStiction");
+        block.unheld();
+        let mut pins = Pins { push: 2, size: 1e11, ti: 1e9, limits: None, ..drawn(&mut Draw::new(4)) };
+        pins.options = OPTIONS.map(|pin| (pin, (pin == "Rate").then_some(9e36)));
+        pins.options[5].1 = Some(release);
+        for i in 0..60 {
+            (pins.u, pins.h) = (if (i / 6) % 2 == 0 { 9e11 } else { -9e11 }, 1e8);
+            pins.compensate = (3..50).contains(&i);
+            pins.set(&block);
+            block.call();
+        }
+        cover.collect(&block);
     }
-    cover.collect(&block);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs what a change is most likely to break, in every language
 # make verify runs all the rest: matrices, long properties, soaks, other makers' stacks, the gallery, the browser
-# make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
 .PHONY: run test verify check setup lint lint-rust lint-python rust rust-checked bare embedded interop reader page capi wheels site bench catalogue gallery plc fuzz lock audit clean
+# make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a third of a second
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -140,6 +140,7 @@ reader: setup
 page: setup dist/page/index.html
 
 dist/page/index.html: $(SOURCES) $(shell find page python/glapp -type f -not -name '*.pyc' -not -name '*.so')
+	$(call stage,Compile the fit for the browser and build the page,4 min the first time$(,) 1 min after a change of a crate)
 	$(BIN)/python page/build.py dist/page
 
 # The library for C: header, shared and static library, examples. On Linux the version of its interface stands in its name.
@@ -184,6 +185,7 @@ $(VENV)/.bench: requirements/bench.txt $(VENV)/.tools
 
 # The documentation in dist/site, to be read without a server; a link that leads nowhere ends it.
 site: setup $(VENV)/.docs
+	$(call stage,Build the documentation,10 s)
 	@if command -v npm >/dev/null; then \
 		$(MAKE) --no-print-directory target/site/.npm && NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict; \
 		else echo "skipped: the site of the documentation, which needs npm"; fi

@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -60,9 +61,22 @@ def figures() -> dict[str, Callable[[], Any]]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What takes long begins first, so that at the end no worker waits long for another."""
-    slow = ("slow", "verify")
-    items.sort(key=lambda item: isinstance(item, pytest.Function) and not any(map(item.get_closest_marker, slow)))
+    """What takes long begins first, so that at the end no worker waits long for another.
+
+    First what runs by the clock, then groups that one worker must take alone, the largest first.
+    """
+
+    def group(item: pytest.Item) -> str | None:
+        mark = item.get_closest_marker("xdist_group")
+        return None if mark is None else str(mark.args[0])
+
+    def order(item: pytest.Item) -> tuple[bool, bool, int]:
+        quick = isinstance(item, pytest.Function) and not any(map(item.get_closest_marker, ("slow", "verify")))
+        return item.get_closest_marker("by_the_clock") is None, quick, -sizes[group(item)]
+
+    sizes = Counter(map(group, items))
+    sizes[None] = 1
+    items.sort(key=order)
     for item in items:
         if item.path.name.startswith(BY_THE_CLOCK):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=2))

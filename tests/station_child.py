@@ -98,7 +98,7 @@ async def main(folder: Path, port: int) -> None:
             opened.cancel()
             showing.cancel()
             await asyncio.gather(opened, showing, return_exceptions=True)
-            watch.memory.show(time.time() - 120.0, json.dumps(watch.status()))
+            watch.memory.show(time.time() - 120.0, json.dumps(watch.status() | {"wall": time.time() - 120.0}))
         if word == "no database":
             (folder / "glapp.db").rename(folder / "away.db")
         if word == "change":

@@ -48,6 +48,7 @@ class TestRecords:
         with pytest.raises(ValueError, match=name):
             lengths.made(name, 100)
 
+    @pytest.mark.slow
     def test_what_there_is_of_loops(self) -> None:
         """The times between samples that the page on the bench names, and a valve that OP takes to and fro."""
         for load in lengths.LOADS[1:]:

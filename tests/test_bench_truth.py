@@ -214,6 +214,7 @@ class TestMethods:
 
 
 class TestTables:
+    @pytest.mark.slow
     def test_count_what_they_say(self) -> None:
         with ThreadPoolExecutor(1) as pool:
             (known, unknown) = sorted(
@@ -243,12 +244,14 @@ class TestTables:
 
 
 class TestOracle:
+    @pytest.mark.slow
     def test_it_sees_what_a_record_holds(self) -> None:
         # A gap of ten times the noise under eleven steps of the load, and one of a tenth of what the load walks.
         clear, hidden = told("backlash/steps/inside/21"), told("backlash/walk/inside/1")
         assert clear.lr_no_gap > 500 and abs(clear.lr_no_jump) < 1
         assert abs(hidden.lr_no_gap) < 12
 
+    @pytest.mark.slow
     def test_it_tells_a_jump_from_a_gap(self) -> None:
         assert told("both/steps/inside/1").lr_no_jump > 1000
 

@@ -103,6 +103,7 @@ def test_demo_spares_a_loops_toml_that_is_not_its_own(run):
     assert "[loops.FIC201]" in Path("loops.toml").read_text()
 
 
+@pytest.mark.slow
 def test_a_report_that_cannot_be_written_leaves_the_old_one_and_the_answers(run, monkeypatch):
     """A full disk left half a report in place of the old one."""
     assert run("analyze", *SETTINGS, "a.csv", "--report", "r.html")[0] == 0
@@ -121,6 +122,7 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one_and_the_answers(run,
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX")
+@pytest.mark.slow
 def test_a_file_is_whole_or_as_it_was(tmp_path):
     path = tmp_path / "report.html"
     path.write_text("old")

@@ -93,6 +93,7 @@ def test_steps_that_make_up_for_a_wrong_width_are_marked_anew(h: float, seed: in
 
 
 @pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.slow
 def test_small_steps_of_the_load_show_no_gap(number: int) -> None:
     made = record(f"none/steps/inside/{number}")
     assert made is not None
@@ -343,6 +344,7 @@ def test_a_hole_and_bad_values_do_no_harm() -> None:
     assert f.d == pytest.approx(0.05, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_gap_that_op_never_goes_through_gives_no_width() -> None:
     t = np.arange(0, 400, 0.5)
     rng = np.random.default_rng(1)

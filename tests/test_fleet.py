@@ -116,6 +116,7 @@ def codes(problems: list[Problem]) -> set[str]:
     return {problem.code for problem in problems}
 
 
+@pytest.mark.slow
 def test_every_layout_gives_the_same_rows(tmp_path: Path) -> None:
     x = signals(days=2)
     whole = long(x)
@@ -180,6 +181,7 @@ def test_a_giant_group_of_rows_is_read_in_parts(tmp_path: Path, monkeypatch: pyt
     assert max(sizes) == 700
 
 
+@pytest.mark.slow
 def test_of_a_delta_table_only_what_its_log_names_is_read(tmp_path: Path) -> None:
     deltalake = pytest.importorskip("deltalake", reason="deltalake is not installed: pip install 'glapp[delta]'")
     x = signals()
@@ -351,6 +353,7 @@ ti = 60.0
 """
 
 
+@pytest.mark.slow
 def test_crossings_over_days_parts_and_one_pass_have_the_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

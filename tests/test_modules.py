@@ -608,6 +608,7 @@ def together(theirs: Graph, watch: Graph, scans: int, late: int, flags: float = 
     return pv, handed
 
 
+@pytest.mark.slow
 def test_beside_a_controller_that_is_not_ours() -> None:
     theirs, watch = their_system(), beside_it(ff_delay=3)
     without, _ = together(theirs, watch, 8000, late=3)
@@ -891,6 +892,7 @@ def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
 
 
 @pytest.mark.parametrize("inside", [True, False], ids=["PidAdvanced", "BacklashDetection"])
+@pytest.mark.slow
 def test_no_width_is_shown_below_the_noise_limit(inside: bool) -> None:
     """Without a gap nine detections of a tenth of a per cent were shown; the noise is that of PV before the filter."""
     shown = {}

@@ -181,6 +181,7 @@ def test_a_terminal_obeys_nothing_but_our_own_styles(evil, tmp_path):
     assert "[red]" in text.replace("\n", "")
 
 
+@pytest.mark.slow
 def test_a_table_computes_nothing(run, evil):
     evil("plant.parquet")
     write("-2+3.csv", rows(300))
@@ -235,6 +236,7 @@ def test_what_a_spreadsheet_computes_in_any_width_is_text():
     assert harmless(for_spreadsheet(f"\u200b{EVIL}"))
 
 
+@pytest.mark.slow
 def test_a_first_loops_toml_of_such_names_can_be_parsed(evil, tmp_path):
     path = evil(tmp_path / "a\nb\x1b.parquet")
     text = first_settings(path)

@@ -107,6 +107,7 @@ class TestCriteria:
 
     @pytest.mark.parametrize("name", ["P2", "P3", "P4", "P5", "P6", "P7", "P8"])
     @pytest.mark.parametrize("kind", ["PI", "PID"])
+    @pytest.mark.slow
     def test_the_three_margins_are_ordered(self, name: str, kind: Any) -> None:
         t = migo(name, kind)
         margin, _ = backlash_margin(t.loop)
@@ -165,6 +166,7 @@ class TestLimitCycles:
         s = simulate.closed_loop("P2", c, d=1.0, noise=0, h=0.02, t_end=2000, setpoint=[(1, 5.0)], tf=0)
         assert np.ptp(s.position[s.t > 1500]) < 0.02
 
+    @pytest.mark.slow
     def test_relay_finds_the_ultimate_point(self) -> None:
         for name in PLANTS:
             ku, tu = ultimate(name)

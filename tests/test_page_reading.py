@@ -126,12 +126,14 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     return {name: {"file": path, **one} for (name, path), one in zip(files.items(), told, strict=True)}
 
 
+@pytest.mark.slow
 def test_a_fault_has_its_row(read: dict[str, dict[str, Any]]) -> None:
     assert read["a word"]["wrong"].startswith("row 22, column 'PV': 'full' is not a number")
     assert read["a ragged row"]["wrong"] == "row 22: has 3 cells where the header has 4"
 
 
 @pytest.mark.parametrize("name", READ | FORMS)
+@pytest.mark.slow
 def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> None:
     found = read[name]
     assert "wrong" not in found, found

@@ -111,6 +111,7 @@ def test_character_needs_an_fotd_model() -> None:
     dead_time=st.floats(0, 50),
     scale=st.floats(0.01, 100),
 )
+@pytest.mark.slow
 def test_time_scales(lags: list[float], gain: float, dead_time: float, scale: float) -> None:
     def plant(by: float) -> Plant:
         den = np.array([1.0])

@@ -374,6 +374,7 @@ def test_blark_reads_the_files_of_twincat(packages, tmp_path, build):
             marks[path].touch()
 
 
+@pytest.mark.slow
 def test_every_file_of_twincat_is_read_in_one_build(packages):
     lots = shares(packages / "twincat")
     assert {name.split(".")[0] for name in lots["LREAL"] | lots["REAL"]} == set(kinds())

@@ -130,6 +130,7 @@ def test_what_no_check_foresees_ends_the_process_apart_and_no_other(tmp_path):
 
 
 @pytest.mark.parametrize("columns", [10**5, 10**6])
+@pytest.mark.slow
 def test_a_table_that_is_too_wide_is_refused_at_its_first_line(tmp_path, columns):
     """It took 15 s and more than a minute."""
     path = tmp_path / "plant.csv"
@@ -282,6 +283,7 @@ def test_a_process_that_ends_costs_one_answer():
 
 
 @KEEPS_MEMORY
+@pytest.mark.slow
 def test_memory_has_an_end():
     with pytest.raises(InputError, match=r"^x\.csv: asks for more memory than the 1024 MiB that are allowed"):
         apart.call("x.csv", fill)
@@ -296,6 +298,7 @@ def test_time_has_an_end(monkeypatch):
             slow()
 
 
+@pytest.mark.slow
 def test_a_pass_that_is_left_harms_none_that_follows(tmp_path):
     path = tmp_path / "plant.parquet"
     n = 400_000

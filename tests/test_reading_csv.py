@@ -149,6 +149,7 @@ def test_a_table_in_any_dialect_reads_back_equal(tmp_path, monkeypatch, table, d
 @example(b'"')
 @example(b"t,SP,PV\r0,1\r")
 @example(b"t;SP;PV;Quality\n\n\n\xf8;\n;")
+@pytest.mark.slow
 def test_any_bytes_give_batches_or_an_input_error(tmp_path, data):
     path = tmp_path / "x.csv"
     path.write_bytes(data)
@@ -451,6 +452,7 @@ def test_text_road_and_native_road_agree(tmp_path):
 
 
 @pytest.mark.skipif(not REFINERY.is_dir(), reason="the refinery recordings are not beside this checkout")
+@pytest.mark.slow
 def test_refinery_files_are_readable():
     files = sorted(REFINERY.glob("*.csv"))
     assert len(files) == 12

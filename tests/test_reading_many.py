@@ -90,6 +90,7 @@ def test_all_loops_are_read_in_one_pass_with_the_values_they_have_alone(tmp_path
         same(got[i], alone(path, i))
 
 
+@pytest.mark.slow
 def test_names_are_understood_once_however_many_loops_there_are(monkeypatch, tmp_path):
     asked = Counter()
     understand = columns.understand
@@ -120,6 +121,7 @@ def test_what_is_held_is_bounded_and_more_passes_are_made(tmp_path, reads, monke
     assert 3 <= len(reads) <= 7
 
 
+@pytest.mark.slow
 def test_a_loop_too_large_to_hold_is_streamed(tmp_path, reads, monkeypatch):
     for ending in (".csv", ".parquet"):
         path = write(table(3), tmp_path / f"plant{ending}")
@@ -182,6 +184,7 @@ def test_a_ragged_row_is_told_of_every_loop_and_looked_for_once(tmp_path, reads,
     assert (len(reads), len(slow)) == (1, 1)
 
 
+@pytest.mark.slow
 def test_a_damaged_column_of_parquet_stops_its_own_loop_only(tmp_path):
     path = write(table(9), tmp_path / "plant.parquet")
     column = pq.ParquetFile(path).metadata.row_group(0).column(4 * 5 + 2)

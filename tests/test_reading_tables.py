@@ -87,6 +87,7 @@ def test_structured_array_and_fraction():
 
 
 @pytest.mark.parametrize("kind", ["parquet", "one row group", "ipc", "stream", "feather", "csv"])
+@pytest.mark.slow
 def test_files(table, kind, tmp_path):
     path = tmp_path / "F1.data"
     match kind:

@@ -18,6 +18,7 @@ moments = st.lists(st.datetimes(datetime(1970, 1, 1), datetime(2200, 1, 1)), min
     moments,
     st.sampled_from(["%Y-%m-%d %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S,%f", "%d.%m.%Y %H:%M:%S.%f", "%b %d, %Y %H:%M:%S.%f"]),
 )
+@pytest.mark.slow
 def test_layouts_agree_with_the_calendar(times, form):
     column = pa.array([t.strftime(form) for t in times])
     clock = Clock(column, None, None, None)
@@ -28,6 +29,7 @@ def test_layouts_agree_with_the_calendar(times, form):
 
 
 @given(moments, st.sampled_from(["s", "ms", "us", "ns"]), st.sampled_from([None, "UTC", "Europe/Stockholm"]))
+@pytest.mark.slow
 def test_arrow_times_of_every_unit(times, unit, zone):
     ticks = np.array(times, "datetime64[us]").astype(f"datetime64[{unit}]").astype(np.int64)
     column = pa.array(ticks).view(pa.timestamp(unit, zone))

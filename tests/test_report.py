@@ -296,6 +296,7 @@ def test_every_reason_of_the_detector_has_words_and_a_colour() -> None:
     assert len(figures.REASON_COLOURS) == len(REASONS)
 
 
+@pytest.mark.slow
 def test_the_report_is_one_file_that_asks_for_nothing(run: list[Result], tmp_path: Path) -> None:
     [file] = write_report(run, tmp_path / "report.html")
     page = parsed(file)
@@ -503,6 +504,7 @@ def test_nothing_breaks_where_a_field_is_none(worn: Result, hole: str, tmp_path:
     bar(result)
 
 
+@pytest.mark.slow
 def test_nothing_breaks_without_signals_or_numbers(worn: Result, tmp_path: Path) -> None:
     trace = replace(worn.trace, op=None, position=None)
     nan = np.full(len(trace.t), np.nan)
@@ -531,6 +533,7 @@ def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
     assert "does not show that the valve is sound" in " ".join(words.why(run[5]))
 
 
+@pytest.mark.slow
 def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Path) -> None:
     """A planner read "nothing on this evidence" beside a gap that the fit had found."""
     silent = replace(worn, crossings="no_estimate", d_hat=None, reason="the detections do not agree")
@@ -562,13 +565,13 @@ def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result)
     # 2 % of a span of 200 are 4.
     for verdict, high in (("backlash", 6.0), ("at_least", None)):
         so, do = told(verdict, 5.0, high)
-        assert so.endswith(", more than the 2 % of span allowed.") and not do.startswith("Nothing")
+        assert so.endswith(", more than the 2\u00a0% of span allowed.") and not do.startswith("Nothing")
     assert told("backlash", 5.0, 6.0)[1].startswith("Check the linkage for play, and the packing")
-    assert told("backlash", 2.0, 3.9)[1].startswith("Nothing now: all of it is within the 2 % of span allowed.")
+    assert told("backlash", 2.0, 3.9)[1].startswith("Nothing now: all of it is within the 2\u00a0% of span allowed.")
     so, do = told("backlash", 3.0, 5.0)
     assert "allowed" not in so and do.startswith("Check the linkage"), "it may be either"
     assert told("at_least", 3.0, None)[1].startswith("Record while OP moves further")
-    assert told("backlash", 5.0, 6.0, None)[0].endswith(", more than the usual 1 % of span."), "nominal"
+    assert told("backlash", 5.0, 6.0, None)[0].endswith(", more than the usual 1\u00a0% of span."), "nominal"
 
 
 def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:
@@ -582,6 +585,7 @@ def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Pat
     assert "cannot be taken out: 2 pairs are too few." in " ".join(words.why(replace(worn, corrected=refused)))
 
 
+@pytest.mark.slow
 def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path: Path) -> None:
     day = 86400.0
     windows = [Window(day * i, day * i + 600, "backlash", 2.0 + i, 1.5 + i, 3.0 + i, 99.0) for i in range(5)]
@@ -623,6 +627,7 @@ def test_figures_are_stored_once_and_can_be_read_back(worn: Result, tmp_path: Pa
     assert len(text.encode()) < 6_500_000
 
 
+@pytest.mark.slow
 def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Path) -> None:
     """A sound valve once stood in the list with the 1.38 % that its crossings read."""
     assert worn.d_hat is not None
@@ -686,6 +691,7 @@ def test_the_parallelogram_is_as_wide_as_the_fitted_gap(worn: Result) -> None:
     assert [trace.name for trace in bound] == ["recorded", "at least"]
 
 
+@pytest.mark.slow
 def test_a_gap_that_was_not_found_is_not_drawn(worn: Result, tmp_path: Path) -> None:
     drawn = loop_figures(fitted(worn, "cannot_tell", 0.0, None))
     assert {trace.name for trace in drawn["why"].data} == {"OP", "SP", "PV"}
@@ -702,6 +708,7 @@ def test_op_that_is_thinned_too_much_is_not_drawn_beside_the_window(worn: Result
     assert "OP" not in {trace.name for trace in loop_figures(coarse)["why"].data}
 
 
+@pytest.mark.slow
 def test_a_fitted_loop_has_all_its_pictures(worn: Result, tmp_path: Path) -> None:
     assert list(LoopView("x", fitted(worn)).drawn) == ["why", "gap", "fit", "time"]
     [file] = write_report([fitted(worn)], tmp_path / "report.html")
@@ -748,6 +755,7 @@ def test_a_run_is_told_in_a_sentence(worn: Result) -> None:
     assert words.summary(rest[:1] * 2) == "Nothing is urgent. 2 valves: no dead band seen."
 
 
+@pytest.mark.slow
 def test_a_width_stands_in_op_units_and_in_percent_of_span(worn: Result, tmp_path: Path) -> None:
     milliamperes = replace(
         worn, unit="mA", loop=a_loop(op_span=(4.0, 20.0), op_unit="mA"), fit=Fit("backlash", "", "mA", 0.8, 0.4, 1.2)

@@ -142,6 +142,7 @@ def test_a_transmitter_beside_loops_is_no_loop(tmp_path: Path) -> None:
     assert [recording.name for recording in glapp.open_recordings(path)] == ["FIC1"]
 
 
+@pytest.mark.slow
 def test_importing_glapp_loads_no_large_library() -> None:
     look = f"import glapp, sys; print([name for name in {HEAVY} if name in sys.modules])"
     found = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)

@@ -37,6 +37,7 @@ def undeclared(client: TestClient, description: str, headers: dict[str, str]) ->
     return found
 
 
+@pytest.mark.slow
 def test_a_method_that_is_not_described_is_not_answered(tmp_path: Path) -> None:
     watch = service.watch(tmp_path, loops(1), Clock())
     users = Users(watch.memory, CHEAP)

@@ -41,6 +41,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "data"
 
 
+@pytest.mark.slow
 def test_help_teaches() -> None:
     text = re.sub(r"\s+", " ", glapp("--help"))
     for word in (

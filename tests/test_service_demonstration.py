@@ -57,6 +57,7 @@ def stored() -> dict[str, Any]:
 HINT = "python -m glapp.service.demonstration stores what the code answers now"
 
 
+@pytest.mark.slow
 def test_a_stored_answer_is_what_the_code_answers() -> None:
     """The one loop that takes a second; all of them below."""
     made = demonstration.made("TIC106")["TIC106"]

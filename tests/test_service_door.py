@@ -448,6 +448,7 @@ def test_the_database_and_its_copies_are_their_owners_alone(tmp_path: Path) -> N
         os.umask(mask)
 
 
+@pytest.mark.slow
 def test_the_first_user(tmp_path: Path) -> None:
     memory = Memory(tmp_path)
     first_user(memory, BEGIN)
@@ -460,6 +461,7 @@ def test_the_first_user(tmp_path: Path) -> None:
     assert not path.exists(), "there is one already"
 
 
+@pytest.mark.slow
 def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, watch: Watch) -> None:
     eve = header(client, "eve")
     watch.memory._db.execute("PRAGMA query_only = ON")  # as a disk that takes no more
@@ -511,6 +513,7 @@ def test_served_and_closed(watch: Watch) -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_what_it_says_of_itself_is_whole(client: TestClient) -> None:
     paths = client.get("/openapi.json").json()["paths"]
     assert len(paths) > 15 and all(one.get("description") for path in paths.values() for one in path.values())

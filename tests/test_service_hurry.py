@@ -78,6 +78,7 @@ class Worn(Table):
         return self.watch._loops["FIC101"].made == self.time.now
 
 
+@pytest.mark.slow
 def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdrawn(tmp_path: Path) -> None:
     clock = Clock()
     plant = Worn(clock)

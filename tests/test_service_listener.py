@@ -148,6 +148,7 @@ def test_an_address_has_its_own_bound() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_who_has_shown_a_login_is_displaced_by_no_stranger() -> None:
     async def go() -> None:
         async with served(App(), PATIENT) as door, httpx.AsyncClient(trust_env=False, timeout=LONGEST) as client:
@@ -234,6 +235,7 @@ def test_answers_that_nobody_takes_do_not_last() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_an_answer_that_is_taken_slowly_but_taken_comes_whole() -> None:
     async def go() -> None:
         async with served(App(), Bounds(answer=1.0, slowest=10_000)) as door:
@@ -290,6 +292,7 @@ def test_a_stranger_sends_so_many_requests_by_a_connection() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_a_body_in_chunks_passes_no_bound() -> None:
     """Its length was believed, and as much read as came."""
 
@@ -304,6 +307,7 @@ def test_a_body_in_chunks_passes_no_bound() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
     async def go() -> None:
         app = App()
@@ -324,6 +328,7 @@ def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_strangers_take_turns_and_login_and_disable_do_not_wait_for_them() -> None:
     async def go() -> None:
         app = App()
@@ -416,6 +421,7 @@ def test_nothing_a_request_says_is_its_address() -> None:
     asyncio.run(go())
 
 
+@pytest.mark.slow
 def test_no_file_left_is_no_end() -> None:
     """A listener that cannot accept goes on when it can."""
 

@@ -46,6 +46,7 @@ def test_an_entry_comes_back_with_the_same_bits() -> None:
         assert a.dtype == b.dtype and a.tobytes() == b.tobytes()
 
 
+@pytest.mark.slow
 def test_detections_are_those_of_the_estimator(tmp_path: Path) -> None:
     """Nothing is added and nothing lost: the half-periods have the bits of `glapp.Estimator` on the samples."""
     [loop], clock = loops(), Clock()
@@ -91,6 +92,7 @@ def test_begun_anew_in_the_middle_it_goes_on_with_the_same_bits(tmp_path: Path, 
     assert last.status()["loops"]["FIC0"]["estimate"] == straight.status()["loops"]["FIC0"]["estimate"] is not None
 
 
+@pytest.mark.slow
 def test_a_break_that_no_history_fills_is_a_gap_however_short(tmp_path: Path) -> None:
     """Ten seconds after a kill somebody listens again: PV was held to have stood still meanwhile."""
     clock = Clock()
@@ -217,6 +219,7 @@ def _hold(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("how", ["text", "middle", "cut", "empty page"])
+@pytest.mark.slow
 def test_a_damaged_database_is_set_aside_and_not_written(tmp_path: Path, how: str) -> None:
     clock = Clock()
     watch = service.watch(tmp_path, loops(), clock)
@@ -323,6 +326,7 @@ def test_an_older_schema_is_brought_up_in_one_transaction(tmp_path: Path, monkey
     assert memory.loops() == {"FIC0": 1} and memory.one("SELECT a FROM more") == {"a": "x"}
 
 
+@pytest.mark.slow
 def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     clock = Clock()
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
@@ -462,6 +466,7 @@ def _full(*_: object) -> None:
 # Signals
 
 
+@pytest.mark.slow
 def test_days_become_files_that_analyze_reads(tmp_path: Path) -> None:
     begin = BEGIN + 46_400.0 - 150.0  # into the next day
     clock = Clock(begin)

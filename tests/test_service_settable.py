@@ -86,6 +86,7 @@ def test_what_is_listed_is_all_there_is(client: TestClient, watch: Watch) -> Non
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_each_parameter_is_allowed_within_its_bounds_and_refused_beyond(
     client: TestClient, watch: Watch, name: str
 ) -> None:
@@ -267,6 +268,7 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.verify
+@pytest.mark.by_the_clock
 @pytest.mark.skipif(
     shutil.which("node") is None or not (ROOT / "target" / "interop" / "node_modules" / "node-opcua-client").is_dir(),
     reason="node-opcua is not installed: make interop",

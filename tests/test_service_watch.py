@@ -131,6 +131,7 @@ def shown(watch: Watch) -> dict[str, object]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_is_written_until_it_is_enabled_by_name(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         with pytest.raises(InputError, match="no width is given"):
@@ -411,6 +412,7 @@ def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
     beside(tmp_path, look, Slow(), ti=0.5)
 
 
+@pytest.mark.slow
 def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
     class Deaf(Swinging):
         async def beat(self) -> None:
@@ -509,6 +511,7 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
     beside(tmp_path, look, Broken())
 
 
+@pytest.mark.slow
 def test_late_values_move_nothing(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         await in_force(watch, plant)

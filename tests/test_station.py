@@ -125,6 +125,15 @@ def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
     assert view.silent("not watched any more")
 
 
+def test_a_loop_whose_first_value_has_not_come_yet_is_not_silent(view: View) -> None:
+    assert view.at is not None
+    view.shown["loops"]["FIC1"] |= {"seen": None, "lost": True}
+    for since, silent, seen in ((59.0, False, "not yet"), (61.0, True, "never")):
+        view.shown["begun"] = view.at - since
+        row = next(row for row in view.rows() if row.loop == "FIC1")
+        assert (view.silent("FIC1"), row.seen, row.soon == "Signal") == (silent, seen, silent)
+
+
 def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:
     view._answers.clear()
     assert view.headline("FIC0").startswith("≈ ") and "crossings" in view.verdict("FIC0")
@@ -145,7 +154,10 @@ def test_width_is_in_percent_of_span_only_where_that_is_known(view: View) -> Non
 
 
 def test_a_service_that_stopped_is_told_with_its_age(view: View) -> None:
-    assert view.behind is None
+    shown = view.shown["wall"]
+    for late, behind in ((19.0, None), (21.0, 21.0)):
+        view._clock = lambda late=late: shown + late
+        assert view.behind == (None if behind is None else pytest.approx(behind))
     view._clock = lambda: time.time() + 130.0
     assert view.behind is not None and 129.0 < view.behind < 140.0
 
@@ -674,6 +686,7 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
     assert client.get("/overview.csv").headers["location"] == "/login"
 
 
+@pytest.mark.slow
 def test_whoever_is_removed_reads_nothing_any_more(
     window: tuple[Station, FastAPI], plant: tuple[Watch, FastAPI]
 ) -> None:

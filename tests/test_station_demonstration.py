@@ -92,33 +92,51 @@ def test_an_operator_from_the_overview_to_the_step_test(browser: Any, demo: str)
     page.keyboard.press("Escape")
     page.goto(demo + "/loop?name=TIC106")
     page.get_by_role("button", name="Fit now").click()
-    page.goto(demo + "/")
-    page.get_by_text(re.compile("^(Being|Will be) judged")).first.wait_for()
-    page.get_by_text(re.compile("^(Being|Will be) judged")).first.wait_for(state="detached")
+    page.get_by_text(re.compile(r"^\d+-\d+-\d+ \d+:\d+, olaf$")).wait_for()  # judged now, at the operator's request
     assert page.wrong == []
+
+
+def test_on_a_telephone_a_loop_is_a_card(browser: Any, demo: str) -> None:
+    page = entered(browser, demo, "vera")
+    page.set_viewport_size({"width": 390, "height": 844})
+    card = page.locator(".ag-row[row-index='0'] .ag-cell[col-id=card]")
+    card.get_by_text("Check the linkage for play").wait_for()
+    assert card.inner_text().splitlines()[:2] == ["2.40 % (1.90 to 3.06) Backlash", "Next round"]
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.locator(".ag-row[row-index='0'] .ag-cell[col-id=verdict]").wait_for()
+    assert card.count() == 0
 
 
 def test_an_engineer_enables_sees_the_effect_and_withdraws(browser: Any, demo: str) -> None:
     page = entered(browser, demo, path="/loop?name=FIC101")
     page.locator(".one", has_text="2.40 %").wait_for()  # a link to a loop leads there after the login
     page.get_by_role("button", name="Compensate").click()
-    page.get_by_text("The width is 1.90 %, the lower limit of the fit").wait_for()
     enable = page.get_by_role("button", name="Enable compensation of FIC101")
-    use = page.get_by_role("button", name="Use this width")
-    if use.is_enabled():  # else it was done before: the test runs again
+    use, off = page.get_by_role("button", name="Use this width"), page.get_by_role("button", name="Switch off")
+    seen = page.get_by_text(re.compile("✓ Seen .* the plant took it away"))
+    use.or_(off).wait_for()
+    # What was done is not done again where a busy machine had the plant take u_FF away, and the test runs anew.
+    if off.count():
+        off.click()
+    page.get_by_text("The width is 1.90 %, the lower limit of the fit").wait_for()
+    if use.is_enabled():
         assert enable.is_disabled()
         use.click()
-        page.get_by_text("Taken over.").wait_for()
+        page.get_by_text("Taken over.", exact=True).wait_for()
+    if not seen.count():
         enable.click()
         page.get_by_text(re.compile("Refused: .*it was never seen")).wait_for()  # the safety rules are the service's
         page.get_by_role("button", name="Test switching off").click()
-    page.get_by_text(re.compile("✓ Seen .* the plant took it away")).wait_for()
+    seen.wait_for()
     enable.click()
-    page.get_by_role("button", name="Switch off").wait_for()
+    off.wait_for()
     page.get_by_text(re.compile("u_FF moves by .* from side to side")).wait_for()
-    page.get_by_text(re.compile(r"u_FF is −?0\.\d+\s%")).wait_for(timeout=5 * LONGEST)  # OP turns after a minute or two
+    moved, gone = (page.get_by_text(re.compile(text)) for text in (r"u_FF is −?0\.\d+\s%", "^It is off"))
+    moved.or_(gone).first.wait_for(timeout=5 * LONGEST)  # OP turns after a minute or two
+    assert not gone.count(), page.locator(".wide-dialog").inner_text()
     assert page.locator(".wide-dialog canvas").count() == 1
-    page.get_by_role("button", name="Switch off").click()
+    off.click()
     page.get_by_text("It is off: engineer disabled it.").first.wait_for()
     assert page.wrong == []
 

@@ -308,6 +308,7 @@ def test_every_picture_draws():
 
 @given(st.data())
 @settings(max_examples=60)
+@pytest.mark.slow
 def test_whatever_is_recorded_the_answer_is_a_width_in_its_interval_or_a_reason(data):
     holds = data.draw(
         st.lists(st.tuples(st.integers(1, 40), st.sampled_from([0.0, 1.0, 1.001, 5.0, -3.0])), max_size=9)

@@ -192,6 +192,7 @@ class TestAssess:
         assert t.iae == pytest.approx(np.abs(s.pv).sum() * h, rel=3e-3)
 
     @pytest.mark.parametrize("name", ["P2", "P3", "P5", "P6", "P7"])
+    @pytest.mark.slow
     def test_iae_against_residues(self, name: str) -> None:
         """Without dead time: the load response as a sum of exponentials, from partial fractions."""
         t = migo(name, ms=2.0)
@@ -217,6 +218,7 @@ class TestAssess:
         one, other = design("P2", "PI"), design(-4 * PLANTS["P2"], "PI")
         assert other.controller.k == pytest.approx(-one.controller.k / 4, rel=1e-9)
 
+    @pytest.mark.slow
     def test_loops_that_end_on_a_circle(self) -> None:
         """PID on a first-order lag: at high frequencies |L| stays at K·Td/T, and dead time turns it round and round."""
         t = assess(Plant([1], [1, 1], 0.1), (0.5, 1.0, 1.0))
@@ -357,6 +359,7 @@ class TestMigo:
         gain=st.floats(-5, 5).filter(lambda x: abs(x) > 0.1),
         ms=st.floats(1.2, 2.2),
     )
+    @pytest.mark.slow
     def test_any_monotone_process(self, lags: list[float], dead_time: float, gain: float, ms: float) -> None:
         den = np.array([1.0])
         for lag in lags:

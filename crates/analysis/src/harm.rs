@@ -213,6 +213,15 @@ mod tests {
     }
 
     #[test]
+    fn a_loop_that_leaves_two_million_units_runs_away() {
+        // An integrator of gain 1 without a controller: 100 cells of a steady load add up to 99 times the load.
+        let process = Process { kp: (1.0, 1.0, 1.0), lag: (0.0, 0.0, 0.0), integrating: true, ..PROCESS };
+        let t: Vec<f64> = (0..100).map(f64::from).collect();
+        let stays = |end: f64| made_of(&[end / 100.0; 100], &t, (0.0, 10.0), &process).is_some();
+        assert!(stays(1.99e6) && !stays(2.01e6));
+    }
+
+    #[test]
     fn signals_are_taken_at_the_cells() {
         let (t, x) = ([0.0, 1.0, 2.0, 3.0], [0.0, f64::NAN, 4.0, 4.0]);
         assert_eq!(interpolated(&[-1.0, 1.0, 2.5, 9.0], &t, &x), Some(vec![0.0, 2.0, 4.0, 4.0]));

@@ -867,7 +867,7 @@ mod tests {
         };
         let (harmless, harmful, unknown) = (gap(6.0, Some(0.1)), gap(4.0, Some(0.8)), gap(4.0, None));
         assert_eq!(harmful.score, Some(4.0 / 2.0 * 0.8));
-        assert_eq!(unknown.score, Some(4.0 / 2.0 * HARM_UNKNOWN));
+        assert_eq!(unknown.score, Some(4.0 / 2.0 * 0.5));
         assert!(harmful.rank < unknown.rank && unknown.rank < harmless.rank);
         let sound = of(Verdict::NoEstimate, None, Some(fit(LostMotion::Sound, 0.0, Some(1.0))));
         assert!(harmless.rank < sound.rank);

@@ -1,7 +1,7 @@
 //! The controller's law, from records of controllers that are known.
 
 use glapp_analysis::Inspected;
-use glapp_analysis::identify::{Identification, MIN_STEPS, R2_USABLE, Reason, WIDEST, identified};
+use glapp_analysis::identify::{Identification, R2_USABLE, Reason, WIDEST, identified};
 use proptest::prelude::*;
 
 /// A controller that runs once a sample.
@@ -95,7 +95,8 @@ fn what_is_missing_is_said() {
     assert_eq!(reason(Inspected { op: None, ..whole }), Some(Reason::NoOp));
     assert_eq!(reason(Inspected { sp: None, ..whole }), Some(Reason::NoSp));
     assert_eq!(reason(Inspected { flags: Some(&[1; 400]), ..whole }), Some(Reason::FewSteps));
-    assert_eq!(reason(Inspected { t: &t[..MIN_STEPS], ..whole }), Some(Reason::FewSteps));
+    assert_eq!(reason(Inspected { t: &t[..50], ..whole }), Some(Reason::FewSteps), "49 steps");
+    assert_ne!(reason(Inspected { t: &t[..51], ..whole }), Some(Reason::FewSteps), "50 steps");
     assert_eq!(reason(Inspected { op: Some(&[1.0; 400]), ..whole }), Some(Reason::OpStill));
     assert_eq!(reason(Inspected { pv: &[49.0; 400], ..whole }), Some(Reason::PvStill));
     let highest = op.iter().fold(f64::MIN, |a, b| a.max(*b));

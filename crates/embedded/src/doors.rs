@@ -360,7 +360,9 @@ macro_rules! faces {
                 };
                 match Compensation::new(settings) {
                     // SAFETY: as the header says of the memory.
-                    Ok(block) => unsafe { begin(memory, COMPENSATION_MARK, block, CompensationState::<$float>::default()) },
+                    Ok(block) => unsafe {
+                        begin(memory, COMPENSATION_MARK, block, CompensationState::<$float>::default())
+                    },
                     Err(error) => number(error),
                 }
             }

@@ -1,7 +1,7 @@
 //! Pushes for a valve that sticks.
 
 use crate::refused;
-use glapp_core::{Push, Saturation, StictionSample, StictionSettings, StictionState, Status};
+use glapp_core::{Push, Saturation, Status, StictionSample, StictionSettings, StictionState};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -78,8 +78,7 @@ impl Stiction {
         withdraw: bool,
         limits: Option<(f64, f64)>,
     ) -> PyResult<Self> {
-        let unknown =
-            || PyValueError::new_err(format!("push = {push}: must be knocker, reinforcement or two_moves"));
+        let unknown = || PyValueError::new_err(format!("push = {push}: must be knocker, reinforcement or two_moves"));
         let named = Push::ALL.into_iter().find(|one| one.name() == push).ok_or_else(unknown)?;
         let usual = StictionSettings::new(named, k, ti, size);
         let limits = match limits {

@@ -48,6 +48,7 @@ def analyze(
     no_fit: Annotated[
         bool, typer.Option("--no-fit", metavar="", help="Leave out the fit of OP and PV, which takes a second a loop.")
     ] = False,
+    why: Annotated[bool, typer.Option("--why", metavar="", help="Say what each answer stands on.")] = False,
 ) -> None:
     """Estimate the dead band of every loop, and say how sure that is and why not surer."""
     to_output = table is not None and str(table) == "-"
@@ -76,7 +77,7 @@ def analyze(
     elif to_output:
         typer.echo(_rows(results), nl=False)
     elif any(isinstance(a, Result) for a in answers):
-        _show(answers)
+        _show(answers, why)
     for error in [*(answer.error for answer in answers if isinstance(answer, Refused)), *filter(None, faults)]:
         say_error(error)
     if report is not None and faults[-1] is None and not json and not to_output:
@@ -99,29 +100,32 @@ def _rows(results: Sequence[Result]) -> str:
 _BLOCKS = 5
 
 
-def _show(answers: Sequence[Result | Refused]) -> None:
-    """What is so, what to do and why: a block a loop, or of many loops a table, the most urgent first."""
+def _show(answers: Sequence[Result | Refused], why: bool) -> None:
+    """What is so and what to do: a block a loop, or of many a table, the most urgent first; why in blocks only."""
     results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
     shown = [result for result in results if result.trace is not None]  # an error has a line of its own
-    if len(results) <= _BLOCKS:
+    if why or len(results) <= _BLOCKS:
         for result in shown:
-            _block(result)
+            _block(result, why)
+        if not why:
+            out.print(styled("Add --why to see what each answer stands on.", style="dim"))
         return
     show_table(fitting(_columns(results), 4))
     out.print()
     out.print(words.summary(results))
 
 
-def _block(result: Result) -> None:
+def _block(result: Result, why: bool) -> None:
     told = words.told(result)
     head = Text("  ").join(
         filter(None, [styled(_name(result), style="bold"), styled(told["headline"]), _verdict(result)])
     )
     rows = [("", told["so"]), ("do", told["do"])]
-    why = [text for text in told["why"] if text not in told["so"]]
-    rows += [("why" if text is why[0] else "", text) for text in why]
+    reasons = [text for text in told["why"] if text not in told["so"]]
+    if why:
+        rows += [("why" if text is reasons[0] else "", text) for text in reasons]
     warnings = [f.text for f in result.quality if f.severity == "warning"]
-    rows += [("note", words.sentence(text)) for text in warnings if text.lower() not in " ".join(why).lower()]
+    rows += [("note", words.sentence(text)) for text in warnings if text.lower() not in " ".join(reasons).lower()]
     if result.by_position is not None:
         rows.append(("by", result.by_position))
     out.print(head)

@@ -65,13 +65,24 @@ class CompensationPage:
 
     async def build(self, seen: dict[str, Any], status: dict[str, Any]) -> None:
         """All of it, in the dialog that is open."""
-        self.body = ui.element("div").classes("stack")
+        self.body, self.log = ui.element("div").classes("stack"), ui.element("div")
+        self._shown: tuple[Any, ...] = ()
         await self._fill(seen, status)
         ui.timer(AGAIN, self._look)
 
     async def _fill(self, seen: dict[str, Any], status: dict[str, Any]) -> None:
+        """Show what is so now; where that stands there already it stays, and a click meanwhile finds its button."""
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
+        shown = (seen, settings, made, status["answer"], status["estimate"])
+        if shown != self._shown:
+            self._shown = shown
+            await self._fill_body(seen, status, settings)
+        if made is not None:
+            await self._show_log()
+
+    async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
+        made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
         self._drilled, self._set = settings.get(SEEN), settings
         self.body.clear()
@@ -83,8 +94,6 @@ class CompensationPage:
             else:
                 ui.label(why_off(made))
                 self._offered()
-            if made is not None:
-                await self._log()
 
     async def _anew(self) -> None:
         if (known := await self.known()) is not None:
@@ -283,8 +292,9 @@ class CompensationPage:
         found = calm(values["time"], sp, pv, u_ff, self._begun, least)
         if found is None:
             left = max(0.0, least - (now - self._begun))
+            last = next((x for x in reversed(u_ff) if math.isfinite(x)), 0.0)  # the newest PV may be there before it
             self.calm.set_text(
-                f"u_FF is {quantity(u_ff[-1] if u_ff else 0.0, self.op_unit)}. Whether PV is calmer can be told "
+                f"u_FF is {quantity(last, self.op_unit)}. Whether PV is calmer can be told "
                 f"in {duration(left)}: that takes {duration(least)} before it was enabled, and as long since."
             )
         else:
@@ -298,10 +308,11 @@ class CompensationPage:
         with self.chart:
             ui.echart(options).classes("chart low").props('role="img" aria-label="PV about SP, and u_FF"')
 
-    async def _log(self) -> None:
+    async def _show_log(self) -> None:
         log = await asyncio.to_thread(self.station.view.read, lambda r: r.commands(self.loop, 200))
         log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
-        with ui.element("details"):
+        self.log.clear()
+        with self.log, ui.element("details"):
             with ui.element("summary"):
                 ui.label(f"Who did what, when ({len(log)})").style("display: inline")
             with ui.element("table").classes("plain"), ui.element("tbody"):

@@ -100,3 +100,21 @@ impl Crossings {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glapp_core::DetectorSettings;
+
+    #[test]
+    fn behind_a_filter_of_a_fifth_of_ti_or_td_turns_of_op_cannot_be_worked_out() {
+        let beside = Beside { kp: None, travel: Travel::Law, op_noise: None, integrating: false };
+        let smooth = |tf: f64, td: f64| {
+            let crossings =
+                Crossings::new(DetectorSettings { tf, ..DetectorSettings::new(0.5, 30.0, td, 1.0) }).unwrap();
+            crossings.corrected(&beside).1 == Err(NotCorrected::Smooth { tf })
+        };
+        assert!(!smooth(6.0, 0.0) && smooth(6.1, 0.0), "a fifth of Ti");
+        assert!(!smooth(2.0, 10.0) && smooth(2.1, 10.0), "a fifth of Td");
+    }
+}

@@ -87,13 +87,18 @@ impl Found {
 
 /// Whether a law predicts no worse than the best, by the logarithms of their squares in every block.
 fn as_good(law: &Law, best: &Law) -> bool {
-    let blocks = best.loss.len() as f64;
-    let tiny = 1e-20 * best.moments[(0, 0)] / blocks;
+    let tiny = 1e-20 * best.moments[(0, 0)] / best.loss.len() as f64;
     let ratio: Vec<f64> =
         law.loss.iter().zip(&best.loss).map(|(law, best)| ((law + tiny) / (best + tiny)).ln()).collect();
-    let mean = ratio.iter().sum::<f64>() / blocks;
-    let variance = ratio.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / (blocks - 1.0);
-    mean <= WORSE * (variance / blocks).sqrt() + 1e-9
+    no_larger_than_0(&ratio)
+}
+
+/// Whether the mean is not above 0 by more than [`WORSE`] of its standard errors.
+fn no_larger_than_0(x: &[f64]) -> bool {
+    let n = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    let variance = x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0);
+    mean <= WORSE * (variance / n).sqrt() + 1e-9
 }
 
 impl Band<'_> {
@@ -220,6 +225,16 @@ mod tests {
         for (df, exact) in [(7.0, 2.3646), (10.0, 2.2281), (29.0, 2.0452), (1e9, 1.96)] {
             assert!((student(df) - exact).abs() < 0.01, "{df}");
         }
+    }
+
+    #[test]
+    fn two_and_a_half_standard_errors_above_0_are_worse() {
+        // Standard error 1: nine numbers of standard deviation 3.
+        let about = |mean: f64| {
+            let spread = 3.0 * (8.0f64 / 6.0).sqrt();
+            [-1.0, -1.0, -1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0].map(|x| mean + spread * x)
+        };
+        assert!(no_larger_than_0(&about(2.45)) && !no_larger_than_0(&about(2.55)));
     }
 
     #[test]

@@ -131,7 +131,7 @@ fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f
     let Some(best) = found.iter().min_by(order) else {
         return Identification::nothing(Reason::Unshown, samples);
     };
-    let alike = |one: &&Found| one.width <= AGREEING * best.width && best.width.is_finite();
+    let alike = |one: &&Found| agrees(one.width, best.width);
     let mut span = found.iter().filter(alike).map(|one| one.span).reduce(Span::hull).unwrap_or(best.span);
     // Lengths that contradict each other show that a law is missing: then neither is right alone.
     for one in found.iter().filter(|one| one.width.is_finite() && !poor(one)) {
@@ -144,7 +144,7 @@ fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f
         a.width.is_infinite().cmp(&b.width.is_infinite()).then(weight_width(a).total_cmp(&weight_width(b)))
     };
     let surest = found.iter().min_by(surer).unwrap_or(best);
-    let weight = (weight_width(surest) < WEIGHT_WIDTH).then(|| Weight {
+    let weight = tells(surest.span.b).then(|| Weight {
         fitted: surest.law.beta[surest.law.beta.len() - 1] / surest.law.k(),
         interval: surest.span.b,
     });
@@ -155,7 +155,7 @@ fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f
         Some(Reason::GainMayBeNone { size: law.k().abs(), k })
     } else if !ti.high.is_finite() {
         Some(Reason::NoIntegral)
-    } else if (k.high / k.low).max(ti.high / ti.low) > WIDEST {
+    } else if too_wide(k, ti) {
         Some(Reason::Wide { k, ti, h })
     } else {
         None
@@ -170,4 +170,44 @@ fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f
     };
     let values = Values { k: law.k(), ti: law.ti(), r2: best.r2 };
     Identification { samples, values: Some(values), settings: Some(settings), reason }
+}
+
+/// Whether a length of the means is believed beside the one of the narrowest interval; widths in logarithms.
+fn agrees(width: f64, narrowest: f64) -> bool {
+    narrowest.is_finite() && width <= AGREEING * narrowest
+}
+
+/// Whether an interval of the setpoint weight tells it.
+fn tells(b: Interval) -> bool {
+    b.high - b.low < WEIGHT_WIDTH
+}
+
+/// Whether K or Ti is known too badly to be used.
+fn too_wide(k: Interval, ti: Interval) -> bool {
+    (k.high / k.low).max(ti.high / ti.low) > WIDEST
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_twice_as_wide_as_the_narrowest_is_believed() {
+        assert!(agrees(0.2, 0.1) && !agrees(0.21, 0.1));
+        assert!(!agrees(f64::INFINITY, f64::INFINITY), "none of them is known");
+    }
+
+    #[test]
+    fn an_interval_of_half_tells_the_setpoint_weight() {
+        let about = |width: f64| Interval { low: 0.3, high: 0.3 + width };
+        assert!(tells(about(0.49)) && !tells(about(0.51)));
+    }
+
+    #[test]
+    fn gain_and_integral_time_are_known_to_a_factor_of_four() {
+        let (sure, four) = (Interval { low: 1.0, high: 1.1 }, Interval { low: 1.0, high: 4.0 });
+        let wider = Interval { low: 1.0, high: 4.1 };
+        assert!(!too_wide(four, sure) && !too_wide(sure, four));
+        assert!(too_wide(wider, sure) && too_wide(sure, wider));
+    }
 }

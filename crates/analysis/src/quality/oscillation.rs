@@ -12,8 +12,6 @@ use crate::{SORTED_ROWS, median};
 
 /// Fewer samples, or crossings of the mean, show no frequency.
 const FEWEST: (usize, usize) = (64, 12);
-/// The lowest line that counts as a frequency; below it is drift, spread by the window.
-const LOWEST: usize = 3;
 /// Lines on either side that belong to the peak, as a share of its number and at least: its slow changes of frequency.
 const LINE: (f64, usize) = (0.15, 2);
 /// Stretches between crossings count as half-periods from this share of the peak's on: noise crosses many times about
@@ -48,7 +46,7 @@ pub(super) fn sinusoid(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
     // Noise can cross many times around one zero: the half-period is that of the spectral peak, not of the crossings.
     let power = spectrum(&e);
-    let peak = (LOWEST..power.len()).fold(LOWEST, |peak, k| if power[k] > power[peak] { k } else { peak });
+    let peak = (1..power.len()).fold(1, |peak, k| if power[k] > power[peak] { k } else { peak });
     let width = ((LINE.0 * peak as f64).round_ties_even() as usize).max(LINE.1);
     let line = &power[peak.saturating_sub(width).max(1)..power.len().min(peak + width + 1)];
     let share = line.iter().sum::<f64>() / power[1..].iter().sum::<f64>();

@@ -3,6 +3,7 @@
 use super::{Fault, Interval, Known, Law, Severity, assumed_gain, inspect};
 use crate::{Counter, Inspected, noise_sigma};
 use glapp_core::status::BAD;
+use std::f64::consts::PI;
 
 /// A recording of one row a second in which nothing is wrong: PV and OP wander, and no value comes twice.
 #[derive(Clone)]
@@ -201,4 +202,41 @@ fn more_than_one_bad_row_in_a_hundred_is_many() {
     assert_eq!(rows.found(Fault::BadQuality, &Known::default()), Some(Severity::Info));
     rows.flags = Some(manual(2));
     assert_eq!(rows.found(Fault::BadQuality, &Known::default()), Some(Severity::Warning));
+}
+
+#[test]
+fn half_periods_that_scatter_by_a_quarter_are_no_linear_oscillation() {
+    // Half sines of 200 rows a period, the upper shorter by `less` and the lower longer: they scatter by `less`.
+    let swings = |less: f64| {
+        let upper = (1.0 - less) / 2.0;
+        let wave = |k: usize| {
+            let phase = ((k % 200) as f64 + 0.5) / 200.0;
+            match phase < upper {
+                true => (PI * phase / upper).sin() / upper,
+                false => -(PI * (phase - upper) / (1.0 - upper)).sin() / (1.0 - upper),
+            }
+        };
+        let mut rows = Rows::sound(3000);
+        rows.pv = (0..3000).map(|k| 50.5 + wave(k)).collect();
+        rows.found(Fault::Sinusoidal, &Known { ti: Some(30.0), ..Known::default() }).is_some()
+    };
+    assert!(swings(0.24) && !swings(0.26));
+}
+
+#[test]
+fn a_law_that_explains_95_of_100_of_pv_by_op_has_them_exchanged() {
+    // OP of a PI controller, and a share of what is not its own, as PV; PV as OP.
+    let explains = |share: f64| {
+        let mut rows = Rows::sound(2000);
+        let (mut pv, mut area, mut other) = (0.0, 0.0, 0.0);
+        for k in 0..2000 {
+            pv = 0.9 * pv + random(k) - 0.5;
+            area += pv;
+            other += random(k + 5000) - 0.5;
+            rows.op[k] = 50.5 + pv;
+            rows.pv[k] = 40.0 - 2.0 * (pv + area / 30.0) + share * other;
+        }
+        rows.found(Fault::Exchanged, &Known { law: Some(Law::default()), ..Known::default() })
+    };
+    assert_eq!((explains(0.2), explains(0.8)), (Some(Severity::Refuse), None));
 }

@@ -116,9 +116,9 @@ const SENTENCES: &[(&str, &str)] = &[
     ("so no_estimate", "No dead band could be measured for {name}."),
     ("so refused", "{name} was not analysed: {reason}."),
     // Clauses of it.
-    ("of_span", " ({percent:number} % of span)"),
-    ("more_than_given", ", more than the {percent:number} % of span allowed"),
-    ("more_than_nominal", ", more than the usual {percent:number} % of span"),
+    ("of_span", " ({percent:number}\u{a0}% of span)"),
+    ("more_than_given", ", more than the {percent:number}\u{a0}% of span allowed"),
+    ("more_than_nominal", ", more than the usual {percent:number}\u{a0}% of span"),
     ("up_from", ", up from {from:number} in {lasted:duration}"),
     ("down_from", ", down from {from:number} in {lasted:duration}"),
     // The one width that a list shows, in OP units and in % of span.
@@ -149,11 +149,11 @@ const SENTENCES: &[(&str, &str)] = &[
     ("do review", "Nothing now; analyse again at the next review."),
     (
         "do review given",
-        "Nothing now: all of it is within the {percent:number} % of span allowed. Analyse again at the next review.",
+        "Nothing now: all of it is within the {percent:number}\u{a0}% of span allowed. Analyse again at the next review.",
     ),
     (
         "do review nominal",
-        "Nothing now: all of it is within the usual {percent:number} % of span. Analyse again at the next review.",
+        "Nothing now: all of it is within the usual {percent:number}\u{a0}% of span. Analyse again at the next review.",
     ),
     ("do confirm", "Confirm with a step test in manual, then plan work on valve, linkage and positioner."),
     ("do confirm tested", "Where it agrees, plan work on valve, linkage and positioner."),
@@ -205,7 +205,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("crossed gain", ", and with it a process gain of {kp:number} ({low:number} to {high:number})"),
     ("crossed worked_out", ", worked out by (4.1)"),
     ("crossed noise", "The noise limit is {floor:op}."),
-    ("crossed positioner", "The positioner's own dead band is set to {percent:number} %, which is part of it."),
+    ("crossed positioner", "The positioner's own dead band is set to {percent:number}\u{a0}%, which is part of it."),
     (
         "crossed rejected",
         "The most frequent reason for rejection was “{label}” ({count} of {half_periods:count half-period}): {meaning}.",

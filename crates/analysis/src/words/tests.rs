@@ -138,7 +138,7 @@ fn an_answer_has_three_parts() {
     assert_eq!(none.so, "FIC1 shows no dead band, but one of up to 2\u{a0}% would not show.");
 
     let beyond = json!({"acceptable": "beyond", "limit": {"percent_span": 1.0, "origin": "nominal"}});
-    assert!(told_of(with(gap(), beyond)).so.ends_with(", 95 %), more than the usual 1 % of span."));
+    assert!(told_of(with(gap(), beyond)).so.ends_with(", 95 %), more than the usual 1\u{a0}% of span."));
     let grown = json!({"trend": {"code": "grows", "t": [0.0, 864_000.0], "d": [2.0, 4.0]}});
     assert!(told_of(with(gap(), grown)).so.ends_with(", 95 %), up from 2 in 10 d."));
     let tested = told_of(with(

@@ -196,7 +196,8 @@ impl<R: Real> Stiction<R> {
         let half = s.limits.high / two - s.limits.low / two;
         let range = if half <= R::MOST / two { two * half } else { R::MOST };
         let none = R::of(NO_LIMIT);
-        let within = |name, value: R, low: R, high: R, words| require(name, value, value >= low && value <= high, words);
+        let within =
+            |name, value: R, low: R, high: R, words| require(name, value, value >= low && value <= high, words);
         let above = |name, value: R, high: R, words| require(name, value, value > zero && value <= high, words);
         require("k", s.k, s.k != zero, "a number other than 0")?;
         above("ti", s.ti, R::of(LONGEST), "greater than 0 s, at most 1e9 s")?;
@@ -423,8 +424,7 @@ mod tests {
             let shown = run(Push::Reinforcement, samples.into_iter());
             assert_eq!(shown[3], (2.0, Standing::Active));
             let after: Vec<f64> = shown[4..].iter().map(|shown| shown.0).collect();
-            let expected =
-                if flags == NOT_AUTO { [0.0; 6] } else { [1.5, 1.0, 0.5, 0.0, 0.0, 0.0] };
+            let expected = if flags == NOT_AUTO { [0.0; 6] } else { [1.5, 1.0, 0.5, 0.0, 0.0, 0.0] };
             assert_eq!((after, shown[4].1), (expected.to_vec(), standing));
         }
     }

@@ -10,10 +10,10 @@ use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
     CompensationSettings, CompensationState, Conditions, Correction, CorrectionState, Derivative, Detector,
     DetectorSettings, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel,
-    NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState,
-    RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Push, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Source, Standing, Stiction, StictionSample, StictionSettings, StictionState, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign,
-    WrongSignState, ZeroCrossing,
+    NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState, Push,
+    RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
+    SecondOrderFilterState, Source, Standing, Stiction, StictionSample, StictionSettings, StictionState, Sum, Swing,
+    SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;

@@ -546,7 +546,10 @@ fn random<R: Number>() {
     warns::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
-    cover.parts("GlappPid", &INSIDE.map(|line| if line == "IF Inner.HasUsed THEN" { "IF Inner.Forth THEN" } else { line }));
+    cover.parts(
+        "GlappPid",
+        &INSIDE.map(|line| if line == "IF Inner.HasUsed THEN" { "IF Inner.Forth THEN" } else { line }),
+    );
     for pou in ["GlappPid", "GlappAutoTuner"] {
         cover.takes(pou, &["IF Inner.HasUsed THEN"]);
     }

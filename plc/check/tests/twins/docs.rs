@@ -46,7 +46,8 @@ fn every_block_has_its_pins_there() {
 #[test]
 fn every_structure_of_a_pin_has_its_members_there() {
     let page = page();
-    let inside = ["Used", "GlappRecord", "GlappEstimate", "GlappHalfPeriodData", "GlappWidthParts", "GlappCorrectedWidth"];
+    let inside =
+        ["Used", "GlappRecord", "GlappEstimate", "GlappHalfPeriodData", "GlappWidthParts", "GlappCorrectedWidth"];
     let mut told = 0;
     for (_, text) in sources(&folder(), Build::Lreal).unwrap() {
         let pins = pins(&text);

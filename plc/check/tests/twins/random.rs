@@ -307,14 +307,7 @@ fn at_their_bounds<R: Number>() {
     }
     // A default for Kp that is none is none.
     let detector = Block::new::<R>("GlappDetector");
-    detector.set_all(&[
-        ("Enable", 1.0),
-        ("H", 0.25),
-        ("K", 1.0),
-        ("Ti", 1.0),
-        ("HasMaxH", 1.0),
-        ("MaxH", 1.0),
-    ]);
+    detector.set_all(&[("Enable", 1.0), ("H", 0.25), ("K", 1.0), ("Ti", 1.0), ("HasMaxH", 1.0), ("MaxH", 1.0)]);
     detector.set_all(&[("HasPvSpan", 1.0), ("PvSpan", 1e30), ("HasOpSpan", 1.0), ("OpSpan", 1e-30)]);
     detector.call();
     assert_eq!(detector.get("ErrorID"), 5.0);
@@ -435,14 +428,9 @@ fn another_version<R: Number>(taken: &mut [bool]) {
     assert!(!block.on("Dropped"));
     for (version, dropped) in [(1, false), (2, true)] {
         block.0.borrow_mut().power_cut();
-        for (name, value) in [
-            ("StateVersion", version),
-            ("Count", 7),
-            ("Known", 1),
-            ("Found.Count", 1),
-            ("LevelKnown", 1),
-            ("Level", 7),
-        ] {
+        for (name, value) in
+            [("StateVersion", version), ("Count", 7), ("Known", 1), ("Found.Count", 1), ("LevelKnown", 1), ("Level", 7)]
+        {
             block.0.borrow_mut().spoil(name, value.into()).unwrap();
         }
         scan(&block, &pins);

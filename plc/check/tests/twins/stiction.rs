@@ -268,7 +268,9 @@ fn spoil(p: &mut Pins, d: &mut Draw) {
         10 => options[5].1 = Some(d.of(&[-1.0, none, 301.0, 11.0 * p.ti])),
         11 => options[6].1 = Some(d.of(&[-1.0, none])),
         12 => options[7].1 = Some(d.of(&[-1.0, none, 1.1e5 * p.ti])),
-        _ => p.limits = d.of(&[Some((1.0, 1.0)), Some((f64::NAN, 1.0)), Some((0.0, f64::INFINITY)), Some((-1e-3, 1e-3))]),
+        _ => {
+            p.limits = d.of(&[Some((1.0, 1.0)), Some((f64::NAN, 1.0)), Some((0.0, f64::INFINITY)), Some((-1e-3, 1e-3))])
+        }
     }
 }
 

@@ -182,7 +182,8 @@ pub const PID_ADVANCED: Twin = Twin {
 
 /// A row with the defaults of its pins, and these.
 pub fn row(given: &[(&str, f64)]) -> Row {
-    let usual = ["Enable", "Mode", "B", "Share", "Source", "Withdraw", "ReduceByEstimate", "Rule"].map(|pin| (pin, 1.0));
+    let usual =
+        ["Enable", "Mode", "B", "Share", "Source", "Withdraw", "ReduceByEstimate", "Rule"].map(|pin| (pin, 1.0));
     let mut row = Row::new(&PID_ADVANCED, &usual);
     row.set_all(&[("N", 9.0), ("Way", 3.0)]);
     row.set_all(given);

@@ -763,5 +763,11 @@ pub const POUS: [&str; 18] = [
 ];
 
 /// Conditions in `GlappPid` and `GlappAutoTuner` that only `GlappPidAdvanced` asks both ways.
-pub const INSIDE: [&str; 6] =
-    ["IF Inner.Forth THEN", "IF Inner.Back AND", "IF Inner.HasUsed THEN", "IF Inner.HasSpRate THEN", "IF Steps THEN", "IF First THEN"];
+pub const INSIDE: [&str; 6] = [
+    "IF Inner.Forth THEN",
+    "IF Inner.Back AND",
+    "IF Inner.HasUsed THEN",
+    "IF Inner.HasSpRate THEN",
+    "IF Steps THEN",
+    "IF First THEN",
+];

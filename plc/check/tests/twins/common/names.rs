@@ -53,11 +53,15 @@ const PAIRS: [(&str, [&str; 2]); 3] =
 /// What is told on a pin whose X is not given: what it begins with, but for a derivative time, which begins with that of a PI.
 pub fn open(pin: &str) -> Option<f64> {
     Some(match pin {
-        "Td" | "Tf" | "DetectorTf" | "RelayHysteresis" | "MaxWidth" | "Band" | "RampTime" | "Tolerance" | "Longest" => -1.0,
-        "Kp" | "PvSpan" | "OpSpan" | "MaxH" | "SpRate" | "Rate" | "FfRate" | "Release" | "Travel" | "Reversals" | "Watch"
-        | "OpLow" | "OpHigh" => 0.0,
+        "Td" | "Tf" | "DetectorTf" | "RelayHysteresis" | "MaxWidth" | "Band" | "RampTime" | "Tolerance" | "Longest" => {
+            -1.0
+        }
+        "Kp" | "PvSpan" | "OpSpan" | "MaxH" | "SpRate" | "Rate" | "FfRate" | "Release" | "Travel" | "Reversals"
+        | "Watch" | "OpLow" | "OpHigh" => 0.0,
         "Low" | "BackLow" => -1e38,
-        "High" | "BackHigh" | "OwnSp" | "ManualOutput" | "Op" | "Output" | "UFfBack" | "DHat" | "Offered" | "Start" => 1e38,
+        "High" | "BackHigh" | "OwnSp" | "ManualOutput" | "Op" | "Output" | "UFfBack" | "DHat" | "Offered" | "Start" => {
+            1e38
+        }
         _ => return None,
     })
 }
@@ -131,7 +135,8 @@ impl Names {
         if self.paths.iter().any(|path| path == name) {
             return Some(name.into());
         }
-        let alias = ALIASES.iter().find(|(block, alias, _)| *alias == name && (block.is_empty() || *block == self.block));
+        let alias =
+            ALIASES.iter().find(|(block, alias, _)| *alias == name && (block.is_empty() || *block == self.block));
         if let Some((_, _, path)) = alias {
             let end = format!(".{path}");
             return self.paths.iter().find(|one| one == path || one.ends_with(&end)).cloned();
@@ -171,7 +176,8 @@ impl Names {
         {
             return Place::Given(vec![a, b]);
         }
-        let input = |path: &String| !["Detected", "Compensating", "Experimented"].iter().any(|out| path.starts_with(out));
+        let input =
+            |path: &String| !["Detected", "Compensating", "Experimented"].iter().any(|out| path.starts_with(out));
         if let Some(path) = name.strip_prefix("Has").and_then(|of| self.path(of)).filter(input)
             && !(KNOWN.iter().any(|(has, ..)| *has == name) && self.is_output(&path))
         {

@@ -391,8 +391,7 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
             let [e, u, enable, push] = x else { panic!("{x:?}") };
             let push = Push::ALL[*push as usize - 1];
             let block = Stiction::new(StictionSettings::new(push, R::ONE, R::ONE, R::of(2.0))).unwrap();
-            let sample =
-                StictionSample { e: R::of(*e), u: R::of(*u), h: R::of(h), enable: *enable != 0.0, flags: 0 };
+            let sample = StictionSample { e: R::of(*e), u: R::of(*u), h: R::of(h), enable: *enable != 0.0, flags: 0 };
             let u_ff = block.update(&mut state, &sample);
             Some(vec![u_ff.as_f64(), f64::from(state.standing as u8), state.direction.into()])
         });

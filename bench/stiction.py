@@ -3,8 +3,8 @@
 A loop is drawn: a process of two lags and a dead time under a PI controller, noise, steps of the load, and a valve that
 sticks, by Karnopp or by He. It runs for 100 Ti; then it is pushed, or not, for 200 Ti, of which the last 150 are
 compared. The block is the one that ships, with its safety: it may withdraw itself. The height of a push is a share of
-half of the valve's band s, which nobody knows exactly: each loop has it wrong by up to 30 %. Shares were chosen on other
-loops, `--choose`. `--docs` writes the table into docs/compensation.md.
+half of the valve's band s, which nobody knows exactly: each loop has it wrong by up to 30 %. Shares were chosen on
+other loops, `--choose`. `--docs` writes the table into docs/compensation.md.
 """
 
 from __future__ import annotations

@@ -26,7 +26,18 @@ def run(*command: object, folder: Path = ROOT) -> str:
 
 
 def library(*target: str) -> Path:
-    run("cargo", "rustc", "--quiet", "--profile", "embedded", "-p", "glapp-embedded", "--crate-type", "staticlib", *target)
+    run(
+        "cargo",
+        "rustc",
+        "--quiet",
+        "--profile",
+        "embedded",
+        "-p",
+        "glapp-embedded",
+        "--crate-type",
+        "staticlib",
+        *target,
+    )
     return ROOT / "target" / (target[1] if target else "") / "embedded" / "libglapp_embedded.a"
 
 

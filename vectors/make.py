@@ -242,6 +242,7 @@ def stiction(params: Params, h: Sequence[float], samples: Sequence[Sequence[floa
 
 
 def stiction_cases() -> Iterator[dict[str, Any]]:
+    """Each push in a loop that swings: enabled, near a limit, where something is lost, poor, uneven and worse."""
     usual = {"k": 1.5, "ti": 4.0, "size": 2.0}
 
     def swings(seed: int, n: int, period: int = 40) -> list[list[float]]:
@@ -256,7 +257,12 @@ def stiction_cases() -> Iterator[dict[str, Any]]:
         yield {"comment": f"{name}: a loop that swings", "flags": [], "params": params, "input": one, "h": 0.5}
         late = [[e, u, float(i > 30), flags] for i, (e, u, _, flags) in enumerate(swings(10 + push, 120))]
         off = params | {"rate": 1.5, "low": 45.2, "high": 55.1}
-        yield {"comment": f"{name}: enabled later, by a rate, near a limit", "flags": ["Edge"], "params": off, "input": late}
+        yield {
+            "comment": f"{name}: enabled later, by a rate, near a limit",
+            "flags": ["Edge"],
+            "params": off,
+            "input": late,
+        }
         lost = swings(20 + push, 160)
         for i, flag in ((60, 2.0), (61, 2.0), (80, 1.0), (100, 4.0), (101, 4.0), (120, 8.0)):
             lost[i][3] = flag
@@ -266,8 +272,16 @@ def stiction_cases() -> Iterator[dict[str, Any]]:
         yield {"comment": f"{name}: a budget; direct action", "flags": ["Budget", "Sign"], "params": poor, "input": one}
         steps = [0.5, 0.5, 0.3, 0.0, 1.2, -1.0, 0.5, 2e9]
         uneven = [steps[i % len(steps)] for i in range(160)]
-        yield {"comment": f"{name}: steps of any length", "flags": ["IrregularStep"], "params": params, "input": one, "h": uneven}
-        worse = [[(1.0 + 2.0 * (i > 700)) * e, u, float(i > 700), 0.0] for i, (e, u, *_) in enumerate(swings(push, 2000))]
+        yield {
+            "comment": f"{name}: steps of any length",
+            "flags": ["IrregularStep"],
+            "params": params,
+            "input": one,
+            "h": uneven,
+        }
+        worse = [
+            [(1.0 + 2.0 * (i > 700)) * e, u, float(i > 700), 0.0] for i, (e, u, *_) in enumerate(swings(push, 2000))
+        ]
         watched = params | {"watch": 150.0}
         yield {"comment": f"{name}: worse than before", "flags": ["Harm"], "params": watched, "input": worse, "h": 0.5}
 

@@ -815,6 +815,15 @@ class BacklashDetection(_Compensating):
 class Push(enum.IntEnum):
     """How `Stiction` pushes a valve that sticks (`docs/compensation.md`).
 
+    Attributes
+    ----------
+    KNOCKER
+        Pulses, towards where the output has gone since the one before.
+    REINFORCEMENT
+        A constant towards where the output goes.
+    TWO_MOVES
+        One that breaks the stem loose and one back, where PV stays off SP.
+
     Examples
     --------
     >>> Push.TWO_MOVES.name

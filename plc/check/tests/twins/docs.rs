@@ -32,7 +32,11 @@ fn every_block_is_explained_and_every_pin() {
         if text.contains("STRUCT") && page.contains(&format!("\n### {name}\n")) {
             let (_, rest) = page.split_once(&format!("\n### {name}\n")).unwrap();
             let part = rest.split("\n##").next().unwrap();
-            assert!(part.contains(&members(&text)), "{name}: its members are not those of the source:\n{}", members(&text));
+            assert!(
+                part.contains(&members(&text)),
+                "{name}: its members are not those of the source:\n{}",
+                members(&text)
+            );
             let bare = members(&text).lines().skip(2).any(|row| row.ends_with("|  |"));
             assert!(!bare, "{name}: members without a description");
         }

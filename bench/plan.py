@@ -3,7 +3,7 @@
 Each loop has a twin without its gap: the same process of two lags, PI controller, noise and kind of load. A recording
 of one of the two is analysed, and a test by hand is planned for a gap as wide as that of the first, within limits that
 a person gives. Then the test is made 20 times in either twin, on other days. How often the twin with the gap shows it,
-and the other shows that it has none, is the simulated power.
+and the other shows that it has none, is the simulated power. `--kind setpoint` does the same with setpoint steps.
 
 All distributions stand in `drawn`. Half A (even numbers) is for choosing the numbers in `glapp.plan`; half B judges.
 """
@@ -17,7 +17,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 import argparse
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 from time import monotonic
@@ -27,8 +27,10 @@ import numpy as np
 
 import glapp
 import glapp.plan as planning
-from glapp.plan import decided, plan_test
-from glapp.scenario import Gaussian, Manual, Scenario, Walk
+from glapp.controller import Controller
+from glapp.plan import decided, fit_decides, plan_test
+from glapp.plant import Plant
+from glapp.scenario import Gaussian, Manual, Scenario, Steps, Walk
 from glapp.simulate import run_many
 
 DAYS = 20
@@ -59,12 +61,12 @@ class Drawn:
         """One day of it; PV and OP are 50 at rest."""
         den = [self.lag * 0.2 * self.lag, 1.2 * self.lag, 1.0]
         return Scenario(
-            plant=([self.kp], den, self.dead_time),
-            controller=self.controller,
+            plant=Plant([self.kp], den, self.dead_time),
+            controller=Controller(k=self.controller[0], ti=self.controller[1]),
             d=self.d if fault == "gap" else 0.0,
             noise=(Gaussian(sigma=self.noise),),
             load=(Walk(rate=self.walk),),
-            setpoint=[(0.0, 0.0), *(step for step in self.setpoint if step[0] < t_end)],
+            setpoint=(Steps(steps=((0.0, 0.0), *(step for step in self.setpoint if step[0] < t_end))),),
             manual=manual,
             h=self.h,
             t_end=t_end,
@@ -103,7 +105,7 @@ def drawn(number: int) -> Drawn:
     )
 
 
-def ask(number: int) -> dict[str, Any]:
+def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     """Plan one test, and make it."""
     loop = drawn(number)
     of = ("gap", "none")[number // 2 % 2]
@@ -122,11 +124,11 @@ def ask(number: int) -> dict[str, Any]:
             pv_within=(pv - loop.pv_room, pv + loop.pv_room),
             minutes=MINUTES,
             width=loop.d,
-            kinds=("by_hand",),
+            kinds=(kind,),
         )
     except glapp.InputError as error:
         return told | {"refused": str(error)}
-    test = plan["by_hand"]
+    test = plan[kind]
     told["seconds"] = monotonic() - began
     if test.power is None or test.hold is None or test.pv is None:
         return told | {"refused": test.reason}
@@ -136,23 +138,31 @@ def ask(number: int) -> dict[str, Any]:
     first, share, wrong, passed = round(begin / loop.h), dict[str, float](), 0, 0
     for fault in ("gap", "none"):
         seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS)
-        # Until the person begins, the loop runs in automatic; then OP goes on from where it stands.
-        before = run_many([loop.scenario(fault, seed, begin) for seed in seeds], progress=False)
-        days = [
-            loop.scenario(fault, seed, t_end, _by_hand(begin, test.hold, float(day.op[-1]) + moves, loop.h))
-            for seed, day in zip(seeds, before, strict=True)
-        ]
+        if kind == "by_hand":
+            # Until the person begins, the loop runs in automatic; then OP goes on from where it stands.
+            before = run_many([loop.scenario(fault, seed, begin) for seed in seeds], progress=False)
+            days = [
+                loop.scenario(fault, seed, t_end, _by_hand(begin, test.hold, float(day.op[-1]) + moves, loop.h))
+                for seed, day in zip(seeds, before, strict=True)
+            ]
+        else:
+            steps = tuple((begin + i * test.hold, float(move)) for i, move in enumerate(moves))
+            days = [replace(loop, setpoint=steps).scenario(fault, seed, t_end) for seed in seeds]
         found = []
         for made in run_many(days, progress=False):
             rows = slice(first, None)
             stands = float(np.median(made.pv[first - planning.LATE : first]))
             beyond = np.flatnonzero(np.abs(made.pv[rows] - stands) > loop.pv_room)
             passed += bool(len(beyond))
-            read = glapp.step_test(t=made.t[rows], pv=made.pv[rows], op=made.op[rows], manual=True)
-            found.append(decided(read, loop.d))
-        right, other = ("gap", "no_gap") if fault == "gap" else ("no_gap", "gap")
-        share[fault] = found.count(right) / DAYS
-        wrong += found.count(other)
+            signals: dict[str, Any] = {"t": made.t[rows], "pv": made.pv[rows], "op": made.op[rows]}
+            if kind == "by_hand":
+                found.append(decided(glapp.step_test(**signals, manual=True), loop.d))
+            else:
+                answer = glapp.fit(**signals, sp=made.sp[rows], loop=recording.loop)
+                found.append(fit_decides(answer, loop.d))
+        gaps, none = (sum(one == word for one in found) for word in ("gap", "no_gap"))
+        share[fault] = (gaps if fault == "gap" else none) / DAYS
+        wrong += none if fault == "gap" else gaps
     return told | {
         "minutes": test.minutes,
         "three_moves": len(moves) == 4,
@@ -202,11 +212,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.plan", description=__doc__.split("\n\n")[0])
     parser.add_argument("--half", choices=("A", "B"), default="B")
     parser.add_argument("--loops", type=int, default=40)
+    parser.add_argument("--kind", choices=("by_hand", "setpoint"), default="by_hand")
+    parser.add_argument("--first", type=int, default=0, help="from this number on")
     parser.add_argument("--out", type=Path, help="a line of JSON for each loop")
     given = parser.parse_args()
     lines = []
-    for number in range(given.half == "B", 2 * given.loops, 2):
-        lines.append(ask(number))
+    begin = given.first + (given.first % 2 != (given.half == "B"))
+    for number in range(begin, begin + 2 * given.loops, 2):
+        lines.append(ask(number, given.kind))
         if given.out is not None:
             with given.out.open("a", encoding="utf-8") as file:
                 print(json.dumps(lines[-1]), file=file)

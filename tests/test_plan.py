@@ -87,8 +87,8 @@ def test_the_promised_power_is_that_of_the_loop_and_the_limits_hold(planned_from
             found.append(decided(read, TRUE_GAP))
             assert made.op[rows].max() - stands <= LIMITS["op_within"][1] - test.moves[0]
             assert np.ptp(made.pv[rows]) <= test.pv[1] - test.pv[0] + 1.0
-    assert np.mean([one == "gap" for one in said[TRUE_GAP]]) >= test.with_gap - 0.1
-    assert np.mean([one == "no_gap" for one in said[0.0]]) >= test.without - 0.1
+    assert np.mean([one == "gap" for one in said[TRUE_GAP]]) >= test.with_gap - 0.15
+    assert np.mean([one == "no_gap" for one in said[0.0]]) >= test.without - 0.15
     assert sum(one == "no_gap" for one in said[TRUE_GAP]) + sum(one == "gap" for one in said[0.0]) <= 3
 
 

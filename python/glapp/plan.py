@@ -207,7 +207,8 @@ def plan_test(
     interval of the step test begins above a fifth of the width, or ends below four fifths. By setpoint steps: the
     fit's *found*, or *none seen* above a limit below the width. PV is simulated as P·valve + w: P is the fitted
     process, the valve follows OP with a gap of the width, or without, and w is what is left of the recorded PV, taken
-    from a place of the recording that is another one in each simulation.
+    from a place of the recording that is another one in each simulation. It is the same w with the gap and without:
+    that of the two which leaves less of the recording.
 
     More hours: −2·Δln L of no gap grows in proportion to time, and has the variance of 4 times its growth. Told are the
     hours after which it exceeds what the fit asks for in 80 %.
@@ -319,8 +320,8 @@ class _Fitted:
     """The process with the largest gain that is planned for."""
     integrating: bool
     settling: float
-    left: dict[float, _Left]
-    """With a gap of the width, and with none."""
+    left: _Left
+    """Of the valve with the gap or without, whichever leaves less: the load is the same for both."""
     op: float
     pv: float
     sp: float
@@ -362,7 +363,8 @@ class _Fitted:
         plant, strong = (_plant(gain, best, h) for gain in gains)
         settling = _settling(plant)
         skip = min(len(pv) // 4, int(settling / h))
-        left = {d: _Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)}
+        either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
+        left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
         within = {"op": op_within, "pv": pv_within}
         stands = _stands(recording)
         for name, x in (("op", op), ("pv", pv)):
@@ -396,13 +398,13 @@ class _Fitted:
             pv_within=within["pv"],  # type: ignore[arg-type]
         )
 
-    def disturbance(self, d: float, n: int, at: int, seed: int) -> Floats:
+    def disturbance(self, n: int, at: int, seed: int) -> Floats:
         """So many values of what is left of PV, from another place with each seed, 0 at the sample `at`."""
-        return self.left[d].piece(n, at, np.random.default_rng(seed))
+        return self.left.piece(n, at, np.random.default_rng(seed))
 
     def swing(self, n: int) -> Limits:
         """How far PV goes by itself from where it stands, within so many samples."""
-        pieces = [self.disturbance(d, n, 0, seed) for d in self.left for seed in range(SIMULATIONS)]
+        pieces = [self.disturbance(n, 0, seed) for seed in range(SIMULATIONS)]
         return min(float(x.min()) for x in pieces), max(float(x.max()) for x in pieces)
 
 
@@ -499,6 +501,10 @@ class _Left:
             return cls((pv - moved)[skip:], (float(plant.velocity_gain or 0.0) * moves)[skip:], t, True)
         return cls((pv - moved)[skip:], (gain * moves - moved)[skip:], np.asarray(plant.step_response(t) / gain), False)
 
+    def moves_by(self, steps: int) -> float:
+        """Mean square of what it moves by in so many steps."""
+        return float(np.mean((self.w[steps:] - self.w[:-steps]) ** 2)) if len(self.w) > steps else math.inf
+
     def piece(self, n: int, at: int, random: np.random.Generator) -> Floats:
         """So many steps from a place of its own, with OP held from the step `at` on, where it is 0.
 
@@ -566,7 +572,10 @@ def _by_hand(loop: _Fitted, minutes: float) -> Planned:
         best = _planned("by_hand", loop.op, levels, best.hold or 0.0, again, best.pv)
     if (best.power or 0.0) < WORTH:
         why = f", and {sorted(refused)[0]}" if refused else ""
-        return Planned("by_hand", f"the surest test of up to {minutes:g} min decides in {best.power:.0%} only{why}")
+        return Planned(
+            "by_hand",
+            f"the surest test of up to {minutes:g} min decides in {100 * (best.power or 0.0):.0f} % only{why}",
+        )
     return best
 
 
@@ -615,7 +624,7 @@ def _scenario(
     noise: Any = ()
     if seed is not None:
         n = round(t_end / loop.h) + 1
-        noise = Samples(values=loop.disturbance(d, n, round(before * hold / loop.h), seed))
+        noise = Samples(values=loop.disturbance(n, round(before * hold / loop.h), seed))
     manual = [Manual(begin=i * hold, end=(i + 1) * hold, op=op) for i, op in enumerate(held)]
     manual[-1] = Manual(begin=manual[-1].begin, end=t_end + loop.h, op=held[-1])
     return _at_rest(plant, loop.h, t_end, manual=manual, d=d, noise=noise)
@@ -700,7 +709,7 @@ def _stepped(
     loop: _Fitted, law: Ideal, plant: Plant, d: float, levels: Sequence[float], apart: float, seed: int
 ) -> Scenario:
     t_end = apart * len(levels)
-    noise = Samples(values=loop.disturbance(d, round(t_end / loop.h) + 1, 0, seed))
+    noise = Samples(values=loop.disturbance(round(t_end / loop.h) + 1, 0, seed))
     more: dict[str, Any] = {"controller": tuple(law), "noise": noise}
     more["setpoint"] = [(i * apart, level) for i, level in enumerate(levels)]
     return Scenario(plant=plant, d=d, h=loop.h, t_end=t_end, **more)
@@ -712,7 +721,7 @@ def _reached(loop: _Fitted, law: Ideal, levels: Sequence[float], apart: float) -
     each = [
         _stepped(loop, law, plant, d, levels, apart, seed)
         for plant in (loop.plant, loop.strong)
-        for d in loop.left
+        for d in (loop.width, 0.0)
         for seed in seeds
     ]
     try:
@@ -732,17 +741,22 @@ def _fitted(
     loop: _Fitted, law: Ideal, levels: Sequence[float], apart: float, count: int
 ) -> list[tuple[float, Found | None]]:
     """What the fit says of simulated setpoint steps, with the gap and without."""
-    each = [(d, seed) for d in loop.left for seed in range(100, 100 + count)]
+    each = [(d, seed) for d in (loop.width, 0.0) for seed in range(100, 100 + count)]
     simulations = run_many(
         [_stepped(loop, law, loop.plant, d, levels, apart, seed) for d, seed in each], progress=False
     )
     judged: list[tuple[float, Found | None]] = []
     for (d, _), s in zip(each, simulations, strict=True):
-        answer = fit(t=s.t, sp=s.sp, pv=s.pv, op=s.op, loop=loop.loop)
-        said = (answer.judgement or {}).get("confidence")
-        none = said in ("none_seen", "sound") and answer.high is not None and answer.high < loop.width
-        judged.append((d, "gap" if said == "found" else "no_gap" if none else None))
+        judged.append((d, fit_decides(fit(t=s.t, sp=s.sp, pv=s.pv, op=s.op, loop=loop.loop), loop.width)))
     return judged
+
+
+def fit_decides(found: Fit, width: float) -> Found | None:
+    """The same of a fit."""
+    said = (found.judgement or {}).get("confidence")
+    if said == "found":
+        return "gap"
+    return "no_gap" if said in ("none_seen", "sound") and found.high is not None and found.high < width else None
 
 
 def _more_hours(found: Fit) -> Planned:

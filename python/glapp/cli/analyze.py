@@ -109,6 +109,9 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
             _block(result, why)
         if not why:
             out.print(styled("Add --why to see what each answer stands on.", style="dim"))
+        fitted = [result for result in shown if result.fit is not None and result.fit.process is not None]
+        if any(result.answer.confidence in ("likely", "cannot_tell") for result in fitted):
+            out.print(styled("glapp plan-test says which test would decide.", style="dim"))
         return
     show_table(fitting(_columns(results), 4))
     out.print()

@@ -115,21 +115,23 @@ def _told(test: Planned, of: Plan) -> str:
     if test.power is None or test.minutes is None:
         return f"no: {test.reason}"
     if test.kind == "more_hours":
-        return (
-            f"{number(test.minutes / 60)} more hours like these show the gap in {test.power:.0%}, if there is one "
-            "(by the growth of the likelihood)"
-        )
+        more = f"{number(test.minutes / 60)} h" if test.minutes > 120 else f"{test.minutes:.0f} min"
+        return f"{more} more of the same show the gap in {_share(test.power)}, if there is one (not simulated)"
     assert test.hold is not None
-    what, unit = ("OP", of.unit) if test.kind == "by_hand" else ("SP", of.pv_unit)
+    what, unit = ("OP", "%OP" if of.unit == "%" else of.unit) if test.kind == "by_hand" else ("SP", of.pv_unit)
     moves = " → ".join(number(x, 4) for x in test.moves)
     said = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
         said += f"PV stays within {_limits(test.pv)}"
         said += ". " if test.kind == "by_hand" else f", OP within {_limits(test.op)}. "
     return said + (
-        f"It decides in {test.power:.0%}: {test.with_gap:.0%} of {test.simulations} simulations with the gap show it, "
-        f"{test.without:.0%} of as many without show that there is none"
+        f"It decides in {_share(test.power)}: {_share(test.with_gap)} of {test.simulations} simulations with the gap "
+        f"show it, {_share(test.without)} of as many without show that there is none"
     )
+
+
+def _share(of: float | None) -> str:
+    return "–" if of is None else f"{100 * of:.0f} %"
 
 
 def _limits(of: tuple[float, float]) -> str:

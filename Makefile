@@ -128,6 +128,7 @@ reader: setup
 page: setup dist/page/index.html
 
 dist/page/index.html: $(SOURCES) $(shell find page python/glapp -type f -not -name '*.pyc' -not -name '*.so')
+	$(call stage,Compile the fit for the browser and build the page,4 min the first time$(,) 1 min after a change of a crate)
 	$(BIN)/python page/build.py dist/page
 
 # The library for C: header, shared and static library, examples. On Linux the version of its interface stands in its name.
@@ -172,6 +173,7 @@ $(VENV)/.bench: requirements/bench.txt $(VENV)/.tools
 
 # The documentation in dist/site, to be read without a server; a link that leads nowhere ends it.
 site: setup $(VENV)/.docs
+	$(call stage,Build the documentation,10 s)
 	@if command -v npm >/dev/null; then \
 		$(MAKE) --no-print-directory target/site/.npm && NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict; \
 		else echo "skipped: the site of the documentation, which needs npm"; fi
@@ -185,11 +187,10 @@ target/site/.npm:
 	npm install --prefix target/site --no-audit --no-fund --loglevel=error iframe-worker@1.0.4
 	touch $@
 
-# Names, numbers, units, bounds and defaults, from the crates into docs/catalogue.md.
+# Names, numbers, units, bounds and defaults, from the crates into vectors/catalogue.json; the site shows them as a page.
 catalogue: setup
 	cargo run --quiet -p glapp-analysis --example catalogue > vectors/catalogue.json.new
 	mv vectors/catalogue.json.new vectors/catalogue.json
-	$(BIN)/python vectors/catalogue.py
 
 # The figures of the thesis with their numbers, as docs/gallery has them.
 gallery: setup

@@ -83,7 +83,7 @@ def answered(page: Any, path: Path) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """Measure, and write the table of docs/page.md."""
+    """Measure, and write the table of bench/results/page.md."""
     rows = ["| in Chromium {version} on {machine}, without a GPU | measured | asked |", "|---|---|---|"]
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])

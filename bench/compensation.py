@@ -1,8 +1,8 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
 Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes
-the tables into docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module
-that ships.
+the tables into bench/results/compensation.md. Everything is simulated, so that the gap is known; the module
+that ships compensates.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ HELPS = 0.95
 
 
 def turns(x: Floats, band: float) -> list[int]:
-    """Where x has turned back from its farthest by more than `band`: the rows of the next extremes."""
+    """Rows at which x has turned back from its farthest by more than `band`."""
     slope = np.sign(np.diff(x))
     moves = np.flatnonzero(slope)
     rows = np.append(moves[1:][np.diff(slope[moves]) != 0], x.size - 1)
@@ -345,7 +345,7 @@ class Harm:
     since_force: int | None = None
     """Half-periods from where it came in force to where it was withdrawn; None: it was not."""
     since_shown: int | None = None
-    """The same from where harm began to show, 0 where it was withdrawn before; None: no withdrawal, or no harm."""
+    """Half-periods from the first harm to the withdrawal; 0: withdrawn before; None: no withdrawal or no harm."""
     kept: float | None = None
     """Where it was withdrawn though it would have stayed within the bounds: `pv` had it not been."""
     absent: bool = False
@@ -423,7 +423,7 @@ def _harm(with_it: Scenario, compensated: Simulation, without: Simulation) -> Ha
 
 
 def _never(of: Scenario) -> Scenario:
-    """The same loop of modules, its compensation never enabled."""
+    """The loop of modules, with its compensation never enabled."""
     assert of.compensation is not None
     return of.model_copy(update={"compensation": of.compensation.model_copy(update={"begin": 2 * of.t_end})})
 
@@ -665,7 +665,7 @@ def main() -> None:
     """Measure, print, and write into the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/compensation.md")
     parser.add_argument("--only", choices=PARTS, help="one part")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:

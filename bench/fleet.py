@@ -3,7 +3,7 @@
 Makes the demonstration lake and judges it with 1, 7 and 30 days of history, the last ones each time: how many of the
 valves called too wide are so, how many of the bad ones are found, how many sound ones stand among the first twenty, and
 whether every planted problem is found. `--kills N` kills a run N times with SIGKILL at random moments, lets it go on,
-and compares its tables, bit for bit, with those of a run that nobody stopped. `--docs` writes docs/fleet.md.
+and compares its tables, bit for bit, with those of a run that nobody stopped. `--docs` writes bench/results/fleet.md.
 """
 
 from __future__ import annotations

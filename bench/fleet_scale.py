@@ -207,7 +207,7 @@ def judged(loops: int, days: int) -> None:
 
 
 def on_spark(loops: int, days: int, kills: int) -> None:
-    """The same lake without Spark, on two workers, and on two workers of which one is killed."""
+    """One lake analysed without Spark, on two workers, and on two workers of which one is killed."""
     lake = OUT / f"spark-{loops}-{days}"
     if not (lake / "_truth" / "problems.parquet").exists():
         shutil.rmtree(lake, ignore_errors=True)

@@ -6,7 +6,7 @@
   at none of them, Polars + NumPy, DuckDB + Python, and Spark with a pandas UDF in plain NumPy.
 
 Rates are by processor time, which other work on the machine moves least; where it is by the clock, it is told. `--docs`
-writes the tables into docs/fleet.md.
+writes the tables into bench/results/fleet.md.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def keep_memory() -> None:
 
 
 def detectors(count: int) -> list[_glapp.Detector]:
-    """As many, at their beginning."""
+    """So many detectors, at their beginning."""
     told = {"k": signals.K, "ti": signals.TI, "kp": signals.KP, "tf": signals.TF, "n": N, "op_span": 100.0}
     return [_glapp.Detector({**told, "h": 1.0, "max_h": 5.0}) for _ in range(count)]
 
@@ -129,7 +129,7 @@ def write_day(folder: Path, loops: int, day: int) -> list[Path]:
 
 
 def estimators(loops: int) -> dict[str, glapp.Estimator]:
-    """As many, at their beginning."""
+    """So many estimators, each by the name of its loop, at their beginning."""
     loop = signals.loop(tf=signals.TF)
     return {f"FIC{i:04}": glapp.Estimator(loop, 1.0) for i in range(loops)}
 
@@ -178,7 +178,7 @@ def pool(run: Callable[[Path], object], paths: Sequence[Path], threads: int) -> 
 def ours(
     paths: Sequence[Path], loops: dict[str, glapp.Estimator], threads: int, days_later: int = 0
 ) -> tuple[float, float, pa.Table]:
-    """The same of `glapp.fleet.crossings`, and what it found; the files may stand for those of a later day."""
+    """Seconds of `glapp.fleet.crossings`, clock and processor, and its table; files may count as a later day's."""
     files: dict[str, list[str | Path]] = {path.stem: [path] for path in paths}
     begun, used = time.perf_counter(), time.process_time()
     found = fleet.crossings(files, NAMES, loops, since=datetime(2024, 1, 1) - timedelta(days_later), threads=threads)
@@ -263,7 +263,7 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--loops", type=int, default=1000, help="in memory")
     asked.add_argument("--files", type=int, default=200, help="loops of a day, from Parquet")
-    asked.add_argument("--docs", action="store_true", help="write docs/fleet.md")
+    asked.add_argument("--docs", action="store_true", help="write bench/results/fleet.md")
     given = asked.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="glapp-fleet-"))
     lines = [f"{machine()}, DuckDB {version('duckdb')}, PySpark {version('pyspark')}, {platform.system()}.", ""]

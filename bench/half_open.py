@@ -67,7 +67,7 @@ async def half_open(port: int, kind: str, host: str) -> None:
 
 
 async def attack(port: int, count: int) -> None:
-    """So many connections at once until this process is ended; says how many were closed, each second."""
+    """Hold so many connections at once until this process is ended; say each second how many were closed."""
     closed = 0
 
     async def one(kind: str) -> None:
@@ -151,7 +151,7 @@ def measured(seconds: float, count: int, target: str) -> dict[str, list[float]]:
 
 
 def main() -> None:
-    """Both, one after the other."""
+    """Measure service and station, one after the other."""
     if sys.argv[1:2] == ["attack"]:
         asyncio.run(attack(int(sys.argv[2]), int(sys.argv[3])))
         return

@@ -2,7 +2,7 @@
 
 Every record is a simulated loop whose K, Ti and Td are known: P1 to P8 under a PI or PID by one of five rules, with or
 without a filter before the controller, a gap, noise, steps of the setpoint; h is Ti/100 to Ti. The four ways to record
-it are four kinds. What the columns mean is written in docs/identify.md, which has the table.
+it are four kinds. What the columns mean is written in bench/results/identify.md, which has the table.
 """
 
 from __future__ import annotations

@@ -293,7 +293,7 @@ def longer(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list
 
 
 def _width(answer: Answer) -> float:
-    """Of the interval."""
+    """Width of the interval."""
     return (np.inf if answer.high is None else answer.high) - (answer.low or 0.0)
 
 
@@ -323,7 +323,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--out", type=Path, default=OUT, help="where the answers go")
     parser.add_argument("--against", type=Path, help="older answers")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/truth.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/truth.md")
     given = parser.parse_args()
     kinds = ("",) if given.rows_of_loads else ("PI/", "PID/")
     names = [

@@ -4,7 +4,7 @@
 
 P1 to P8 under PI (MIGO, Ms 2.0) and PID (AMIGO), five seeds, noise of ± 0.005, steps of the load of 0.3, 1000 Ti at 20
 scans a Ti; the spans of PV and OP are 1. The controller filters with Td/5, or Ti/10 without D. `--docs` writes the
-tables into docs/modules.md; two minutes on two cores.
+tables into bench/results/modules.md; two minutes on two cores.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def show(case: Case, c: Ideal, **told: float) -> Shown:
 
 
 def shows(case: Case) -> dict[str, Shown]:
-    """The same loop told much and little; an integrating process has no Kp, and is told to integrate."""
+    """What a loop shows with much and with little known; an integrating process has no Kp, and is set so."""
     c = RULES[case.rule](case.plant)
     integrates = PLANTS[case.plant].gain is None
     kp = {"integrating": 1.0} if integrates else {"kp": case.gain}
@@ -163,7 +163,7 @@ _COLUMNS: tuple[Callable[[dict[str, Shown]], float], ...] = (
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/modules.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/modules.md")
     write_them = parser.parse_args().docs
     cases = [Case(*of) for of in product(PLANTS, ("PI", "PID"), WIDTHS, SEEDS)]
     stable = [plant for plant in PLANTS if PLANTS[plant].gain is not None]

@@ -1,18 +1,20 @@
-"""What a bench measured, written into the page of the docs that shows it."""
+"""What a bench measured, written into its page in bench/results."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-DOCS = Path(__file__).parents[1] / "docs"
+RESULTS = Path(__file__).parent / "results"
 
 
 def write(name: str, text: str, mark: str = "measured") -> None:
-    """Put `text` into docs/`name` between `<!-- mark -->` and the next `<!-- end -->`."""
-    page = DOCS / name
+    """Put `text` into bench/results/`name` between `<!-- mark -->` and the next `<!-- end -->`."""
+    page = RESULTS / name
     between = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
     written, places = between.subn(lambda m: f"{m[1]}\n{text.strip()}\n\n{m[2]}", page.read_text(encoding="utf-8"))
     if places != 1:
-        raise ValueError(f"docs/{name} has {places} places between <!-- {mark} --> and <!-- end -->; one is needed")
+        raise ValueError(
+            f"bench/results/{name} has {places} places between <!-- {mark} --> and <!-- end -->; one is needed"
+        )
     page.write_text(written, encoding="utf-8")

@@ -1,4 +1,6 @@
-"""What a phase lead does to loops with a gap: `python -m bench.phase_lead`, seconds; `--docs` writes docs/nonlinear.md.
+"""What a phase lead does to loops with a gap: `python -m bench.phase_lead`, seconds.
+
+`--docs` writes bench/results/nonlinear.md.
 
 Each loop is predicted by describing functions, a lead is designed for it (`glapp.nonlinear.phase_lead`), and both
 are run as graphs of modules with a gap of 1, no noise: a step of the setpoint, later one of the load, and then what
@@ -144,7 +146,7 @@ def rows() -> tuple[list[str], dict[str, int]]:
 def main() -> None:
     """Measure, print, and write into the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/nonlinear.md")
+    parser.add_argument("--docs", action="store_true", help="write the table into bench/results/nonlinear.md")
     given = parser.parse_args()
     lines, came_to = rows()
     text = "\n".join([*lines, "", ", ".join(f"{what} {n}" for what, n in came_to.items()) + "."])

@@ -78,7 +78,7 @@ class Answer:
 
     @property
     def told(self) -> Told:
-        """As in `bench.loads`."""
+        """The outcome, by the rules of `bench.loads`."""
         return told(self.verdict, self.d_true, self.low, self.high)
 
     @property
@@ -167,7 +167,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--out", type=Path, default=OUT, help="where the answers go")
     parser.add_argument("--resume", action="store_true", help="go on with the answers that are there")
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/truth.md")
+    parser.add_argument("--docs", action="store_true", help="write the table into bench/results/truth.md")
     given = parser.parse_args()
     if wrong := set(given.rows) - set(ROWS):
         parser.error(f"{', '.join(sorted(wrong))}: rows are {', '.join(ROWS)}")

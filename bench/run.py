@@ -1,4 +1,4 @@
-"""All measurements side by side; the table goes to the terminal and into docs/benchmarks.md.
+"""All measurements side by side; the table goes to the terminal and into bench/results/benchmarks.md.
 
 Every figure is the best of several repetitions, and every ratio is taken within one run: other work on the machine
 moves the rates, the ratios much less.
@@ -259,7 +259,7 @@ def machine() -> str:
 
 
 def write(sections: list[tuple[str, list[Row]]]) -> None:
-    """Put the tables between the two marks in docs/benchmarks.md."""
+    """Put the tables between the two marks in bench/results/benchmarks.md."""
     lines = [f"Measured on {machine()}.", ""]
     for title, rows in sections:
         lines += [f"### {title}", "", "| work | measured | target | |", "|---|---|---|---|"]

@@ -237,7 +237,7 @@ def _breaks(killed: Path, told: dict[tuple[str, Signal], dict[float, float]], ki
 
 
 def _pieces(entries: list[Entry], chance: random.Random) -> Iterator[Entry]:
-    """The same values in the same order, cut elsewhere; what was lost begins a piece, as it began an entry."""
+    """The values in their order, cut at other places; what was lost begins a piece, as it began an entry."""
     columns = [
         np.concatenate([getattr(e, name) for e in entries]) for name in ("loop", "signal", "good", "time", "value")
     ]

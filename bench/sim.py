@@ -56,20 +56,20 @@ def scenario(steps: int, seed: int = 0) -> Scenario:
 
 
 def ours(steps: int, lanes: int, instructions: str | None) -> Callable[[], object]:
-    """Into memory that is there already, as the next run of a batch finds it."""
+    """Loops in lanes, recorded into memory that is there already, as the next run of a batch finds it."""
     checked = [_checked(scenario(steps, seed)) for seed in range(lanes)]
     signals, flags = [np.empty((6, steps)) for _ in checked], [np.empty(steps, np.uint8) for _ in checked]
     return lambda: _glapp.run_together(checked, signals, flags, instructions)
 
 
 def ours_watched(steps: int, lanes: int, instructions: str | None) -> Callable[[], object]:
-    """With the detector, and no signal kept."""
+    """Loops in lanes with their detectors, and no signal kept."""
     checked = [_checked(scenario(steps, seed), watch=True) for seed in range(lanes)]
     return lambda: _glapp.watch(checked, instructions)
 
 
 def of_modules(steps: int) -> Callable[[], object]:
-    """The same loop put together from `glapp.modules`, its signals recorded."""
+    """A loop of `glapp.modules` with its signals recorded: the loop of the others."""
     loop = modules.Graph(
         H,
         {

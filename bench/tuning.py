@@ -16,7 +16,7 @@ RUNS = 9
 
 
 def seconds(rule: Callable[[Plant, Kind], Tuning], kind: Kind) -> dict[str, list[float]]:
-    """Of every run, by the name of the process; a process that the rule refuses is left out."""
+    """Seconds of every run, by the name of the process; a process that the rule refuses is left out."""
     times: dict[str, list[float]] = {}
     for name, plant in PLANTS.items():
         try:

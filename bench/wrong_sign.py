@@ -2,7 +2,7 @@
 
 The random loops of `bench/compensation.py`, each as it is, with its process turned round, and with a detector that is
 told a K of the other sign; OP's range is 100 % where they have no limits. What notices it is the module that ships,
-beside a controller that nothing compensates. `--docs` writes the table into docs/modules.md; two minutes on two cores.
+beside a controller that nothing compensates. `--docs` writes bench/results/modules.md; two minutes on two cores.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Loop(NamedTuple):
     right: float | None
     """With the right sign, how long after PV last crossed SP [Ti]."""
     wrong: float | None
-    """The same with the process turned round."""
+    """With the process turned round, how long after PV last crossed SP [Ti]."""
     told_wrong: float | None
     """Where the module is told a K of the other sign than the controller has, how long after the beginning [Ti]."""
 
@@ -100,7 +100,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--first", type=int, default=5000, help="number of the first loop")
     parser.add_argument("--loops", type=int, default=1000, help="how many")
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/modules.md")
+    parser.add_argument("--docs", action="store_true", help="write the table into bench/results/modules.md")
     given = parser.parse_args()
     numbers = range(given.first, given.first + given.loops)
     with ProcessPoolExecutor() as pool:

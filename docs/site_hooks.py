@@ -1,11 +1,15 @@
-"""For the site: what leads out of it.
+"""For the site: pages that are generated, and what leads out of it.
 
-Links that leave the documentation lead to the sources, and must point at something that is there. The one script
-that the theme would load from elsewhere, by which pages in a folder can be searched, is taken along.
+The catalogue and the reference of the Structured Text are made from their sources. Links that leave the documentation
+lead to the sources, and must point at something that is there. The one script that the theme would load from elsewhere,
+by which pages in a folder can be searched, is taken along.
 """
 
+import importlib.util
+import json
 import re
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -19,6 +23,33 @@ def on_config(config: Any) -> Any:
     project = tomllib.loads((Path(config.docs_dir).parent / "pyproject.toml").read_text())["project"]
     config.repo_url = project["urls"]["Source"] + "/"
     return config
+
+
+def generated(root: Path) -> dict[str, str]:
+    """Pages that stand in no file: names and texts."""
+    catalogue = json.loads((root / "vectors/catalogue.json").read_text(encoding="utf-8"))
+    return {
+        "catalogue.md": _module(root / "vectors/catalogue.py").page(catalogue),
+        "plc-blocks.md": _module(root / "plc/package.py").reference(),
+    }
+
+
+def _module(path: Path) -> Any:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # its dataclasses ask for it
+    spec.loader.exec_module(module)
+    return module
+
+
+def on_files(files: Any, *, config: Any) -> Any:
+    """Add the pages that are generated."""
+    from mkdocs.structure.files import File
+
+    for name, text in generated(Path(config.docs_dir).parent).items():
+        files.append(File.generated(config, name, content=text))
+    return files
 
 
 def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Any) -> str:

@@ -170,7 +170,7 @@ def few(files: list[Path], most: int) -> list[Path]:
 
 
 def cost(work: Path) -> None:
-    """Puts into docs/plc.md what a scan of each block takes under matiec, and its memory."""
+    """Puts into plc/measured.md what a scan of each block takes under matiec, and its memory."""
     files = few(traces(work / "traces"), 20)
     table: dict[str, list[str]] = {}
     for build in BUILDS:
@@ -178,7 +178,7 @@ def cost(work: Path) -> None:
         for name, _, mean, most, size in rows(driver, "cost", 5, files=files):
             table.setdefault(name, []).extend([f"{float(mean):.2f}", f"{float(most):.2f}", size])
     lines = [f"| `{name}` | {' | '.join(cells)} |" for name, cells in table.items() if not name.startswith("GlappTry")]
-    page = ROOT / "docs/plc.md"
+    page = ROOT / "plc/measured.md"
     text = page.read_text()
     head = re.escape(f"{COST}\n|---|---|---|---|---|---|---|\n")
     found = re.search(rf"(µs.*?\n\n{head})((?:\|.*\n)*)", text, re.DOTALL)

@@ -870,10 +870,29 @@ def tags(units: list[Unit]) -> str:
     return "\n".join(rows) + "\n"
 
 
+def pins(unit: Unit) -> str:
+    """Inputs and outputs of a unit as a table in Markdown."""
+    rows = ["| pin | | type | begins with | |", "|---|---|---|---|---|"]
+    for word, way in (("VAR_INPUT", "in"), ("VAR_OUTPUT", "out")):
+        rows += [f"| {var.name} | {way} | {var.type} | {var.initial} | {var.comment} |" for var in unit.vars(word)]
+    return "\n".join(rows)
+
+
+def reference() -> str:
+    """`blocks.md` with the pins of each block as its source declares them."""
+    units = {unit.name: unit for unit in library("LREAL")}
+    head, *sections = re.split(r"^(?=## )", (HERE / "blocks.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    filled = [
+        section.replace("{pins}", pins(units[section[3:].split("\n", 1)[0]])) if "{pins}" in section else section
+        for section in sections
+    ]
+    return head + "".join(filled)
+
+
 def archive(path: Path, folders: list[Path], out: Path) -> None:
     """The files of some folders and what belongs to every package, the same bytes each time."""
     files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
-    files += [out / "README.md", out / "LICENSE"]
+    files += [out / "README.md", out / "LICENSE", out / "blocks.md"]
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
         for file in files:
             one = zipfile.ZipInfo(file.relative_to(out).as_posix(), (1980, 1, 1, 0, 0, 0))
@@ -888,6 +907,8 @@ def main(out: Path) -> None:
     out.mkdir(parents=True)
     shutil.copyfile(HERE / "packages" / "README.md", out / "README.md")
     shutil.copyfile(HERE.parent / "LICENSE", out / "LICENSE")
+    # Links lead to other pages of the documentation, which are not in the packages.
+    (out / "blocks.md").write_bytes(re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", reference()).encode())
     libraries = {build: library(build) for build in BUILDS}
     for target, writer in TARGETS.items():
         for build, units in libraries.items():

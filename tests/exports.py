@@ -1,7 +1,7 @@
 """One loop as control systems and historians export it: each form once, with what is to be read from it.
 
     python tests/exports.py FOLDER     writes all of them, and truth.json: values, times and units of each
-    python tests/exports.py            prints the table of docs/file-forms.md
+    python tests/exports.py            prints the table of bench/results/file_forms.md
 
 The loop is FIC101: 40 samples of SP, PV and OP, 5 s apart from 2026-03-21 10:00:00 on. PV and SP are near 9700 m3/h, so
 that thousands show.
@@ -206,7 +206,7 @@ def swiss_thousands() -> Export:
     return plain(body(HEAD, stamps(), thousands("'", ".")), ";")
 
 
-@form("9.700 without decimals beside 45,50")
+@form("9.700 without decimals next to 45,50")
 def whole_thousands() -> Export:
     rows = body(HEAD, stamps(), thousands(".", ","))
     for row in rows[1:]:
@@ -595,12 +595,12 @@ def signal_inside() -> Export:
     return wide("FIC101 SP Reflux", "FIC101 PV Reflux", "FIC101 OP Reflux", loop="FIC101 Reflux")
 
 
-@form("CV as the output, beside PV")
+@form("CV as the output, next to PV")
 def cv_is_output() -> Export:
     return wide("FIC101.SP", "FIC101.PV", "FIC101.CV")
 
 
-@form("CV as the controlled variable, beside MV")
+@form("CV as the controlled variable, next to MV")
 def cv_is_controlled() -> Export:
     return wide("FIC101.SP", "FIC101.CV", "FIC101.MV")
 
@@ -816,7 +816,7 @@ def feather_file() -> Export:
 
 
 def guide() -> str:
-    """The table of `docs/file-forms.md`."""
+    """The table of `bench/results/file_forms.md`."""
     rows = ["| form | is | file | rows are | read right | in the page |", "|---|---|---|---|---|---|"]
     for name, (about, make) in FORMS.items():
         told = {"own_times": "those of PV; SP and OP held", None: "those of the file"}

@@ -47,7 +47,7 @@ def answered(fit: Fit, loop: Loop) -> dict[str, Any]:
 
 
 def values(loop: str, seconds: int, *, seed: int = 1, begin: float = BEGIN) -> list[Value]:
-    """A PV that goes to and fro in a lasting cycle, with noise; SP stands, OP moves against it."""
+    """A PV that goes back and forth in a lasting cycle, with noise; SP stands, OP moves against it."""
     random = np.random.default_rng(seed)
     half = 30 + seed % 7
     found = [Value(loop, Signal.SP, begin, 50.0, True), Value(loop, Signal.MODE, begin, 1.0, True)]

@@ -50,7 +50,7 @@ class TestRecords:
 
     @pytest.mark.slow
     def test_what_there_is_of_loops(self) -> None:
-        """The times between samples that the page on the bench names, and a valve that OP takes to and fro."""
+        """The times between samples that the page on the bench names, and a valve that OP takes back and forth."""
         for load in lengths.LOADS[1:]:
             for kind in ("PI", "PID"):
                 made = lengths.made(f"{load}/{kind}/gap/0", 3000)

@@ -1,4 +1,4 @@
-"""What a bench writes into the docs stands between its marks, and nowhere else."""
+"""A bench writes between its marks, and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bench.compensation import PARTS
 
 
 def test_only_what_stands_between_the_marks_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page, "DOCS", tmp_path)
+    monkeypatch.setattr(page, "RESULTS", tmp_path)
     document = tmp_path / "a.md"
     document.write_text("before\n<!-- one -->\nold\n<!-- end -->\n<!-- two -->\nkept\n<!-- end -->\n", encoding="utf-8")
     page.write("a.md", "new \\1\n", "one")
@@ -19,10 +19,10 @@ def test_only_what_stands_between_the_marks_is_replaced(tmp_path: Path, monkeypa
 
 
 def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page, "DOCS", tmp_path)
+    monkeypatch.setattr(page, "RESULTS", tmp_path)
     document = tmp_path / "a.md"
     document.write_text("<!-- one -->\nold\n", encoding="utf-8")
-    with pytest.raises(ValueError, match=r"docs/a\.md has 0 places between <!-- one -->"):
+    with pytest.raises(ValueError, match=r"bench/results/a\.md has 0 places between <!-- one -->"):
         page.write("a.md", "new", "one")
     assert document.read_text(encoding="utf-8") == "<!-- one -->\nold\n"
 
@@ -32,7 +32,11 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
     [
         ("benchmarks.md", "measured"),
         ("auto_tuner.md", "measured"),
-        *[("truth.md", mark) for mark in ("loads", "lengths", "times", "tables")],
+        *[("truth.md", mark) for mark in ("ladder", "loads", "ordinary", "lengths", "times", "recordings", "tables")],
+        ("fleet.md", "measured"),
+        ("fleet.md", "speed"),
+        ("nonlinear.md", "phase lead"),
+        ("page.md", "measured"),
         ("modules.md", "wrong sign"),
         ("modules.md", "widths"),
         ("modules.md", "kp by default"),
@@ -41,4 +45,4 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
     ],
 )
 def test_every_page_that_a_bench_writes_has_its_marks(name: str, mark: str) -> None:
-    assert f"<!-- {mark} -->\n" in (page.DOCS / name).read_text(encoding="utf-8")
+    assert f"<!-- {mark} -->\n" in (page.RESULTS / name).read_text(encoding="utf-8")

@@ -283,7 +283,7 @@ class TestLadder:
     def test_who_knows_less_sees_less(self) -> None:
         clear, hidden = Rungs.of("both/walk/inside/129"), Rungs.of("backlash/walk/inside/1")
         assert len(clear.lr_no_gap) == len(RUNGS)
-        # The process can be told apart from the gap by who knows it only.
+        # Only an oracle that knows the process can separate it from the gap.
         assert clear.lr_no_gap[2] > 200 and 20 < clear.lr_no_gap[3] < 0.5 * clear.lr_no_gap[2]
         assert max(hidden.lr_no_gap) < 12
         none = Rungs.of("none/walk/inside/28")

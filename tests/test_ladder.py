@@ -17,7 +17,7 @@ def judged(simulation: Simulation, name: str) -> Fit:
 
 @pytest.mark.slow
 def test_a_limit_cycle_is_the_gaps_and_not_a_loads() -> None:
-    # Once "swings to and fro in almost even time, which no gap makes of this process".
+    # Once "swings back and forth in almost even time, which no gap makes of this process".
     loop = ladder.cycling(2)
     cycle = ladder.limit_cycle(loop, 2)
     fit = judged(cycle, "cycle")

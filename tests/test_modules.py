@@ -351,7 +351,7 @@ def test_a_detector_that_is_told_the_wrong_sign_of_k_notices_it(k: float) -> Non
 
 @pytest.mark.slow
 def test_the_wrong_sign_of_random_loops() -> None:
-    """A few of those that docs/modules.md counts."""
+    """A few of those that bench/results/modules.md counts."""
     found = [one for one in map(wrong_sign.loop, range(12)) if one is not None]
     assert len(found) > 10
     assert all(one.right is None for one in found)

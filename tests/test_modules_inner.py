@@ -201,7 +201,7 @@ def test_inner_variables_follow_the_half_period_under_way() -> None:
 
 
 def test_the_bench_measures_the_modules() -> None:
-    """One loop of the table in docs/modules.md: corrected where d̂ is a third too low."""
+    """One loop of the table in bench/results/modules.md: corrected where d̂ is a third too low."""
     case = bench.Case("P2", "PID", 0.05, 1)
     c = bench.RULES["PID"]("P2")
     shown = bench.show(case, c, kp=1.0, detector_tf=c.ti / 5)

@@ -17,7 +17,7 @@ from glapp.reading import open_recordings, recording_from
 from glapp.recording import NOT_AUTO, joined
 from glapp.result import REASONS
 
-DOCS = Path(__file__).parents[1] / "docs"
+RESULTS = Path(__file__).parents[1] / "bench" / "results"
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -167,5 +167,5 @@ def test_without_sp_what_is_lost_is_told():
 
 
 def test_the_guide_lists_every_form():
-    assert guide() in (DOCS / "file-forms.md").read_text(encoding="utf-8"), "run: python tests/exports.py"
+    assert guide() in (RESULTS / "file_forms.md").read_text(encoding="utf-8"), "run: python tests/exports.py"
     assert len(FORMS) >= 60

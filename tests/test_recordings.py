@@ -259,7 +259,7 @@ class TestCommandLine:
     @pytest.mark.parametrize(
         ("toml", "told"),
         [
-            ('file = "mon.csv"\nfiles = ["tue.csv"]', "files: are given beside file"),
+            ('file = "mon.csv"\nfiles = ["tue.csv"]', "files: are given in addition to file"),
             ('files = ["tue.csv", "tue.csv"]', "files: names tue.csv twice"),
         ],
     )

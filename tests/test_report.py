@@ -769,8 +769,8 @@ def test_a_width_stands_in_op_units_and_in_percent_of_span(worn: Result, tmp_pat
 
 
 def test_how_sure_it_is_is_what_the_benches_measured() -> None:
-    """No figure is quoted that docs/truth.md does not have."""
-    measured = (Path(__file__).parent.parent / "docs" / "truth.md").read_text(encoding="utf-8")
+    """No figure is quoted that bench/results/truth.md does not have."""
+    measured = (Path(__file__).parent.parent / "bench" / "results" / "truth.md").read_text(encoding="utf-8")
 
     def cells(beginning: str, after: str = "") -> list[str]:
         lines = measured[measured.index(after) :].splitlines()

@@ -466,7 +466,7 @@ def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, watch
     eve = header(client, "eve")
     watch.memory._db.execute("PRAGMA query_only = ON")  # as a disk that takes no more
     reply = client.post("/loops/FIC0/parameters", json={"values": {"kp": 3.0}}, headers=eve)
-    assert reply.status_code == 503 and "cannot be put down" in reply.json()["detail"]
+    assert reply.status_code == 503 and "cannot be stored" in reply.json()["detail"]
     assert watch.settings("FIC0")["kp"] == 2.0
     watch.memory._db.execute("PRAGMA query_only = OFF")
 

@@ -297,7 +297,7 @@ def test_a_database_that_is_gone_is_told_and_a_new_folder_is_not(tmp_path: Path)
     watch.reader.close()
     (tmp_path / "glapp.db").unlink()
     with closing(Memory(tmp_path)) as again:
-        assert again.found is not None and "there is no glapp.db beside recorded signals" in again.found
+        assert again.found is not None and "there is no glapp.db next to recorded signals" in again.found
 
 
 def test_a_later_schema_is_refused_and_left_alone(tmp_path: Path) -> None:

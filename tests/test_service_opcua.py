@@ -976,7 +976,7 @@ def test_security(certificates, monkeypatch):
     [
         ("pv = 'FIC101.PV'", "loop FIC101, opcua.pv: is 'FIC101.PV', must be a node such as"),
         ("position_ = 'i=1'", "loop FIC101, opcua.position_: no such key; did you mean position?"),
-        ("pv = 'i=1'\nu_ff = 'i=2'", "opcua.u_ff_limit: is required beside u_ff: nothing is written without it"),
+        ("pv = 'i=1'\nu_ff = 'i=2'", "opcua.u_ff_limit: is required with u_ff: nothing is written without it"),
         ("pv = 'i=1'\nu_ff = 'i=2'\nu_ff_limit = 1\nu_ff_rate = 0", "opcua.u_ff_rate: is 0, must be > 0"),
         ("pv = 'i=1'\nsp = 'i=1'", "opcua.sp: i=1 is named twice"),
     ],
@@ -995,7 +995,7 @@ def test_tags_that_are_wrong(text, said):
         ("url = 'opc.tcp://user:word@plant'", "opcua.url: string should match pattern"),
         ("url = 'opc.tcp://p:1'\nsecurty = 'None'", "opcua.securty: no such key; did you mean security?"),
         ("url = 'opc.tcp://p:1'\nsecurity = 'Basic128'", "opcua.security: is 'Basic128', must be one of"),
-        ("url = 'opc.tcp://p:1'\nsecurity = 'Basic256Sha256'", "opcua.certificate: is required beside security"),
+        ("url = 'opc.tcp://p:1'\nsecurity = 'Basic256Sha256'", "opcua.certificate: is required with security"),
         ("url = 'opc.tcp://p:1'\ncertificate = 'a'", "opcua.certificate: is given without a security policy"),
         ("url = 'opc.tcp://p:1'\nuser = 'a'", "opcua.user: is 'a' without a security policy"),
         ("url = 'opc.tcp://p:1'\ninterval = 0", "opcua.interval: is 0, must be > 0"),

@@ -181,7 +181,7 @@ def test_what_an_older_version_saved_is_not_used_and_that_is_told(tmp_path: Path
 
 
 def test_the_blocks_own_ways_in_refuse_the_same() -> None:
-    """Python's modules, a graph that runs, and the core's block: `docs/catalogue.md` has the words."""
+    """Python's modules, a graph that runs, and the core's block: `vectors/catalogue.json` has the words."""
     words = {row["name"]: row["bound"] for row in CATALOGUE["settings"]["compensation"]}
     loop = loops()[0]
     graph = detection_beside(loop, 1.0, comp_size=2.0, comp_limit=3.0)

@@ -31,7 +31,7 @@ async def drilled(watch: Watch) -> None:
 
 
 class Swinging(Table):
-    """A plant whose OP goes to and fro, with the u_FF in it that was written; it runs in real time."""
+    """A plant whose OP goes back and forth, with the u_FF in it that was written; it runs in real time."""
 
     mode = 1.0
     good = True

@@ -125,6 +125,15 @@ def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
     assert view.silent("not watched any more")
 
 
+def test_a_loop_whose_first_value_has_not_come_yet_is_not_silent(view: View) -> None:
+    assert view.at is not None
+    view.shown["loops"]["FIC1"] |= {"seen": None, "lost": True}
+    for since, silent, seen in ((59.0, False, "not yet"), (61.0, True, "never")):
+        view.shown["begun"] = view.at - since
+        row = next(row for row in view.rows() if row.loop == "FIC1")
+        assert (view.silent("FIC1"), row.seen, row.soon == "Signal") == (silent, seen, silent)
+
+
 def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:
     view._answers.clear()
     assert view.headline("FIC0").startswith("≈ ") and "crossings" in view.verdict("FIC0")

@@ -184,9 +184,12 @@ def each_state(page: Any, window: Window, look: Callable[[str, str], None]) -> N
                 found.wait_for(state="detached")
 
 
-@pytest.mark.parametrize("size", [(1280, 800), (768, 1024), (640, 400)], ids=["laptop", "tablet", "200 %"])
+SIZES = {"laptop": (1280, 800), "tablet": (768, 1024), "200 %": (640, 400), "telephone": (390, 844)}
+
+
+@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
 def test_nothing_hangs_over_or_is_cut(browser: Any, window: Window, size: tuple[int, int]) -> None:
-    """A 13-inch laptop, a tablet held upright, and that laptop at 200 %."""
+    """A 13-inch laptop, a tablet held upright, that laptop at 200 %, and a telephone."""
     page = logged_in(browser, window, "eve")
     page.set_viewport_size({"width": size[0], "height": size[1]})
 

@@ -1,16 +1,21 @@
 """Numbers that decide, each from just within to just beyond."""
 
+from pathlib import Path
+
 import numpy as np
 import pyarrow as pa
 import pytest
+from argon2 import PasswordHasher
 
 from glapp.fleet.history import _other
 from glapp.fleet.lake import SIGNALS
 from glapp.fleet.windows import _outside, choose, look
 from glapp.loop import Loop
 from glapp.service.compensation import Compensator
+from glapp.service.memory import Memory
 from glapp.service.rows import CODES, Rows
 from glapp.service.signal import Signal, Value
+from glapp.service.users import Tries, Users
 
 TOLD = {"k": 1.0, "ti": 60.0, "h": 1.0, "op": True}
 
@@ -127,3 +132,20 @@ def test_the_latest_twenty_values_tell_how_old_they_come() -> None:
 
 def test_four_fifths_of_a_width_are_compensated_where_nobody_says() -> None:
     assert compensator().setting("comp_share") == 0.8
+
+
+def test_twenty_addresses_of_a_name_are_known() -> None:
+    tries = Tries()
+    for k in range(21):
+        tries.succeeded(tries.attempt("eve", f"10.0.0.{k}", 1000.0 * k))
+    assert tries.known["eve"] == [f"10.0.0.{k}" for k in range(1, 21)]
+
+
+def test_a_login_lasts_for_twelve_hours(tmp_path: Path) -> None:
+    memory = Memory(tmp_path, 0.0)
+    users = Users(memory, PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
+    users.put("eve", "engineer", "engineer-password", 0.0)
+    token, _ = users.log_in(users.attempt("eve", "10.0.0.1", 0.0), "engineer-password", 0.0)
+    hours = 3600.0
+    assert users.of(token, 11.9 * hours) is not None and users.of(token, 12.1 * hours) is None
+    memory.close()

@@ -1,6 +1,6 @@
-"""Write docs/catalogue.md out of vectors/catalogue.json: `python vectors/catalogue.py`.
+"""The catalogue as a page of the documentation: `python vectors/catalogue.py` prints it.
 
-The JSON is the crates' own word: `cargo run -p glapp-analysis --example catalogue`. `make catalogue` does both.
+`make catalogue` writes vectors/catalogue.json from the crates. The site makes its page of it when it is built.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-JSON, PAGE = HERE / "catalogue.json", HERE.parent / "docs" / "catalogue.md"
+JSON = HERE / "catalogue.json"
 
 NUMBERED = {
     "flags": "Status flags, of which a status is a sum: what is the matter with a signal, a half-period or a module",
@@ -34,16 +34,16 @@ def page(catalogue: dict[str, Any]) -> str:
     controller = f"K = {given['k']:g}, Ti = {given['ti']:g} s, Td = {given['td']:g} s, h = {given['h']:g} s"
     parts = [
         "# Names, numbers, units, bounds and defaults",
-        "Made from the crates by `make catalogue`. The same names and numbers stand in Rust, in Python and in saved "
-        "states; a number that is out stays what it is.",
+        "For whoever reads numbers out of glapp, or sets parameters. Made from the crates by `make catalogue`. Rust, "
+        "Python, C, Structured Text and saved states share these names and numbers; a released number never changes.",
     ]
     for key, meaning in NUMBERED.items():
         parts += [f"## {key}", f"{meaning}.", _table(("name", "number"), sorted(_pairs(catalogue[key]), key=_number))]
     delays = [(f"`{name}`", f"{share:g}") for name, share in catalogue["longest_delays"].items()]
     parts += [
         "## longest delays",
-        "Of u_FF with which compensation may be enabled beside a controller that is not ours, as a share of Ti; one "
-        "scan always may ([compensation.md](compensation.md#when-u_ff-comes-late)).",
+        "Longest delay of u_FF with which compensation may be enabled next to another maker's controller, as a share "
+        "of Ti; one scan is always allowed ([compensation.md](compensation.md#when-u_ff-comes-late)).",
         _table(("way", "Ti"), delays),
         "## conditions",
         "Of the safety net that can be switched off, one by one: " + ", ".join(catalogue["conditions"]) + ".",
@@ -51,7 +51,7 @@ def page(catalogue: dict[str, Any]) -> str:
     findings = [(f"`{f['code']}`", ", ".join(f["severities"])) for f in catalogue["findings"]]
     parts += [
         "## findings",
-        "What may be wrong with a recording ([quality.md](quality.md)), in the order in which it is looked for.",
+        "What may be wrong with a recording ([quality.md](quality.md)), in the order of the checks.",
         _table(("code", "severity"), findings),
     ]
     variables = [(f"`{v['name']}`", v["unit"], v["meaning"].replace("|", "\\|")) for v in catalogue["variables"]]
@@ -89,4 +89,4 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(json.loads(JSON.read_text(encoding="utf-8"))), encoding="utf-8")
+    print(page(json.loads(JSON.read_text(encoding="utf-8"))), end="")

@@ -2611,7 +2611,7 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
 
 
 def pid_settings(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
-    """The same with settings that change on the way; those out of bounds do not act."""
+    """Outputs of a controller whose settings change on the way; those out of bounds do not act."""
     controller = _Controller(params)
     gains = params["k"], params["ti"], 0.0
     detection = _Detection(params, *gains, tf=0.0)
@@ -2836,7 +2836,7 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
 
 
 def pid_advanced_cases() -> Iterator[dict[str, Any]]:
-    """The same inside, with ramp and schedule."""
+    """Cases of the controller with detection and compensation inside, with ramp and schedule."""
     inside = {"k": 0.5, "ti": 1.0, "kp": 2.0, "n": 3.0, "start": 50.0}
     limited = inside | {"low": 0.0, "high": 100.0, "tf": 0.1}
     compensating = limited | {"comp_size": 1.5, "comp_band": 0.1, "comp_rate": 3.0}
@@ -3537,7 +3537,7 @@ def _json(value: Any) -> str:
 
 
 def _told(value: Any) -> Any:
-    """The same with None for what is not a number."""
+    """A value with None for what is not a number."""
     if isinstance(value, list):
         return [_told(x) for x in value]
     return None if isinstance(value, float) and math.isnan(value) else value

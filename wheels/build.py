@@ -152,7 +152,7 @@ def installed(wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
 
 
 def installed_under(command: list[str], wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
-    """The same for another platform's Python, that an emulator runs: a folder in which it looks."""
+    """An installed wheel for another platform's Python, which an emulator runs: a folder in which it looks."""
     asked = "import sys; print('%d.%d' % sys.version_info[:2])"
     version = run([*command, "-c", asked], folder, dict(os.environ)).strip()
     rules = wheel.stem.rsplit("-", 1)[1].split(".")

@@ -1,1 +1,1 @@
-"""Loads and recorders that a gap is easily confused with; see `docs/truth.md`."""
+"""Loads and recorders that a gap is easily confused with; see `bench/results/truth.md`."""

@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT, help="where the answers go")
     parser.add_argument("--resume", action="store_true", help="go on with the answers that are there")
     parser.add_argument("--against", type=Path, help="older answers")
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/truth.md")
+    parser.add_argument("--docs", action="store_true", help="write the table into bench/results/truth.md")
     given = parser.parse_args()
     if wrong := set(given.rows) - set(ROWS):
         parser.error(f"{', '.join(sorted(wrong))}: rows are {', '.join(ROWS)}")

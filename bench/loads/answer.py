@@ -121,7 +121,7 @@ class Answer:
         )
 
     def to_json(self) -> str:
-        """On one line."""
+        """The answer as one line of JSON."""
         return json.dumps(asdict(self))
 
 

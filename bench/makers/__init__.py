@@ -11,7 +11,7 @@ __all__ = ["FORMS", "data", "guide", "historians", "systems"]
 
 
 def guide() -> str:
-    """The table of docs/file-forms.md: every form, its maker's document, and what a person has to say."""
+    """The table of bench/results/file_forms.md: every form, its maker's document, and what a person has to say."""
     lines = ["| form | maker | as shown in | what has to be said |", "|---|---|---|---|"]
     for form in FORMS.values():
         said = ", ".join(f"`{key}`" for key in form.make().answer) or "nothing"

@@ -1,6 +1,6 @@
 """Read sixty exports of historians and control systems unaided, and count: `python -m bench.makers`.
 
-`--write FOLDER` keeps the files there, `--docs` prints the table of docs/file-forms.md and reads nothing.
+`--write FOLDER` keeps the files there, `--docs` prints the table of bench/results/file_forms.md and reads nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def main() -> None:
     """Write all forms, read them, and show what came of each."""
     parser = argparse.ArgumentParser(prog="python -m bench.makers", description=__doc__.split("\n\n")[0])
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="keep the files here")
-    parser.add_argument("--docs", action="store_true", help="print the table of docs/file-forms.md")
+    parser.add_argument("--docs", action="store_true", help="print the table of bench/results/file_forms.md")
     given = parser.parse_args()
     if given.docs:
         print(guide(), end="")

@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--score", type=Path, nargs="+", help="count what is in these files; fits nothing")
     parser.add_argument("--again", action="store_true", help="judge the stored evidence by the ladder of today")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/truth.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/truth.md")
     given = parser.parse_args()
     if given.score:
         show([line for path in given.score for line in read(path)], given)

@@ -124,12 +124,12 @@ class Line:
         return _judged({"confidence": confidence, "cause": cause, "width_kind": kind}, numbers)
 
     def to_json(self) -> str:
-        """On one line; what is no number is null."""
+        """The answer as one line of JSON; what is no number is null."""
         return json.dumps(_plain(asdict(self)), allow_nan=False)
 
     @classmethod
     def of(cls, text: str) -> Self:
-        """From `to_json`."""
+        """An answer from a line of `to_json`."""
         line = json.loads(text)
         return cls(**line | {"truth": Truth(**line["truth"])})
 
@@ -180,7 +180,7 @@ def done(path: Path) -> set[tuple[str, int]]:
 
 
 def _plain(x: Any) -> Any:
-    """The same in types that JSON has; numbers to six digits."""
+    """A value in types that JSON has; numbers to six digits."""
     if isinstance(x, dict):
         return {str(key): _plain(value) for key, value in x.items()}
     if isinstance(x, np.ndarray):

@@ -70,7 +70,7 @@ FAULTS: dict[str, tuple[Fault, ...]] = {
 *drift, steps, bends*: loads that drift, step, or bend each 25 to 200 samples. *sine, saw, square*: a neighbour's cycle.
 *cascade*: an inner loop. *manual*: with periods in MAN. *exceptions*, *swinging door*: how the historian keeps its
 values. *historian*: a row each 10 to 60 s. *friction*: a stem that sticks. *gap cycle*: the thesis' own symptom, PI
-with Ti below the lag; *perstorp*: 8.5.2. *friction cycle*: a sticking valve that the integral action moves to and fro.
+with Ti below the lag; *perstorp*: 8.5.2. *friction cycle*: a sticking valve, moved by the integral action.
 *standing*: OP moves within the dead band most of the time. *rings*: loops with Ms above 3.
 """
 
@@ -124,7 +124,7 @@ EACH = {2: (1.0, 1.0, 1.0, 2.0, 5.0), 8: (1.0, 2.0, 5.0, 5.0, 10.0), 24: (2.0, 5
 
 
 class Drive(NamedTuple):
-    """Of the valve what is the same with and without a fault: as in `Valve`."""
+    """Parts of the valve that a fault does not change, as in `Valve`."""
 
     lag: float
     positioner: float
@@ -669,7 +669,7 @@ def _product(lags: Floats) -> Floats:
 
 
 def two_digits(x: float) -> float:
-    """As a person types it."""
+    """A number with the two digits that a person types."""
     return float(f"{x:.2g}")
 
 

@@ -116,7 +116,7 @@ class Record(Known):
         return [np.concatenate([np.zeros(at), unit])[: self.n] for at in self.changes]
 
     def valve(self, op: Floats, d: float | None = None) -> Floats:
-        """Where a valve with a mere gap of `d` stands under `op`; the true one where no width is given."""
+        """Positions under `op` of a valve with a mere gap of `d`; of the true valve where no width is given."""
         true = self.scenario.valve
         if d is None and true is not None:
             flows: Floats = np.append(self.rest, true.positions(op, self.scenario.h)[:-1])

@@ -144,7 +144,7 @@ class Record:
 
     @property
     def recording(self) -> glapp.Recording:
-        """As every method of glapp takes it."""
+        """The recording that every method of glapp takes."""
         return glapp.recording_from(self.table, self.loop)
 
 
@@ -292,9 +292,9 @@ def width(drawn: Drawn) -> tuple[float, float, float, float]:
 def swept(valve: Valve, about: float) -> tuple[float, float, float, float]:
     """Width, its least and greatest, and the slip jump, of a valve whose width is about `about`.
 
-    OP goes to and fro by 2 to 3 widths, as slowly as makes the actuator's lag a hundredth of the width. A width is how
-    far OP goes after a turn before the plug has moved by `LEAST_MOVE` of it. The jump is how far the plug gets then,
-    while OP moves by that, beyond what OP moved; a jump below a twentieth of the width is none.
+    OP goes back and forth by 2 to 3 widths, so slowly that the actuator's lag is a hundredth of the width. A width is
+    how far OP goes after a turn before the plug has moved by `LEAST_MOVE` of it. The jump is how far the plug gets
+    then, while OP moves by that, beyond what OP moved; a jump below a twentieth of the width is none.
     """
     random = Random(f"{valve}")
     least = LEAST_MOVE * about

@@ -70,7 +70,7 @@ def share(of: Sequence[bool]) -> str:
 
 
 def counts(of: Sequence[bool]) -> str:
-    """So many of so many."""
+    """Text *so many of so many*."""
     return f"{sum(of)} of {len(of)}"
 
 

@@ -51,7 +51,7 @@ def stictionanalyser(t: pd.Series, sp: pd.Series, pv: pd.Series, op: pd.Series) 
 
 
 def xmci(t: pd.Series, sp: pd.Series, pv: pd.Series, op: pd.Series) -> str:
-    """Its indicators of valve wear; it has no verdict and no width."""
+    """Indicators of valve wear by xmci; it has no verdict and no width."""
     from xmci import ControlLoop, MetricFactory, MetricType
 
     data = {

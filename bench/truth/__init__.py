@@ -1,1 +1,1 @@
-"""The bench of truth: simulated loops whose gap is known, and what every method says of them. See `docs/truth.md`."""
+"""The bench of truth: simulated loops whose gap is known, and what every method says (`bench/results/truth.md`)."""

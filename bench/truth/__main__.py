@@ -2,7 +2,7 @@
 
 The short form takes 20 records of every kind, `--full` a thousand. Every answer goes to out/truth.csv as soon as it is
 there; `--resume` goes on with what is in that file, and skips the answers that it has. The tables are printed, and
-written into docs/truth.md with `--docs`.
+written into bench/results/truth.md with `--docs`.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def main() -> None:
     size.add_argument("--full", dest="each", action="store_const", const=FULL, default=SHORT, help="1000 of every kind")
     size.add_argument("--each", type=int, help="so many of every kind")
     parser.add_argument("--resume", action="store_true", help="go on with out/truth.csv")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/truth.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/truth.md")
     given = parser.parse_args()
     begin = perf_counter()
     OUT.parent.mkdir(exist_ok=True)

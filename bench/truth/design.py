@@ -172,7 +172,7 @@ def tuned_for(process: str, rule: str, kind: str) -> tuning.Tuning | None:
 
 
 def scaled(base: Plant, gain: float, slower: float) -> Plant:
-    """The same process at another gain and another speed; PV stays within 0..100 where OP does."""
+    """A process with another gain and speed than `base`; PV stays within 0..100 where OP does."""
     order = len(base.den) - 1
     den = [c * slower ** (order - i) for i, c in enumerate(base.den)]
     num = [gain * c * slower ** (len(base.num) - 1 - i) for i, c in enumerate(base.num)]

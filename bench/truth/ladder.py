@@ -163,7 +163,7 @@ class Record:
         return lambda x: np.asarray(inverse @ x)
 
     def valve(self, op: Floats, d: float | None = None) -> Floats:
-        """Where a valve with a mere gap of `d` stands under `op`; the true valve where no width is given."""
+        """Positions under `op` of a valve with a mere gap of `d`; of the true valve where no width is given."""
         true = self.scenario
         parts: dict[str, modules.Module] = {"op": modules.Input()}
         width = true.d if d is None else d
@@ -204,7 +204,7 @@ class Record:
         return found
 
     def places(self) -> Places:
-        """Where a step or bend is sought [steps of the simulation]: evenly, and where they are."""
+        """Places at which a step or bend is sought [steps of the simulation]: even ones, and the true ones."""
         every = max(self.n / PLACES, self.drawn.every / 2)
         even = np.arange(every, self.n, every).astype(int)
         return np.concatenate([self.changes, even[~np.isin(even, self.changes)]])
@@ -244,7 +244,7 @@ def known(record: Record, process: Process, moves: Iterable[Floats]) -> list[Cos
 
 
 def sought(record: Record, process: Process, moves: Iterable[Floats], variance: float) -> list[Cost]:
-    """The same where the places of the load's changes are sought, and each costs what its place and its size are worth.
+    """What each movement costs where the places of the load's changes are sought, at the price of place and size.
 
     Orthogonal least squares: the change that pays most is taken in turn, from none and from the true ones; then what no
     longer pays is left out. A load that walks has no places.
@@ -493,13 +493,13 @@ def thresholds(sound: Sequence[tuple[Truth, Rungs]]) -> dict[str, list[float]]:
 
 
 def seen(rungs: Rungs, least: Sequence[float]) -> list[bool]:
-    """On which rungs, and on all above them, a gap can be told."""
+    """Whether a gap is seen on each rung and on all above it."""
     above = [ratio > x for ratio, x in zip(rungs.lr_no_gap, least, strict=True)]
     return [all(above[: i + 1]) for i in range(len(RUNGS))]
 
 
 def ask(name: str) -> Rungs:
-    """For a pool of processes."""
+    """Ask about one record; for a pool of processes."""
     return Rungs.of(name)
 
 
@@ -552,7 +552,7 @@ def unseen(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Ru
 
 
 def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
-    """In how many valves that stick the jump is told from a mere gap on each rung, and by the fit."""
+    """In how many valves that stick the jump is seen, and not only a gap, on each rung, and by the fit."""
     body = []
     for load in (*LOADS, "all"):
         of = [(row, r.lr_no_jump) for row, r in gaps if row.truth.cause_told and load in (row.truth.load, "all")]
@@ -621,7 +621,7 @@ def main() -> None:
     parser.add_argument("--family", choices=FAMILIES, default="inside")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--resume", action="store_true", help="go on with out/ladder.jsonl")
-    parser.add_argument("--docs", action="store_true", help="write the tables into docs/truth.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/truth.md")
     given = parser.parse_args()
     if not TRUTH.exists():
         parser.error(f"there is no {TRUTH}: run python -m bench.truth first")

@@ -130,7 +130,7 @@ def _whitening(drawn: Drawn, simulation: Simulation, process: Process) -> Callab
 
 
 def table(truths: Sequence[Truth], all_told: Sequence[Told]) -> str:
-    """Of each load the share of records of which could be told what is asked."""
+    """A table with a row a load: the share of records in which what is asked is seen."""
     lines = ["| load | records | that there is a gap | that it jumps, where J ≥ 3σ/Kp |", "|---|---|---|---|"]
     for load in (*LOADS, "all"):
         rows = [(t, x) for t, x in zip(truths, all_told, strict=True) if load in (t.load, "all")]

@@ -57,7 +57,7 @@ def correlation(x: Floats, y: Floats) -> Floats:
 
 
 def zero_crossings(signal: Floats) -> list[float]:
-    """Where a signal changes its sign, on the straight line between two samples [samples]."""
+    """Places of a signal's sign changes, on the straight line between two samples [samples]."""
     sign = np.signbit(signal)
     i = np.flatnonzero(sign[1:] != sign[:-1])
     return [float(x) for x in i + signal[i] / (signal[i] - signal[i + 1])]

@@ -112,7 +112,7 @@ class Record:
 
     @property
     def recording(self) -> glapp.Recording:
-        """As every method of glapp takes it."""
+        """The recording that every method of glapp takes."""
         return glapp.recording_from(self.table, self.loop)
 
     def column(self, name: str) -> Floats:

@@ -107,7 +107,7 @@ def _summary(scored: Rows, methods: Sequence[str]) -> str:
 
 
 def _cause_seen(truth: Truth) -> bool:
-    """Whether one fault of the valve can be told from another."""
+    """Whether the fault of the valve can be identified."""
     return truth.identifiable and (truth.cause == "backlash" or truth.cause_told)
 
 

@@ -69,7 +69,7 @@ class Controller(_Part):
     notes: dict[str, str]
     """Where each of the values comes from, in words."""
     origins: dict[str, Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]]
-    """The same: given, read from OP's moves, fitted with the gap, the usual value, of those tried, left out."""
+    """Their sources: given, read from OP's moves, fitted with the gap, the usual value, one of several, left out."""
 
 
 Limits = Annotated[list[Value], Field(min_length=3, max_length=3), Columns(("", "_low", "_high"))]
@@ -165,7 +165,7 @@ class FitAnswer(_Part):
     reason_code: str
     """What decided, in a word that stays the same from version to version."""
     reason: str
-    """The same in a sentence, with the evidence."""
+    """What decided, in a sentence with the evidence."""
 
 
 class Identified(_Part):
@@ -176,7 +176,7 @@ class Identified(_Part):
     k: Limits
     """Gain K [OP unit/PV unit] with its 95 % limits."""
     ti: Limits
-    """Integral time Ti [s] with its 95 % limits; no upper one where integral action cannot be told from none."""
+    """Integral time Ti [s] with its 95 % limits; no upper one where there may be no integral action."""
     td: Limits
     """Derivative time Td [s] with its 95 % limits; 0 where a law without it explains OP as well."""
     setpoint_weight: Value
@@ -221,7 +221,7 @@ class Next(_Part):
     tested: bool
     """Whether the recording holds a step test, which is used; no further one is asked for."""
     text: str
-    """The same in a sentence or two."""
+    """The message in a sentence or two."""
 
 
 class Struck(_Part):
@@ -232,7 +232,7 @@ class Struck(_Part):
     limit: float
     """The fit's limit [`unit`]."""
     text: str
-    """The same in a sentence."""
+    """The message in a sentence."""
 
 
 class Limit(_Part):
@@ -241,7 +241,7 @@ class Limit(_Part):
     percent_span: float
     """In % of OP span."""
     width: Value
-    """The same [`unit`]; null where the span is not known."""
+    """That width [`unit`]; null where the span is not known."""
     origin: Literal["given", "nominal"]
     """given: by a person, for this loop; nominal: by nobody, and 1 % of span is taken (EnTech's nominal dead band)."""
 
@@ -333,15 +333,15 @@ class Answer(_Part):
     width: Value
     """The width that lists rank by [`unit`]: the most likely one, or the bound if that is all; null: no gap found."""
     width_percent_span: Value
-    """The same in % of OP span; null where the span is not known."""
+    """That width in % of OP span; null where the span is not known."""
     low: Value
     """Narrowest gap that the data does not exclude [`unit`]; null where nothing is excluded."""
     low_percent_span: Value
-    """The same in % of OP span."""
+    """That limit in % of OP span."""
     high: Value
     """Widest one [`unit`]; null where there is no limit."""
     high_percent_span: Value
-    """The same in % of OP span."""
+    """That limit in % of OP span."""
     evidence: Literal["none", "weak", "strong", "very_strong"] | None
     """How strongly the recording speaks for a gap; null without a fit."""
     p_gap: Value
@@ -398,19 +398,19 @@ class LoopAnswer(_Part):
     reason_code: str | None
     """Why not more, in a word that stays the same from version to version; null only with an estimate."""
     reason: str | None
-    """The same in a sentence."""
+    """Why not more, in a sentence."""
     d_hat: Value
     """Total width by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it does not stand."""
     unit: str
     """Unit of OP."""
     d_hat_percent_span: Value
-    """The same in % of OP span; null where the span is not known."""
+    """That width in % of OP span; null where the span is not known."""
     repeatability: Range | None
     """Smallest and largest detection behind `d_hat` [`unit`]; not an interval of confidence."""
     noise_floor: Value
     """Width below which noise alone could produce an estimate [`unit`]."""
     corrected: Corrected | None
-    """The same width with its known bias taken out; null without detections."""
+    """The width with its known bias taken out; null without detections."""
     detections: Count
     """Accepted half-periods."""
     half_periods: Count

@@ -27,7 +27,7 @@ def escaped(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    r"""The same with line breaks shown too: for a name in a line or in a cell.
+    r"""A text with line breaks shown too: for a name in a line or in a cell.
 
     Examples
     --------

@@ -309,7 +309,7 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
 
 
 def _note(name: str, origin: Origin, answer: dict[str, Any], loop: Loop) -> str:
-    """Where a setting comes from, in words."""
+    """Origin of a setting, in words."""
     s, found = answer["controller"], answer["identification"]
     how: str = origin
     numbers: dict[str, Any] = {"tried": s["tried"], "kp": _glapp.KP_DEFAULT}
@@ -556,7 +556,7 @@ class Estimator:
 
     @property
     def median_mean(self) -> tuple[float, float, float, int, int] | None:
-        """The same, whether above the noise limit or not."""
+        """The estimate, whether above the noise limit or not."""
         return self._detector.median_mean
 
     @property
@@ -598,7 +598,7 @@ def _place(loop: Loop) -> str | None:
 
 
 def _of_place(loop: Loop) -> dict[str, str | None]:
-    """The same with the partner that its sentence names."""
+    """Where the loop stands, if an estimate would be wrong there, and the partner that the sentence names."""
     partner = loop.shared_valve_with
     if loop.cascade is not None:
         partner = loop.cascade.partner or "the secondary loop"

@@ -473,7 +473,7 @@ def _joint(answer: dict[str, Any], each: list[OneOfMany]) -> dict[str, Any]:
 
 
 def _names(each: list[OneOfMany]) -> list[str]:
-    """Of recordings, told apart where several have one."""
+    """Names of recordings, made different where several have the same one."""
     names = [one.source for one in each]
     if len(set(names)) < len(names):
         return [f"{name} ({place})" for place, name in enumerate(names, 1)]
@@ -598,7 +598,7 @@ def _windows(answer: dict[str, Any]) -> list[Window]:
 
 
 def _trend(answer: dict[str, Any]) -> Trend | None:
-    """The same a day."""
+    """The trend, with slope and error per day."""
     if (found := answer["trend"]) is None:
         return None
     told = {key: found[key] for key in ("windows", "t", "d", "changes")}

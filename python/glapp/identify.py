@@ -47,7 +47,7 @@ class Identification:
         Integral time [s].
     k_low, k_high, ti_low, ti_high : float | None
         95 % interval: of the scatter, of every law that explains OP as well, and of what one sampling step leaves open
-        (`identified`); `ti_high` is infinite where integral action cannot be told from none.
+        (`identified`); `ti_high` is infinite where there may be no integral action.
     r2 : float | None
         Share of the variance of OP's *moves* (not of its level) explained, outliers included; at most 1,
         negative when worse than nothing.
@@ -58,7 +58,7 @@ class Identification:
     note : str
         How the fit was made, for the report.
     usable : bool
-        R² at least `R2_USABLE`, K and Ti both told from zero, and the ends of either no further apart than `WIDEST`.
+        R² at least `R2_USABLE`, K and Ti both clearly not zero, and the ends of each at most a factor `WIDEST` apart.
     reason : str
         One sentence for a person; empty when usable.
     td : float | None
@@ -84,7 +84,7 @@ class Identification:
     td_high: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp analyze --json` writes it; None where there is no value."""
+        """The result in plain types, as `glapp analyze --json` writes it; None where there is no value."""
         return {
             "usable": self.usable,
             "k": [self.k, self.k_low, self.k_high],

@@ -106,7 +106,7 @@ class Tags(Checked):
     def _whole(self) -> Tags:
         for name in ("u_ff_limit", "u_ff_rate"):
             if self.u_ff is not None and getattr(self, name) is None:
-                raise InputError("is required beside u_ff: nothing is written without it", parameter=name)
+                raise InputError("is required with u_ff: nothing is written without it", parameter=name)
         nodes = self.nodes
         for name, node in nodes.items():
             if node in [other for key, other in nodes.items() if key != name]:
@@ -258,7 +258,7 @@ class Loop(Checked):
     @model_validator(mode="after")
     def _one_or_several(self) -> Loop:
         if self.file is not None and self.files:
-            raise InputError("are given beside file; write all of them into files", parameter="files")
+            raise InputError("are given in addition to file; write all of them into files", parameter="files")
         if twice := next((str(file) for i, file in enumerate(self.files) if file in self.files[:i]), None):
             raise InputError(f"names {twice} twice", parameter="files", value=twice)
         return self

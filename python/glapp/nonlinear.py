@@ -264,7 +264,7 @@ def circle_criterion(loop: Process) -> Criterion:
 
 
 def _criterion(loop: Plant, height: Callable[[ComplexArray], Array]) -> Criterion:
-    """By the lowest height over all frequencies, which must stay above −1."""
+    """Result of a criterion by the lowest height over all frequencies, which must stay above −1."""
     w = loop.frequencies()
     if loop.integrators <= 0:
         w = np.append(0.0, w)
@@ -734,7 +734,7 @@ def _at_least_zero(name: str, value: float) -> float:
 
 
 def _changes(values: Array) -> list[int]:
-    """Where a value and the next have different signs."""
+    """Indices at which a value and the next have different signs."""
     return np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:])).tolist()
 
 

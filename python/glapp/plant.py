@@ -231,7 +231,7 @@ class Plant:
     __rmul__ = __mul__
 
     def delayed(self, dead_time: float) -> Plant:
-        """The same process behind another `dead_time` ≥ 0 [s]."""
+        """The process with another `dead_time` ≥ 0 [s]."""
         return self * Plant([1], [1], dead_time)
 
     @property
@@ -475,7 +475,7 @@ def _zeros_at_end(coefficients: Sequence[float]) -> int:
 
 
 def _coefficients(name: str, values: Any) -> tuple[float, ...]:
-    """Without zeros in front."""
+    """Coefficients without zeros in front."""
     try:
         numbers = [float(c) for c in np.atleast_1d(values)]
     except (TypeError, ValueError):

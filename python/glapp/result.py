@@ -213,7 +213,7 @@ class Corrected:
     reason: str | None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp analyze --json` writes it."""
+        """The corrected width in plain types, as `glapp analyze --json` writes it."""
         shown = {column.name: getattr(self, column.name) for column in fields(self)}
         return shown | {"kp_range": None if self.kp_range is None else list(self.kp_range)}
 
@@ -514,7 +514,7 @@ class Result:
         Smallest and largest detection behind `d_hat` [`unit`]: how well detections repeat, not an interval of
         confidence.
     noise_floor : float or None
-        A width below this cannot be told from what noise alone produces [`unit`].
+        Noise alone can produce a width up to this [`unit`].
     detections : int
         Accepted half-periods.
     half_periods : HalfPeriods
@@ -603,7 +603,7 @@ class Result:
         )
 
     def decided_with(self, *, harm: Sequence[Harm] = (), **facts: Any) -> Result:
-        """The same with other facts (fields of `Result`), and the one answer that follows from them."""
+        """A result with other facts (fields of `Result`), and the one answer that follows from them."""
         changed = replace(self, **facts)
         names = ("crossings", "d_hat", "detections", "reasons", "fit", "loop", "step_test")
         return replace(changed, answer=decide(**{name: getattr(changed, name) for name in names}, harm=harm))
@@ -633,7 +633,7 @@ class Result:
 
     @property
     def by_position(self) -> str | None:
-        """That the width is by a measured position, from which column, and what PV alone says; None where it is not."""
+        """Sentence on a width by a measured position: its column, and what PV alone says; None for any other width."""
         if self.fit is None or self.fit.best.get("signal") != "position":
             return None
         alone = self.fit.through_pv
@@ -656,7 +656,7 @@ class Result:
 
     @property
     def bound(self) -> tuple[float | None, float | None] | None:
-        """Where only a bound of the width is known [`unit`]: (at least, None) or (None, at most); else None."""
+        """Bound of the width where no more is known [`unit`]: (at least, None) or (None, at most); else None."""
         if self.answer.width_kind != "bound":
             return None
         if self.answer.width is not None:

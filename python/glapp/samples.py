@@ -100,7 +100,7 @@ def _opened(data: Any, loop: Loop | None, given: dict[str, Any]) -> Recording:
     from .reading.files import name_of
 
     if wrong := [name for name, column in given.items() if not isinstance(column, str)]:
-        hint = "give names of columns beside a file or a table, or arrays alone"
+        hint = "give names of columns with a file or a table, or arrays alone"
         raise InputError("goes with no file or table", parameter=", ".join(wrong), hint=hint)
     named = {"time" if name == "t" else name: column for name, column in given.items()}
     path = Path(data) if isinstance(data, str | os.PathLike) else None

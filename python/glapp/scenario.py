@@ -63,7 +63,7 @@ class Steps(Checked):
 
 
 class Ramp(Checked):
-    """From 0 at `t` to `by` at `t + over`, and there it stays.
+    """A ramp from 0 at `t` to `by` at `t + over`, constant afterwards.
 
     Attributes
     ----------
@@ -344,7 +344,7 @@ class Valve(Checked):
         return (self.lag, self.positioner, stem, self.d, self.curve)
 
     def positions(self, op: npt.ArrayLike, h: float) -> Floats:
-        """Where the plug stands under a course of op, from rest at its first value.
+        """Positions of the plug under a course of op, from rest at its first value.
 
         Parameters
         ----------

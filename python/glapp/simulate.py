@@ -348,7 +348,7 @@ def closed_loop(
 
     Examples
     --------
-    P3 of the thesis with its PI controller: the output never rests, it travels through the gap to and fro.
+    P3 of the thesis with its PI controller: the output never rests, it travels through the gap back and forth.
 
     >>> s = closed_loop("P3", (0.48, 0.3117), d=0.05, t_end=1000, setpoint=[(1, 1.0)])
     >>> late = s.t > 500

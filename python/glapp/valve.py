@@ -45,7 +45,7 @@ def _told(value: object) -> str:
 
 
 def in_order(recordings: Sequence[Recording]) -> list[Recording]:
-    """In the order of time where each has a date, else as given."""
+    """Recordings in the order of time where each has a date, else as given."""
     return sorted(recordings, key=_moment) if _dated(recordings) else list(recordings)
 
 

@@ -87,7 +87,7 @@ def figure_5_1() -> Shown:
 
 
 def figure_5_2() -> Shown:
-    """From backlash to noise, magnified."""
+    """The change from backlash to noise, magnified."""
     _, signals = _simulated()
     seen = _seen("5Ti")
     ends, lasted = seen.half_periods.t_end, seen.half_periods.delta_t

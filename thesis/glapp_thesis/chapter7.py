@@ -108,7 +108,7 @@ def figure_7_1() -> Shown:
 
 
 def figure_7_2() -> Shown:
-    """The same with the condition Δu < span of OP."""
+    """False widths with OP at its limit, and the condition Δu < span of OP."""
     signals, blind, spanned, flagged = saturated()
     return Shown(
         number="7.2",

@@ -37,7 +37,7 @@ def as_json(shown: Sequence[Shown]) -> str:
 
 
 def recorded(shown: Shown, numbers: Mapping[str, float | None]) -> Shown:
-    """The same figure with the numbers of an earlier run."""
+    """A figure with the numbers of an earlier run."""
     return replace(shown, numbers=tuple(replace(number, ours=numbers[number.what]) for number in shown.numbers))
 
 

@@ -1,4 +1,4 @@
-"""The same loop over many seeds of its noise: runs that fit into memory, and the median and range of what they show."""
+"""One loop over many seeds of its noise: runs that fit into memory, and the median and range of what they show."""
 
 from __future__ import annotations
 

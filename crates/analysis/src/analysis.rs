@@ -163,7 +163,7 @@ pub struct Done {
 }
 
 impl Analysis {
-    /// Begins with the first rows, [`INSPECTED_ROWS`] or all there are; they are only looked at, and come again to
+    /// An analysis that begins with the first rows, [`INSPECTED_ROWS`] or all there are; they are only looked at, and come again to
     /// [`take`](Self::take).
     ///
     /// # Errors

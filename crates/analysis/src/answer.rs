@@ -25,7 +25,7 @@ pub struct Answer {
     pub why: Option<Why>,
     /// Estimated total width [OP unit].
     pub d_hat: Option<f64>,
-    /// The same [% of OP's span], where that is known.
+    /// Estimated total width [% of OP's span], where that is known.
     pub d_hat_percent_span: Option<f64>,
     /// Smallest and largest detection behind it [OP unit]: repeatability, not an interval of confidence.
     pub repeatability: Option<(f64, f64)>,

@@ -183,7 +183,7 @@ pub struct FitAnswer {
 }
 
 impl FitAnswer {
-    /// Nothing was fitted.
+    /// The answer where nothing was fitted.
     fn none(why: FitWhy, signal: Signal) -> Self {
         Self {
             verdict: LostMotion::CannotTell,
@@ -370,7 +370,7 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// Nothing was asked.
+    /// The answer where the fit was not asked, and why.
     pub fn not(why: FitWhy) -> Self {
         Self { answer: FitAnswer::none(why, Signal::PV), pv: None, position: None }
     }
@@ -391,7 +391,7 @@ pub fn fitted(batches: &[Batch<'_>], sign: f64, sinusoid: Option<usize>) -> Fitt
     }
 }
 
-/// The same with what was fitted to PV.
+/// The answer of position and PV together, with what was fitted to PV.
 pub(crate) fn fitted_with(batches: &[Batch<'_>], sinusoid: Option<usize>, pv: Result<JointAnswer, Unfit>) -> Fitted {
     let through_pv = FitAnswer::of_pv(&pv, sinusoid);
     let Some(position) = at_valve(batches) else {

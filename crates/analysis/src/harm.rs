@@ -43,7 +43,7 @@ pub struct Cells<'a> {
 }
 
 impl Harm {
-    /// Of shares that are known.
+    /// Harm from the shares that are known.
     pub fn of(pv_share: Option<f64>, op_share: Option<f64>) -> Self {
         let worst = [pv_share, op_share].into_iter().flatten().reduce(f64::max);
         Self { pv_share, op_share, worst }

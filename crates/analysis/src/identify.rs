@@ -64,7 +64,7 @@ pub struct Values {
 pub struct Settings {
     /// Of the gain [OP unit/PV unit].
     pub k_interval: Interval,
-    /// Of the integral time [s]; without end where integral action cannot be told from none.
+    /// Of the integral time [s]; without end where integral action may be none.
     pub ti_interval: Interval,
     /// Derivative time [s]; 0 where a law without D part explains OP as well as any.
     pub td: f64,
@@ -76,7 +76,7 @@ pub struct Settings {
     pub note: Note,
 }
 
-/// From low to high; either may be infinite.
+/// An interval from low to high; either may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
     /// Lower end.
@@ -129,19 +129,19 @@ pub enum Reason {
     Unshown,
     /// R² is below [`R2_USABLE`].
     LittleExplained,
-    /// No controller has such values, and K cannot be told from 0.
+    /// No controller has such values, and K may be 0.
     NoGain {
         /// 95 % of K [OP unit/PV unit].
         error: f64,
     },
-    /// K cannot be told from 0.
+    /// K may be 0.
     GainMayBeNone {
         /// |K| [OP unit/PV unit].
         size: f64,
         /// Interval of |K| [OP unit/PV unit].
         k: Interval,
     },
-    /// Integral action cannot be told from none.
+    /// There may be no integral action.
     NoIntegral,
     /// K and K/Ti have opposite signs.
     OppositeSigns,

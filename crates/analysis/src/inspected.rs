@@ -16,7 +16,7 @@ pub struct Inspected<'a> {
 }
 
 impl Inspected<'_> {
-    /// So many rows from the first on, or all there are.
+    /// The first so many rows, or all there are.
     pub fn first(&self, rows: usize) -> Self {
         let Self { t, sp, pv, op, flags } = self.even();
         let n = rows.min(t.len());

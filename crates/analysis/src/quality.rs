@@ -54,7 +54,7 @@ pub struct Law {
 }
 
 impl Law {
-    /// Of an identification.
+    /// The law of an identification.
     pub fn of(found: &Identification) -> Self {
         let values = found.values.as_ref();
         let interval = |value: fn(&Values) -> f64, of: fn(&Settings) -> identify::Interval| {
@@ -76,7 +76,7 @@ impl Law {
 }
 
 impl Law {
-    /// It explains this share of OP's moves, and neither K nor the integral action may be none.
+    /// Whether it explains this share of OP's moves, and neither K nor the integral action may be none.
     fn shows(&self, r2: f64) -> bool {
         let (Some(low), Some(high), Some(longest)) = (self.k.low, self.k.high, self.ti.high) else { return false };
         low * high > 0.0 && longest.is_finite() && self.r2.is_some_and(|explained| explained >= r2)

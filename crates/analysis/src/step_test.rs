@@ -95,7 +95,7 @@ pub struct StepTest {
     pub readings: Vec<Reading>,
     /// What a person should know beside the numbers.
     pub notes: Vec<Note>,
-    /// The same read off the valve's position, where it was recorded: travel \[%\] stands for PV.
+    /// The test as read from the valve's position, where it was recorded, with travel \[%\] in place of PV.
     pub travel: Option<Box<StepTest>>,
 }
 
@@ -234,16 +234,16 @@ pub enum Reason {
     },
     /// No move goes on in the direction of one that PV answered: the gain is not known.
     NoGain,
-    /// The same, and holds ended before PV had settled.
+    /// The gain is not known, and holds ended before PV had settled.
     NoGainUnsettled {
         /// Such holds.
         unsettled: usize,
         /// All holds.
         holds: usize,
     },
-    /// PV did not answer a second move in the same direction: the gain is not told from 0.
+    /// PV did not answer a second move in the same direction: the gain may be 0.
     GainNearZero,
-    /// The readings disagree by so much that the gain is not told from 0.
+    /// The readings disagree by so much that the gain may be 0.
     GainNearZeroDisagree {
         /// F ratio.
         f: f64,
@@ -285,11 +285,11 @@ pub enum Note {
         /// [% of travel].
         percent: f64,
     },
-    /// The same where OP's span is known.
+    /// The positioner's own part of the dead band, where OP's span is known.
     PositionerOfSpan {
         /// [% of travel].
         percent: f64,
-        /// The same [OP unit].
+        /// That part [OP unit].
         width: f64,
     },
 }
@@ -300,7 +300,7 @@ impl StepTest {
     }
 }
 
-/// From the least to the greatest.
+/// Distance from the least to the greatest.
 fn range(x: &[f64]) -> f64 {
     let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
     high - low

@@ -130,7 +130,7 @@ pub enum LimitOrigin {
 pub struct Limit {
     /// [% of OP's span].
     pub percent_span: f64,
-    /// The same [OP unit], where the span is known.
+    /// Its width [OP unit], where the span is known.
     pub width: Option<f64>,
     /// Who said so.
     pub origin: LimitOrigin,
@@ -308,19 +308,19 @@ pub struct Summary {
     pub cause: Option<Cause>,
     /// What the width is; none where there is neither width nor bound.
     pub width_kind: Option<WidthKind>,
-    /// Whether the loop swings to and fro in almost even time, whatever makes it.
+    /// Whether the loop swings back and forth in almost even time, whatever the cause.
     pub oscillates: bool,
     /// The width that lists rank by: the most likely one, or the bound where that is all; none where no gap was found [OP unit].
     pub width: Option<f64>,
-    /// The same [% of span], where that is known.
+    /// That width [% of span], where the span is known.
     pub width_percent_span: Option<f64>,
     /// Narrowest width that is not excluded [OP unit]; none where nothing is, as with crossings alone.
     pub low: Option<f64>,
-    /// The same [% of span].
+    /// That limit [% of span].
     pub low_percent_span: Option<f64>,
     /// Widest one.
     pub high: Option<f64>,
-    /// The same [% of span].
+    /// That limit [% of span].
     pub high_percent_span: Option<f64>,
     /// How strongly the recording speaks for a gap; none without a fit.
     pub evidence: Option<Evidence>,

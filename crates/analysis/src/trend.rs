@@ -48,7 +48,7 @@ pub fn trend(widths: &[Width]) -> WidthTrend {
     of_found(Trend::of(widths), widths.len())
 }
 
-/// The same of a line that was drawn already, through so many widths.
+/// The trend by a line that was fitted already, through so many widths.
 pub(crate) fn of_found(found: Option<Trend>, widths: usize) -> WidthTrend {
     let code = match found {
         Some(found) if found.changes() => {

@@ -74,7 +74,7 @@ const SUBJECTS: &[Subject] = &[
     trend::SUBJECT,
 ];
 
-/// Of a subject whose messages have one wording each.
+/// The variants of a subject whose messages have one wording each: none.
 fn plain(_: &str, _: &dyn Numbers) -> Vec<String> {
     Vec::new()
 }

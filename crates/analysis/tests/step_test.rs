@@ -211,7 +211,7 @@ fn misfit(load: f64, noise: f64) -> Option<f64> {
 fn holds_that_lie_off_the_model_widen_the_interval_from_an_f_ratio_of_four_on() {
     let least = (1..200).find_map(|k| misfit(0.005 * f64::from(k), 0.1));
     assert!(least.is_some_and(|f| (4.0..4.4).contains(&f)), "{least:?}");
-    // As the code has it: half of what F is measured against is that PV may be off by a thousandth of its range.
+    // This number comes from the code: half of what F is measured against is that PV may be off by a thousandth of its range.
     let found = misfit(0.5, 0.05);
     assert!(near(found, 77.305353, 1e-5), "{found:?}");
 }

@@ -39,7 +39,7 @@ const char *glapp_error(void);
 #define GLAPP_REFUSED -5     /* a setting, name or value that is refused */
 #define GLAPP_BROKEN -6      /* a fault inside the library; the handle can only be freed */
 
-/* A name and its value, in the unit of docs/catalogue.md. */
+/* A name and its value, in the unit of the catalogue, a page of the documentation. */
 typedef struct glapp_setting {
     const char *name;
     double value;

@@ -29,7 +29,7 @@ pub enum GlappGraph {}
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GlappSetting {
-    /// As in the catalogue.
+    /// Its name in the catalogue.
     pub name: *const c_char,
     /// In the unit of the catalogue.
     pub value: f64,
@@ -198,7 +198,7 @@ unsafe fn maybe<'a, T>(from: *const T, length: usize, name: &str) -> Result<Opti
     if from.is_null() { Ok(None) } else { unsafe { array(from, length, name) }.map(Some) }
 }
 
-/// A text.
+/// A text from a pointer.
 ///
 /// # Safety
 /// What stands there ends in a 0, or is [`LONGEST`] bytes long.
@@ -212,7 +212,7 @@ unsafe fn words<'a>(from: *const c_char, name: &str) -> Result<&'a str, Wrong> {
     std::str::from_utf8(bytes).map_err(|_| Wrong::new(BAD_TEXT, format!("{name}: is no UTF-8")))
 }
 
-/// Names and values.
+/// Names and values from a pointer and a length.
 ///
 /// # Safety
 /// As [`array`], and [`words`] for each name.

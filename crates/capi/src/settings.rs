@@ -1,4 +1,4 @@
-//! Settings by name: of a detector those of `docs/catalogue.md`, of a step test those of `include/glapp.h`.
+//! Settings by name: of a detector those of the catalogue (`vectors/catalogue.json`), of a step test those of `include/glapp.h`.
 
 use crate::wrong::Wrong;
 use glapp_analysis::{Manual, StepTestSettings};

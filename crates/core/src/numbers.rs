@@ -18,13 +18,13 @@ pub trait Numbers: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output =
     /// One of two numbers.
     fn either(truth: Self::Truth, yes: Self, no: Self) -> Self;
 
-    /// As [`Real::magnitude`].
+    /// Absolute value, see [`Real::magnitude`].
     fn magnitude(self) -> Self;
 
-    /// As [`Real::lesser`].
+    /// The lesser of two, see [`Real::lesser`].
     fn lesser(self, other: Self) -> Self;
 
-    /// As [`Real::greater`].
+    /// The greater of two, see [`Real::greater`].
     fn greater(self, other: Self) -> Self;
 }
 
@@ -64,13 +64,13 @@ impl<R: Real> Numbers for R {
 
 /// A sum of [`Numbers`]: that of [`Sum`], or one in each lane.
 pub trait Adding<N>: Copy {
-    /// As [`Sum::add`].
+    /// Adds a number, see [`Sum::add`].
     fn add(&mut self, x: N);
 
-    /// As [`Sum::to`].
+    /// `x` less the sum, see [`Sum::to`].
     fn to(self, x: N) -> N;
 
-    /// As [`Sum::since`].
+    /// The sum less another, see [`Sum::since`].
     fn since(self, other: Self) -> N;
 }
 
@@ -96,7 +96,7 @@ pub const LANES: usize = 8;
 
 /// [`LANES`] numbers in the registers of a processor.
 pub trait Lanes: Numbers + Adding<Self> {
-    /// Those of an array.
+    /// The numbers of an array.
     fn load(self, numbers: &[f64; LANES]) -> Self;
 
     /// They in an array.

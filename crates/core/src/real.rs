@@ -45,7 +45,7 @@ pub trait Real:
     /// The number as `f64`, exactly.
     fn as_f64(self) -> f64;
 
-    /// |x|.
+    /// Absolute value |x|.
     fn magnitude(self) -> Self;
 
     /// The smaller of two numbers, neither of which is NaN.

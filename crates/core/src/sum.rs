@@ -20,7 +20,7 @@ pub trait Sum<R>: Copy + Debug + Default + PartialEq + From<R> + Saved + Send + 
     /// The sum less another.
     fn since(self, other: Self) -> R;
 
-    /// Another number with what this sum has not added yet.
+    /// A sum at another number, with what this one has not added yet.
     fn moved_to(self, x: R) -> Self;
 
     /// Goes to `x`, by at most `step`.

@@ -23,7 +23,7 @@ impl LakeError {
         Self { row: Some(row), ..self }
     }
 
-    /// Where a thread ended before it came to the loop.
+    /// The error of a loop whose thread ended before it came to it.
     pub(crate) fn abandoned() -> Self {
         Self::of(Path::new(""), "was not read: a thread ended")
     }

@@ -6,8 +6,8 @@
 //! files of a loop ──pages──→ columns of a batch ─┘
 //! ```
 //!
-//! As many loops as there are lanes are open at once for a thread. Of each of their columns a page and a batch are in memory, however
-//! long the files are. Of their half-periods the counts and the estimate are kept, and no table.
+//! Each thread has as many loops open at once as there are lanes. Of each of their columns a page and a batch are in memory,
+//! however long the files are. Of their half-periods the counts and the estimate are kept, and no table.
 
 mod error;
 mod stream;
@@ -24,7 +24,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use stream::Stream;
 
-/// Where the samples of a loop are.
+/// Place of the samples of a loop.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Its files; their rows, one file after the other, are in the order of time.

@@ -165,7 +165,7 @@ impl Stream {
         }
     }
 
-    /// Passes over them.
+    /// Skips values.
     pub(crate) fn pass(&mut self, n: usize) {
         self.from += n;
         self.done += n as u64;
@@ -305,7 +305,7 @@ impl Column {
         Ok(())
     }
 
-    /// The same of timestamps; the smallest integer where there is none.
+    /// The next timestamps, as many as a batch has; the smallest integer where there is none.
     fn integers(&mut self, scratch: &mut Scratch) -> Result<(), ParquetError> {
         let Scratch { levels, long, .. } = scratch;
         levels.clear();

@@ -28,7 +28,7 @@ pub(crate) trait Turn<const R: usize>: Simd {
 }
 
 impl<S: Simd, const R: usize> Eight<S, R> {
-    /// Eight times 0.
+    /// Eight numbers, all 0.
     #[inline(always)]
     pub(crate) fn new(simd: S) -> Self {
         Self { simd, registers: [simd.splat_f64s(0.0); R] }

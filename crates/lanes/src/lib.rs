@@ -23,7 +23,7 @@ pub enum Instructions {
 }
 
 impl Instructions {
-    /// Those of this processor, the widest last.
+    /// The instruction sets of this processor, the widest last.
     pub fn available() -> Vec<Self> {
         #[allow(unused_mut)]
         let mut all = vec![Self::Baseline];
@@ -40,7 +40,7 @@ impl Instructions {
         Self::available().pop().unwrap_or(Self::Baseline)
     }
 
-    /// Its name.
+    /// Name of the instruction set.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Baseline => "baseline",

@@ -46,7 +46,7 @@ enum Request {
     },
     /// Gives the answer, with what each of the windows says; what those say that are fitted so far, where some are not.
     Join {
-        /// As [`Request::Alone`] gave it, in the order of the windows; none of one that is not fitted yet.
+        /// The answers of [`Request::Alone`], in the order of the windows; none of one that is not fitted yet.
         alone: Vec<Option<Vec<u8>>>,
         /// Who reads it.
         reader: Reader,
@@ -127,7 +127,7 @@ impl Memory {
     }
 }
 
-/// The same for a caller in Rust: a request in JSON, an answer in JSON, either `{"ok": ...}` or `{"error": "..."}`.
+/// Answers a caller in Rust: a request in JSON, an answer in JSON, either `{"ok": ...}` or `{"error": "..."}`.
 ///
 /// ```
 /// let asked = r#"{"laboratory": {"h": 0.1, "modules": [["in", "Input", {"value": 2}], ["out", "Output", {}]],

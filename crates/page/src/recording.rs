@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Its columns as the page has read them, and its analysis.
+/// A recording: its columns as the page has read them, and its analysis.
 pub(crate) struct Recording {
     columns: Columns,
     analysis: Analysis,
@@ -139,7 +139,7 @@ pub(crate) fn alone(window: &[u8]) -> Result<Value, String> {
     bytes(&read::<Window>(window)?.alone())
 }
 
-/// For the hand-over from one worker to another: every bit of its numbers, which JSON would not keep of those that are none.
+/// A value as bytes, to go from one worker to another: JSON would not keep the bits of what is no number.
 fn bytes(of: &impl Serialize) -> Result<Value, String> {
     postcard::to_allocvec(of).map(|bytes| json!(bytes)).map_err(|error| error.to_string())
 }

@@ -22,7 +22,7 @@ pub(crate) enum Asked {
     },
     /// A number with so many significant digits.
     Number(Option<f64>, usize),
-    /// The same with its unit.
+    /// A number with so many significant digits, and its unit.
     Quantity(Option<f64>, String, usize),
     /// A time span \[s\].
     Duration(f64),

@@ -31,7 +31,7 @@ pub fn rows_of<'a>(
     Ok(rows)
 }
 
-/// The same of a recording that has a setpoint, as the core takes it.
+/// The columns of a recording that has a setpoint, as the core takes them.
 pub fn columns_of<'a>(
     t: &'a Signal<'_>,
     sp: &'a Signal<'_>,

@@ -204,7 +204,7 @@ impl PyDetector {
         Ok(())
     }
 
-    /// The same with their swing; gives the filtered PV of each sample.
+    /// Takes samples and keeps the swing of each half-period; gives the filtered PV of each sample.
     fn run_closely<'py>(
         &mut self,
         py: Python<'py>,
@@ -235,7 +235,7 @@ impl PyDetector {
         self.crossings.state().shown().map(parts)
     }
 
-    /// The same, whether above the noise limit or not.
+    /// The estimate, whether above the noise limit or not.
     #[getter]
     fn median_mean(&self) -> Option<EstimateParts> {
         self.crossings.state().estimate().map(parts)

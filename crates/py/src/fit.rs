@@ -28,7 +28,7 @@ pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResul
     Ok(out)
 }
 
-/// What PV said.
+/// The answer of PV's fit.
 pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
     let joint = match found {
         Ok(joint) => joint,
@@ -113,7 +113,7 @@ fn joined<'py>(
     Ok(out)
 }
 
-/// The same of PV, with its evidence.
+/// The joint answer of PV, with its evidence.
 fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDict>> {
     let out = joined(py, (whole.verdict, whole.d, whole.low, whole.high), whole.trend)?;
     for (name, value) in

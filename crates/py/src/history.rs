@@ -16,7 +16,7 @@ pub struct History {
 
 #[pymethods]
 impl History {
-    /// With the filter time of the settings where it is `given`, else with all that are tried.
+    /// A history with the filter time of the settings where it is `given`, else with all that are tried.
     #[new]
     fn new(settings: Settings, given: bool) -> PyResult<Self> {
         Ok(Self { history: crossings::History::new(settings.0, given).map_err(refused)? })

@@ -17,7 +17,7 @@ type Asked = (Vec<PathBuf>, (String, String, String, Option<String>));
 /// Rows that were read; or the file, its row, and what is wrong with it.
 type Answer = (u64, Option<(PathBuf, Option<u64>, String)>);
 
-/// As `Detector.run` for each of many detectors, side by side in the lanes of the processor. `instructions` is one of those of
+/// Runs many detectors side by side in the lanes of the processor, see `Detector.run`. `instructions` is one of
 /// `instruction_sets`, the widest where it is not given.
 #[pyfunction]
 #[pyo3(signature = (detectors, signals, instructions=None))]
@@ -40,7 +40,7 @@ pub fn run_side_by_side(
     Ok(())
 }
 
-/// The same with rows that come from Parquet files, on so many threads. Seconds of timestamps are counted from `since` on
+/// Runs many detectors over rows of Parquet files, on so many threads. Seconds of timestamps are counted from `since` on
 /// [µs since 1970], else from each loop's first row. A detector whose files cannot be read stays as it was.
 #[pyfunction]
 #[pyo3(signature = (detectors, places, threads, since=None, instructions=None))]

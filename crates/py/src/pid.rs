@@ -49,7 +49,7 @@ impl Pid {
         self.block.update(&mut self.state, ysp, yf, h)
     }
 
-    /// The same sample in manual, at the output `u`; gives it within the limits.
+    /// Takes one sample in manual, at the output `u`; gives it within the limits.
     fn track(&mut self, ysp: f64, yf: f64, u: f64, h: f64) -> f64 {
         self.block.track(&mut self.state, ysp, yf, u, h)
     }

@@ -7,7 +7,7 @@ use pyo3::types::{PyDict, PyList};
 use serde::ser::{self, Serialize};
 use std::fmt::Display;
 
-/// The same value as Python has it.
+/// A value in Python's plain types.
 pub fn plain<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     value.serialize(Plain { py }).map_err(|error| error.0)
 }

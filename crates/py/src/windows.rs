@@ -99,7 +99,7 @@ impl Windows {
         self.windows.best().map(of).collect()
     }
 
-    /// Of the same windows the times of the first and the last row [s], and what each may tell: OP's travel in a coarse look times
+    /// Times of the first and the last row of these windows [s], and what each may tell: OP's travel in a coarse look times
     /// the share of rows that can be used [OP unit].
     fn scores(&mut self) -> Vec<(f64, f64, f64)> {
         let of = |(score, rows): &(f64, Rows)| (rows.t[0], rows.t[rows.t.len() - 1], *score);

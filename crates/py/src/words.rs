@@ -104,7 +104,7 @@ pub fn number(value: Option<f64>, digits: usize) -> String {
     words::number(value, digits)
 }
 
-/// The same with its unit.
+/// A number with so many significant digits and its unit, as text.
 #[pyfunction]
 #[pyo3(signature = (value, unit, digits=3))]
 pub fn quantity(value: Option<f64>, unit: &str, digits: usize) -> String {

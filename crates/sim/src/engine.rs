@@ -17,7 +17,7 @@ use glapp_core::{
 };
 use std::ops::Range;
 
-/// More samples than this are a slip of the pen, not a simulation.
+/// Most samples of a simulation; more are a mistake in the scenario.
 const MOST_SAMPLES: f64 = 1e8;
 /// How far beyond what is asked of it a loop may go before it is called unstable.
 const RUNAWAY: f64 = 1e6;
@@ -64,7 +64,7 @@ pub(crate) fn source(
     Source::new(name, signal, s.h, n, s.seed, stream)
 }
 
-/// Where a loop is at rest.
+/// Steady state of a loop.
 pub(crate) struct Rest {
     /// Process value.
     pub(crate) y: f64,
@@ -523,7 +523,7 @@ pub(crate) fn process_at_rest(plant: &Plant, h: f64, y: f64) -> Result<(f64, f64
     Ok((rest.y, rest.v, process))
 }
 
-/// From what happened to what the historian has: times that are wrong, samples that are lost.
+/// Faults of a historian: times that are wrong, samples that are lost.
 pub(crate) struct Recorder {
     jitter: f64,
     lost: f64,

@@ -74,7 +74,7 @@ pub enum SimError {
 }
 
 impl From<GraphError> for SimError {
-    /// Of a loop that a scenario has built: its parameters are the scenario's own, whatever module they are in.
+    /// The error of a loop that a scenario has built: its parameters are the scenario's own, whatever module they are in.
     fn from(error: GraphError) -> Self {
         match error {
             GraphError::Parameter { error, .. } => error,

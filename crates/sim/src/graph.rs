@@ -321,13 +321,13 @@ impl Graph {
         self.scans += 1;
     }
 
-    /// As many scans as are asked for.
+    /// Runs so many scans.
     pub fn run(&mut self, scans: usize) -> Result<(), GraphError> {
         self.record(scans, &[], &[]).map(|_| ())
     }
 
-    /// As many scans as are asked for, with inputs that change from scan to scan, each a module and its column; gives the
-    /// columns of what is recorded, each `module.name`.
+    /// Runs so many scans, with inputs that change from scan to scan, each a module and its column. Gives the columns of what is
+    /// recorded, each `module.name`.
     pub fn record(
         &mut self,
         scans: usize,
@@ -361,7 +361,7 @@ impl Graph {
         Ok(self.known(path)?.unwrap_or(f64::NAN))
     }
 
-    /// The same; none: a parameter that is not known.
+    /// The value of a parameter or output; none where a parameter is not known.
     pub fn known(&self, path: &str) -> Result<Option<f64>, GraphError> {
         let (i, name) = self.place(path)?;
         Ok(self.nodes[i].read(&name).flatten())
@@ -586,7 +586,7 @@ impl Wiring<'_> {
         Ok(())
     }
 
-    /// The forward pass: every module after those that drive it, save that the output of a delay is there from the start.
+    /// The forward pass: every module after those that drive it, except that the output of a delay is there from the start.
     fn order(&self) -> Result<Vec<usize>, GraphError> {
         let n = self.names.len();
         let waits_for = |i: usize, done: &[bool]| {

@@ -421,7 +421,7 @@ impl<const N: usize, const DERIVATIVE: bool> NullaryFnOnce for Steps<'_, N, DERI
     }
 }
 
-/// From the process values to the inputs of the processes, in the order of the blocks.
+/// Computes the inputs of the processes from the process values, in the order of the blocks.
 #[inline(always)]
 fn step<const N: usize, const DERIVATIVE: bool>(
     p: &Parameters<N>,

@@ -26,7 +26,7 @@ pub(crate) struct Looped {
     last_y: f64,
 }
 
-/// Where in the graph the modules are that are fed, set or recorded.
+/// Places in the graph of the modules that are fed, set or recorded.
 struct Numbers {
     sp: usize,
     load: usize,
@@ -45,7 +45,7 @@ struct Numbers {
 }
 
 impl Looped {
-    /// At rest at the first setpoint `sp` and the first load; `n` samples in all.
+    /// A loop at rest at the first setpoint `sp` and the first load; `n` samples in all.
     pub(crate) fn new(s: &Scenario, n: usize, sp: f64, load: f64) -> Result<Self, SimError> {
         let signals = |outer: &Outer| {
             let noise = source(s, "outer noise", &outer.noise, stream::OUTER_NOISE, n)?;

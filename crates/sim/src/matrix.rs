@@ -36,7 +36,7 @@ impl Matrix {
         Self { n: self.n, rows: self.rows.iter().map(|x| x * factor).collect() }
     }
 
-    /// self·other.
+    /// Product self·other.
     pub fn times(&self, other: &Self) -> Self {
         let mut product = Self::zeros(self.n);
         for i in 0..self.n {

@@ -452,7 +452,7 @@ fn backward_named(told: &Backward<f64>, name: &str) -> Option<f64> {
     }
 }
 
-/// 0 or 1.
+/// A parameter that is 0 or 1.
 fn switch(name: &'static str, value: f64, bound: &'static str) -> Result<bool, ParameterError> {
     if value == 0.0 || value == 1.0 { Ok(value == 1.0) } else { Err(ParameterError { name, value, bound }) }
 }

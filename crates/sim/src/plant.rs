@@ -44,7 +44,7 @@ pub const BATCH: [Named; 8] = [
 ];
 
 impl Plant {
-    /// `num` of lower degree than `den`, `den` of degree 1 to [`MAX_ORDER`], `dead_time` ≥ 0 \[s\].
+    /// A plant: `num` of lower degree than `den`, `den` of degree 1 to [`MAX_ORDER`], `dead_time` ≥ 0 \[s\].
     pub fn new(num: Vec<f64>, den: Vec<f64>, dead_time: f64) -> Result<Self, SimError> {
         require("dead_time", dead_time, dead_time >= 0.0, "0 s or greater")?;
         if num.iter().chain(&den).any(|c| !c.is_finite()) {
@@ -88,7 +88,7 @@ impl Plant {
         self.dead_time
     }
 
-    /// The same with a dead time of at most `longest` \[s\].
+    /// This plant with a dead time of at most `longest` \[s\].
     pub(crate) fn within(self, longest: f64) -> Self {
         Self { dead_time: self.dead_time.min(longest), ..self }
     }
@@ -229,7 +229,7 @@ impl<const N: usize> Sampled<N> {
 }
 
 impl<const N: usize> SampledState<N> {
-    /// x.
+    /// State x.
     pub(crate) fn x(&self) -> &[f64; N] {
         &self.x
     }

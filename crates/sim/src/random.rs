@@ -7,7 +7,7 @@ const M: u64 = 2_147_483_647;
 /// Numbers drawn at once.
 const BLOCK: usize = 8;
 
-/// 48271ⁿ mod M.
+/// Power 48271ⁿ mod M.
 const fn power(n: usize) -> u64 {
     let (mut p, mut i) = (1, 0);
     while i < n {

@@ -102,7 +102,7 @@ enum Running {
 }
 
 impl Source {
-    /// The signal at `n` samples `h` seconds apart. `stream` tells apart the signals of one scenario: each has its own
+    /// The signal at `n` samples `h` seconds apart. `stream` numbers the signals of one scenario: each has its own
     /// random numbers.
     pub(crate) fn new(
         name: &'static str,

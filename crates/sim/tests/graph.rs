@@ -425,7 +425,7 @@ fn a_delay_is_whole_scans_and_may_close_a_circle() {
     }
 }
 
-/// As in `GlappPidAdvanced`: of a table whose rows differ, none is in a hurry.
+/// The defaults of a compensation go by the longest Ti of the table, as in `GlappPidAdvanced`.
 #[test]
 fn under_a_schedule_a_compensation_goes_by_the_longest_ti() {
     let with = |rows: &[(f64, f64)]| {

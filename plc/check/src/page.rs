@@ -1,4 +1,4 @@
-//! Pins of a block as a table, from its source: `docs/plc.md` has them.
+//! Pins of a block as a table, from its source.
 
 /// Inputs and outputs of a source file as a table in Markdown: pin, type, what it begins with, and its comment.
 pub fn pins(text: &str) -> String {

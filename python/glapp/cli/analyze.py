@@ -101,17 +101,17 @@ _BLOCKS = 5
 
 
 def _show(answers: Sequence[Result | Refused], why: bool) -> None:
-    """What is so and what to do: a block a loop, or of many loops a table, the most urgent first; why in blocks only."""
+    """What is so and what to do: a block a loop, or of many a table, the most urgent first; why in blocks only."""
     results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
     shown = [result for result in results if result.trace is not None]  # an error has a line of its own
     if why or len(results) <= _BLOCKS:
         for result in shown:
             _block(result, why)
         if not why:
-            out.print(styled("Add --why to see what each answer stands on.", style="dim"))
+            out.print(styled("Reasons: add --why", style="dim"))
         fitted = [result for result in shown if result.fit is not None and result.fit.process is not None]
         if any(result.answer.confidence in ("likely", "cannot_tell") for result in fitted):
-            out.print(styled("glapp plan-test says which test would decide.", style="dim"))
+            out.print(styled("Which test would decide: glapp plan-test", style="dim"))
         return
     show_table(fitting(_columns(results), 4))
     out.print()

@@ -33,7 +33,7 @@ def can_ask() -> bool:
 
 
 def asked(opened: Sequence[Recording | Valve | Refused], settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
-    """The same, with recordings in the place of files that can be read after a question; the answers are written."""
+    """Opened entries, with recordings in place of files that can be read after a question; the answers are written."""
     return [one for entry in opened for one in (_ask(entry, settings) if isinstance(entry, Refused) else [entry])]
 
 

@@ -86,7 +86,7 @@ def make_demo(
 )
 def analyze(
     lake: Annotated[Path, typer.Argument(metavar="LAKE", help="Folder of Parquet files; those below it are read too.")],
-    results: Annotated[Path, typer.Option("--out", metavar="RESULTS", help="Folder for the results, beside the lake.")],
+    results: Annotated[Path, typer.Option("--out", metavar="RESULTS", help="Folder of results, outside the lake.")],
     loops: Annotated[
         Path | None,
         typer.Option(

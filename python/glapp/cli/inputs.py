@@ -30,7 +30,7 @@ class Refused:
     loop: Loop | None = None
 
     def result(self) -> Result:
-        """The same as the answer for a loop."""
+        """The answer of a loop that cannot be used."""
         return Result.of_error(self.error, self.name, self.source, self.loop)
 
 
@@ -183,7 +183,7 @@ def _from_settings(file: Path) -> list[Recording | Valve | Refused]:
 def _open_each(
     file: Path, loops: Sequence[Loop] | None, defaults: dict[str, Any] | None = None
 ) -> Sequence[Recording | InputError]:
-    """As `open_each`; where the file cannot be used, the error in the place of each loop."""
+    """The recordings of a file (`open_each`); where the file cannot be used, the error in the place of each loop."""
     try:
         return open_each(file, loops, defaults)
     except InputError as error:

@@ -73,7 +73,7 @@ def fault_of(path: Path, write: Callable[[], object]) -> InputError | None:
 
 
 def save(path: Path, content: str | bytes) -> None:
-    """As `write_file`, with an InputError where it cannot be written."""
+    """Write a file (`write_file`), with an InputError where that fails."""
     if (fault := fault_of(path, lambda: write_file(path, content))) is not None:
         raise fault
 

@@ -40,7 +40,7 @@ def need(command: str, extra: str, *names: str) -> None:
 
 
 def say_first_login(data: Path) -> None:
-    """Where the first user's password stands, as long as it does."""
+    """Say in which file the first user's password is, as long as it exists."""
     first = data / "first-login.txt"
     if first.exists():
         out.print(f"The first user's name and password stand in {first}.", soft_wrap=True)

@@ -103,7 +103,7 @@ def run(
     ] = None,
     data: Data = Path("glapp-data"),
     demo: Annotated[
-        bool, typer.Option("--demo", metavar="", help="Watch a simulated plant, which is started beside.")
+        bool, typer.Option("--demo", metavar="", help="Watch a simulated plant, which is started too.")
     ] = False,
     loops: PlantLoops = None,
     days: PlantDays = None,
@@ -142,7 +142,7 @@ def run(
         raise CommandError("name a loops.toml, or say --demo")
     files = (opcua_certificate, opcua_key, opcua_password_file)
     if opcua_port is None and (opcua_host != "127.0.0.1" or opcua_user is not None or any(files)):
-        raise CommandError("--opcua-port: is needed beside the other settings of our own OPC UA server")
+        raise CommandError("--opcua-port: is needed with the other settings of our own OPC UA server")
     ours: dict[str, Any] | None = None
     if opcua_port is not None:
         security = _security(opcua_certificate, opcua_key, opcua_user, opcua_password_file)
@@ -516,7 +516,7 @@ def remove(name: Annotated[str, typer.Argument(metavar="NAME")], door: Url = _DO
 
 
 def _kept() -> Path:
-    """Where `login` keeps a token."""
+    """File in which `login` keeps a token."""
     base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".local" / "state")
     return Path(base) / "glapp" / "token"
 

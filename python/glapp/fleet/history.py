@@ -63,7 +63,7 @@ CROSSINGS = pa.schema(
 """A row a loop and day from the first that told settings: what was heard since these hold."""
 
 FOLLOWED = CROSSINGS.append(pa.field("state", pa.string()))
-"""The same with the state that the next day begins with."""
+"""The columns of `CROSSINGS`, and the state that the next day begins with."""
 
 _HELD = ("sp", "op", "mode", "op_low_flag", "op_high_flag")
 _BEFORE = np.iinfo(np.int64).min

@@ -159,13 +159,13 @@ class File:
 
     @classmethod
     def of(cls, known: Mapping[str, Any]) -> File:
-        """The same from plain types."""
+        """A file from plain types."""
         groups = tuple(Group(**{**group, "tags": tuple(group["tags"])}) for group in known["groups"])
         lists = {name: tuple(known[name]) for name in ("columns", "qualities")}
         return cls(**{**known, **lists, "groups": groups, "digits": Digits(**known["digits"])})
 
     def column(self, role: str) -> str | None:
-        """Its column of this role: time, tag, value or quality."""
+        """The file's column of this role: time, tag, value or quality."""
         return next((name for name in self.columns if understand(name).role == role), None)
 
     @property
@@ -651,7 +651,7 @@ def _parts(
 def _of_group(
     lake: Path, file: File, i: int, places: Sequence[tuple[int, int]], rows: int, done: int, asked: _Asked
 ) -> Iterator[tuple[_Part | None, list[Problem]]]:
-    """The same of one group of rows, of which those at `places` are wanted."""
+    """The parts and problems of one group of rows, of which those at `places` are wanted."""
     time, tag, value, quality = (file.column(role) for role in ("time", "tag", "value", "quality"))
     columns = [time, quality, *((tag, value, file.unit_column) if file.long else asked.names)]
     stored = list(dict.fromkeys(c for c in columns if c is not None and c not in file.folders))

@@ -196,7 +196,7 @@ def analyze(
         raise InputError(f"is {engine!r}, must be 'local' or 'spark'", parameter="engine", value=engine)
     names, wrong = files_of(lake)
     if out.resolve().is_relative_to(lake.resolve()) and not out.name.startswith(("_", ".")):
-        hint = "name a folder beside the lake: what is in it would be read as part of the lake"
+        hint = "name a folder outside the lake: what is in it would be read as part of the lake"
         raise InputError("lies within the lake", file=str(out), parameter="out", hint=hint)
     tell: Stage = stage if stage is not None else lambda name, total, done: None
     out.mkdir(parents=True, exist_ok=True)
@@ -284,7 +284,7 @@ def _whole(loops: pa.Table, plan: Plan, problems: Sequence[Problem]) -> tuple[pa
 
 
 def _parts_lost(plan: Plan, problems: Sequence[Problem]) -> dict[str, list[str]]:
-    """Of every loop the files with its signals of which something could not be read, once a part that is lost."""
+    """Files of every loop of which something could not be read, once a part that is lost."""
     of_file: dict[str, int] = {}
     for name, _ in {(one.file, one.row) for one in problems if one.code in LOST}:
         of_file[name] = of_file.get(name, 0) + 1
@@ -412,7 +412,7 @@ def _units(files: Sequence[File], known: Places) -> list[Unit]:
 
 
 def _slices(files: Sequence[File], known: Places, loops: range, begin: int, end: int) -> list[tuple[int, int]]:
-    """That time, halved until no slice has more than `AT_ONCE` rows."""
+    """Slices of a time, halved until none has more than `AT_ONCE` rows."""
     if end - begin <= 1_000_000 or _expected(files, known, loops, begin, end) <= AT_ONCE:
         return [(begin, end)]
     middle = (begin + end) // 2
@@ -463,7 +463,7 @@ def _inputs(files: Sequence[File]) -> pa.Table:
 
 
 def _ranked(loops: pa.Table) -> pa.Table:
-    """In the order in which they are to be repaired: by the rank of the answer."""
+    """Loops in the order in which to repair them: by the rank of the answer."""
     return pa.Table.from_pylist(sorted(loops.to_pylist(), key=lambda row: (row["rank"], row["loop"])), schema=LOOPS)
 
 

@@ -1,4 +1,4 @@
-"""The same work on Spark: the functions of `glapp.fleet.windows` and `glapp.fleet.history` by `applyInArrow`.
+"""The fleet on Spark: the functions of `glapp.fleet.windows` and `glapp.fleet.history` by `applyInArrow`.
 
 ::
 

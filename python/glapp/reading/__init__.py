@@ -78,7 +78,7 @@ def open_recordings(
 def open_each(
     path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
 ) -> list[Recording | InputError]:
-    """As `open_recordings`, with the error in the place of a loop that cannot be used: the others can go on.
+    """Open a file, with the error in the place of a loop that cannot be used: the others can go on.
 
     Raises
     ------

@@ -235,7 +235,7 @@ class ApartSource(Source):
                     worker.ask(self.label, "close")
 
     def row_number(self, record: int) -> int:
-        """As the file's own source counts: all that are read apart count from 1."""
+        """The row of a record, as the file's own source counts: all that are read apart count from 1."""
         return record + 1
 
 

@@ -5,7 +5,7 @@ use (`glapp.reading.names`)::
 
     FIC101.PV    FIC101/PID1/PV.CV    101_PV    PV_FIC101    FIC101PV    Set Point [m3/h]    FIC101 Sollwert
 
-MV is the *manipulated* variable, hence OP. Some words are another signal in another plant: CV is the output beside a
+MV is the *manipulated* variable, so OP. Some words are another signal in another plant: CV is the output beside a
 PV, and the controlled variable beside an MV; Y is the output beside X, and PV beside U. They are taken for the first of
 their signals that no other column of the loop is. After another word (PV.CV) CV only says "current value".
 """
@@ -236,12 +236,12 @@ class Signals:
         return None if self.groups else ""
 
     def named(self, name: str) -> list[str]:
-        """Those that a person who wrote `name` means."""
+        """Columns that a person who wrote `name` means."""
         like = self._folded.get(name.strip().lower(), [])
         return [n for n in like if n == name] or like
 
     def meant(self, role: str, group: str) -> list[str]:
-        """Those that are `role` of the loop `group`, by their names."""
+        """Columns that are `role` of the loop `group`, by their names."""
         if role == "time":
             return self._times
         found = self._meant.get((role, group), [])

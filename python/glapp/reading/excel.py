@@ -181,7 +181,7 @@ class Reach:
 
 
 def _column_number(letters: bytes) -> int:
-    """As Excel counts: A is 1, XFD is 16384."""
+    """The number of a column by its letters: A is 1, XFD is 16384."""
     number = 0
     for letter in letters.upper():
         number = 26 * number + letter - 64
@@ -287,7 +287,7 @@ def _text(cell: Any) -> str:
 
 
 def _whole(moment: datetime) -> datetime:
-    """To the millisecond: Excel's numbers of days are no finer."""
+    """A moment to the millisecond: Excel's numbers of days are no finer."""
     rounded = moment + timedelta(microseconds=500)
     return rounded.replace(microsecond=rounded.microsecond // 1000 * 1000)
 

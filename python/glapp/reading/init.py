@@ -67,7 +67,7 @@ def first_settings(path: str | Path, directory: str | Path = ".") -> str:
 
 
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:
-    """As `first_settings`, of recordings that are open, from one file or several."""
+    """A first loops.toml of recordings that are open, from one file or several."""
     files = list(dict.fromkeys(Path(recording.source) for recording in recordings))
     head = _HEAD.format(file=", ".join(one_line(file.name) for file in files))
     return head + "".join(_loop(_relative(Path(recording.source), directory), recording) for recording in recordings)

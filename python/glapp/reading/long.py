@@ -209,7 +209,7 @@ class _Store:
         }
 
     def fault(self, fault: CellFault, role: str, done: int, tag: str | None = None) -> InputError:
-        """Where a cell is."""
+        """The error of a cell, with its place."""
         at = self.at[role]
         column = None if at is None else self.source.names[at]
         if tag is not None and self.source.tags is not None:

@@ -53,7 +53,7 @@ class Share:
         self._passes = passes
 
     def stream(self) -> Iterator[tuple[list[pa.Array], float]]:
-        """As `Source.stream` of this loop's columns: what a pass has read already, else a pass."""
+        """The rows of this loop's columns (`Source.stream`): what a pass has read already, else a pass."""
         held = self._passes.held(self)
         if held is None:
             yield from self._passes.source.stream(self.types, self.bad_words)

@@ -63,7 +63,7 @@ def read_settings(path: str | Path) -> list[Loop]:
 
 
 def read_each(path: str | Path) -> list[Loop | InputError]:
-    """As `read_settings`, with the error in the place of a loop whose own settings are wrong: the others can go on.
+    """Read a loops.toml, with the error in the place of a loop whose own settings are wrong: the others can go on.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _toml(text: str, label: str) -> dict[str, Any]:
 
 
 def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
-    """As `read_settings`, from the text of the file.
+    """Read settings from the text of a loops.toml.
 
     Examples
     --------

@@ -349,7 +349,7 @@ class _Joined(Source):
             yield self._made(columns, arrays), fraction
 
     def row_number(self, record: int) -> int:
-        """As the source counts."""
+        """The row of a record, as the source counts."""
         return self._inner.row_number(record)
 
 
@@ -456,7 +456,7 @@ class AloneSource(Source):
         return np.concatenate(places)
 
     def row_number(self, record: int) -> int:
-        """As the table counts."""
+        """The row of a record, as the table counts."""
         return self._inner.row_number(int(self._places[record]))
 
 
@@ -512,5 +512,5 @@ class _KeyedSource(Source):
         return [plain(time).take(each), tags, values]
 
     def row_number(self, record: int) -> int:
-        """As the table counts."""
+        """The row of a record, as the table counts."""
         return self._inner.row_number(record // len(self._signals))

@@ -119,7 +119,7 @@ class Head:
         self._read: dict[int, pa.Array | InputError] = {}
 
     def __call__(self, columns: Sequence[int]) -> list[pa.Array]:
-        """Those of the columns at these indices."""
+        """Arrays of the columns at these indices."""
         return [self._one(i) for i in columns]
 
     def _one(self, i: int) -> pa.Array:
@@ -134,7 +134,7 @@ class Head:
 
 
 def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:
-    """The same items, made in a background thread at most `depth` ahead, so that reading and work overlap."""
+    """Items made in a background thread, at most `depth` ahead, so that reading and work overlap."""
     shelf: Queue[tuple[bool, T | BaseException | None]] = Queue(depth)
     stop = Event()
 

@@ -75,7 +75,7 @@ METHODS: dict[str, tuple[str, ...]] = {
         "Load changes while the loop waits make it read too high. Half-periods that do not cross the whole gap make it "
         "read too low. The scatter of the detections shows how well they repeat, and neither of these errors.",
         "A sound valve in noise or under a changing load also gives a number, in simulations up to about 2 % of span. "
-        "A width that is small beside what is acceptable is no evidence of a gap.",
+        "A width far below what is acceptable is no evidence of a gap.",
         "Silence proves nothing: a loop that rests at its setpoint gives no half-periods, whatever its valve is like.",
     ),
 }
@@ -184,7 +184,7 @@ def told(result: Result) -> dict[str, Any]:
 
 
 def _finite(of: Any) -> Any:
-    """The same without numbers that JSON does not have."""
+    """A value without numbers that JSON does not have."""
     if isinstance(of, dict):
         return {name: _finite(value) for name, value in of.items()}
     if isinstance(of, list | tuple):

@@ -144,7 +144,7 @@ class Compensator:
 
     @property
     def longest_still(self) -> float:
-        """So long a PV may stand still, which may also have died: then nothing is compensated any more [s]."""
+        """Longest time without a new PV, beyond which nothing is compensated any more [s]."""
         return max(30.0 * self.period, 1.0)
 
     @property
@@ -187,7 +187,7 @@ class Compensator:
 
     @property
     def away_within(self) -> float:
-        """So long u_FF takes to 0 at most: `comp_release`, or by its rate, and no longer than the core allows [s]."""
+        """Longest time in which u_FF goes to 0 [s]: `comp_release`, or by its rate, within what the core allows."""
         ti = float(self._graph["watch.ti"])
         bounds = _glapp.compensation_bounds(ti, size=0.0, share=0.0, limit=0.0)
         longest = next(high for name, _, _, high, _ in bounds if name == "release")

@@ -87,7 +87,7 @@ security = "Basic256Sha256"
         files = ("certificate", "private_key", "server_certificate")
         for name in files:
             if self.security is not None and getattr(self, name) is None:
-                raise InputError(f"is required beside security = {self.security!r}", parameter=name)
+                raise InputError(f"is required with security = {self.security!r}", parameter=name)
             if self.security is None and getattr(self, name) is not None:
                 hint = 'write security = "Basic256Sha256"'
                 raise InputError("is given without a security policy", parameter=name, hint=hint)

@@ -125,7 +125,7 @@ def _rows(loop: SimLoop, start: float, scans: int) -> NDArray[np.float64]:
 
 
 def begin(memory: Memory, simulated: Sequence[SimLoop], known: Sequence[Loop], now: float) -> None:
-    """Put down what a service would have that had watched these loops: signals, half-periods, answers, states.
+    """Store what a service that had watched these loops would have: signals, half-periods, answers, states.
 
     Parameters
     ----------

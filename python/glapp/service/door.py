@@ -62,7 +62,7 @@ WHY_NOT = {
     409: "Not done: a rule forbids it, or it is not as it was seen",
     413: "A body that is too long, or whose length nobody says",
     422: "A value that cannot be",
-    503: "Not done, since it cannot be put down; or too much is asked at once",
+    503: "Not done, since it cannot be stored; or too much is asked at once",
 }
 """What else is answered than what was asked for."""
 
@@ -173,7 +173,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
     @app.exception_handler(MemoryFull)
     async def full(request: Request, error: MemoryFull) -> JSONResponse:
-        return JSONResponse({"detail": f"not done, since it cannot be put down: {error}"}, 503)
+        return JSONResponse({"detail": f"not done, since it cannot be stored: {error}"}, 503)
 
     def token(request: Request) -> str:
         kind, _, shown = request.headers.get("authorization", "").partition(" ")
@@ -447,7 +447,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
     @app.get("/metrics", responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}})
     async def metrics(request: Request) -> Response:
-        """For Prometheus: open on this computer, by a viewer's token from elsewhere."""
+        """Metrics for Prometheus: open on this computer, by a viewer's token from elsewhere."""
         host = request.client.host if request.client is not None else ""
         if not loopback(host):
             await at_least(Role.VIEWER)(request)
@@ -594,7 +594,7 @@ def loopback(host: str) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """With None for what JSON has no number for."""
+    """A value with None for what JSON has no number for."""
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

@@ -396,6 +396,6 @@ def _reserved(scope: Any) -> bool:
 
 
 def _of_most(some: Sequence[_Connection]) -> list[_Connection]:
-    """Those of the address that has most of them."""
+    """Connections of the address that has most of them."""
     [(most, _)] = Counter(one.address for one in some).most_common(1)
     return [one for one in some if one.address == most]

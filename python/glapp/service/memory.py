@@ -162,7 +162,7 @@ class Entry:
     value: np.typing.NDArray[np.float64]
 
     def packed(self) -> bytes:
-        """Its values as bytes, little-endian, compressed."""
+        """The entry's values as bytes, little-endian, compressed."""
         parts = (
             self.loop.astype("<u4").tobytes(),
             self.signal.tobytes(),
@@ -472,7 +472,7 @@ class Memory(Reader):
             self._db, version = _connected(path), 0
         elif not there and any(self.folder.glob("signals/*")):
             self.found = (
-                f"there is no {NAME} beside recorded signals: a new one was begun without the users, settings, "
+                f"there is no {NAME} next to recorded signals: a new one was begun without the users, settings, "
                 "answers and events of before; restore a copy of it"
             )
         try:
@@ -510,7 +510,7 @@ class Memory(Reader):
                 raise MemoryFull(f"{self.folder / NAME} cannot be written: {error}") from None
 
     def know(self, loops: Sequence[Loop]) -> dict[str, int]:
-        """Put loops down; gives the number of every loop that was ever there."""
+        """Store loops; gives the number of every loop that was ever there."""
         with self._writing():
             self._db.executemany(
                 "INSERT INTO loops (name, settings) VALUES (?, ?) "
@@ -520,7 +520,7 @@ class Memory(Reader):
         return self.loops()
 
     def add(self, entries: Sequence[Entry], halves: Sequence[Half], events: Sequence[Event]) -> None:
-        """Put down what came in, with what it led to: one transaction.
+        """Store what came in, with what it led to: one transaction.
 
         Raises
         ------
@@ -541,7 +541,7 @@ class Memory(Reader):
         )
 
     def save(self, position: int, states: Mapping[int, str], events: Sequence[Event] = ()) -> None:
-        """Put down the states in which all entries up to `position` are, and forget those entries: one transaction.
+        """Store the states in which all entries up to `position` are, and delete those entries: one transaction.
 
         Raises
         ------
@@ -569,12 +569,12 @@ class Memory(Reader):
             yield Entry.unpacked(row["id"], row["now"], row["body"])
 
     def show(self, now: float, body: str) -> None:
-        """Put down what readers see of the loops now."""
+        """Store what readers see of the loops now."""
         with self._writing():
             self._db.execute("INSERT OR REPLACE INTO shown VALUES (1, ?, ?)", (now, body))
 
     def tell(self, events: Iterable[Event]) -> None:
-        """Put down what happened."""
+        """Store events."""
         with self._writing():
             self._put((), list(events))
 
@@ -589,7 +589,7 @@ class Memory(Reader):
             return self._db.execute("DELETE FROM half_periods WHERE reason > 0 AND t_end < ?", (before,)).rowcount
 
     def answer(self, loop: str, answer: Mapping[str, Any]) -> int:
-        """Put down an answer; gives its number."""
+        """Store an answer; gives its number."""
         names = ", ".join(answer)
         marks = ", ".join("?" * len(answer))
         with self._writing():

@@ -117,7 +117,7 @@ class _Told:
 
 @dataclass(slots=True)
 class _Rush:
-    """The same in very many tags at once."""
+    """How often something happened in very many tags at once."""
 
     since: float
     told: int = 0
@@ -273,7 +273,7 @@ class OpcUa:
         return Value(loop, Signal.U_FF, self._clock.now() if at is None else at.timestamp(), value, not note, note)
 
     def alive(self, loop: str) -> float | None:
-        """Until when the loop's values are known to hold, by the plant's time stamps [s since 1970 UTC].
+        """Time until which the loop's values are known to hold, by the plant's time stamps [s since 1970 UTC].
 
         A server that has nothing new says so; what it told last then holds until that moment. None: never heard of.
         """
@@ -328,7 +328,7 @@ class OpcUa:
         feed.state, feed.written, feed.allowed, feed.at = "enabled", None, 0.0, time.monotonic()
 
     def disable(self, loop: str) -> None:
-        """From now on u_FF of this loop may only go to 0.
+        """Let u_FF of this loop only go to 0 from now on.
 
         Raises
         ------
@@ -905,7 +905,7 @@ class _Clock:
         return moment + self._offset
 
     def set_back(self) -> float:
-        """By how much it was set back since this was asked last [s]; 0: not by more than a second."""
+        """Seconds by which the clock was set back since the last call; 0: not by more than a second."""
         back = self.now() - time.time()
         new, self._told = back - self._told, max(back, 0.0)
         return new if new > 1.0 else 0.0

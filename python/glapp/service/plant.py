@@ -298,7 +298,7 @@ class _History(HistoryStorageInterface):  # type: ignore[misc]
 
 
 class _Histories(HistoryManager):  # type: ignore[misc]
-    """Where asyncua reads the history in any case: who gives continuation points back gets no values."""
+    """A history that gives no values to a client that gives continuation points back; asyncua reads it in any case."""
 
     async def read_history(self, params: ua.HistoryReadParameters) -> list[ua.HistoryReadResult]:
         """Results, one for each node."""
@@ -444,7 +444,7 @@ class SimPlant:
 
     @property
     def url(self) -> str:
-        """Where it is."""
+        """URL of the server."""
         return f"opc.tcp://{self._host}:{self._port}/glapp/plant"
 
     @property

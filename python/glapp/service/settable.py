@@ -71,7 +71,7 @@ class Bound(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Both bounds, with their unit."""
+        """Text of both bounds, with their unit."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.whole:
             return f"a whole number from {self.low:g} to {self.high:g}"

@@ -341,7 +341,7 @@ class Users:
         Raises
         ------
         Refused
-            For a wrong name or password, which are not told apart.
+            For a wrong name or password, with the same message.
         """
         query = "SELECT role, password FROM users WHERE name = ?"
         known = self._memory.one(query, attempt.name)
@@ -437,7 +437,7 @@ def listed(memory: Reader) -> list[dict[str, str]]:
 
 
 def first_user(memory: Memory, now: float) -> None:
-    """Where there is no user yet, make `engineer`, with a password that stands in `first-login.txt` of the folder."""
+    """Make `engineer` where there is no user yet; its password is written to `first-login.txt` of the folder."""
     if listed(memory):
         return
     password = secrets.token_urlsafe(12)
@@ -446,7 +446,7 @@ def first_user(memory: Memory, now: float) -> None:
 
 
 def station_key(folder: Path) -> str:
-    """By what the station shows that it is the station, when it says from where somebody logs in: `station-key`.
+    """Key by which the station shows that it is the station, when it says from where somebody logs in: `station-key`.
 
     Who may read the service's folder may read it; it is made where it is missing.
     """

@@ -91,7 +91,7 @@ class Plant(Source, Protocol):
         """
 
     def disable(self, loop: str) -> None:
-        """From now on u_FF of a loop may only go to 0."""
+        """Let u_FF of a loop only go to 0 from now on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -515,7 +515,7 @@ class Watch:
             self._tell(Event(now, None, "given_up", text))
         if now - self._failing_since > 60.0:
             for watched in self._loops.values():
-                self._switch_off(watched, "what happens cannot be put down: the memory cannot be written")
+                self._switch_off(watched, "what happens cannot be stored: the memory cannot be written")
 
     def _recovered(self, now: float) -> None:
         if self._failing_since is not None:
@@ -598,7 +598,7 @@ class Watch:
             await asyncio.sleep(1.0)
 
     async def _end(self, tasks: Sequence[asyncio.Task[None]]) -> None:
-        """To 0 with what is in force, as far as the plant takes it, and everything down."""
+        """Take u_FF to 0, as far as the plant takes it, and store everything."""
         for watched in self._loops.values():
             self._switch_off(watched, "the service was stopped")
         working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
@@ -811,7 +811,7 @@ class Watch:
             self._tell(Event(self._clock(), watched.loop.name, "withdrawn", why))
 
     def _no_more(self, name: str) -> None:
-        """From now on the plant's u_FF may only go to 0."""
+        """Let the plant's u_FF only go to 0 from now on."""
         if self.source is not None:
             with suppress(WriteRefused):
                 self.source.disable(name)
@@ -1095,7 +1095,7 @@ class Watch:
         return await self.change(loop, values, person, role)
 
     async def asked_fit(self, loop: str, person: str, role: str) -> None:
-        """As `ask_fit`, put down.
+        """Queue a fit; log who asked.
 
         Raises
         ------
@@ -1106,14 +1106,14 @@ class Watch:
         self.ask_fit(loop, person)
 
     async def refused(self, person: str, role: str, command: str, loop: str | None, asked: Any, why: str) -> None:
-        """Put down what somebody asked for and did not get."""
+        """Log what somebody asked for and did not get."""
         with suppress(MemoryFull):
             await self.log(person, role, command, loop, None, asked, refused=why)
 
     async def log(
         self, person: str, role: str, command: str, loop: str | None, before: Any, after: Any, **more: Any
     ) -> None:
-        """Put down who did what, and what it was before and after."""
+        """Log who did what, and what it was before and after."""
 
         def put() -> None:
             self.memory.command(self._clock(), person, role, command, loop, before, after, **more)

@@ -197,7 +197,7 @@ def live(
         **_base(tone),
         "axisPointer": {"link": [{"xAxisIndex": "all"}]},
         "grid": [
-            {"left": 56, "right": 16, "top": 34, "height": "41%"},
+            {"left": 56, "right": 16, "top": 46, "height": "38%"},
             {"left": 56, "right": 16, "bottom": 24, "height": "33%"},
         ],
         "xAxis": [

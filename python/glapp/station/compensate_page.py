@@ -67,19 +67,21 @@ class CompensationPage:
         """All of it, in the dialog that is open."""
         self.body, self.log = ui.element("div").classes("stack"), ui.element("div")
         self._shown: tuple[Any, ...] = ()
+        self._filling = asyncio.Lock()  # a command and the timer may both find that something has changed
         await self._fill(seen, status)
         ui.timer(AGAIN, self._look)
 
     async def _fill(self, seen: dict[str, Any], status: dict[str, Any]) -> None:
         """Show what is so now; where that stands there already it stays, and a click meanwhile finds its button."""
-        made = status.get("compensation")
-        settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
-        shown = (seen, settings, made, status["answer"], status["estimate"])
-        if shown != self._shown:
-            self._shown = shown
-            await self._fill_body(seen, status, settings)
-        if made is not None:
-            await self._show_log()
+        async with self._filling:
+            made = status.get("compensation")
+            settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
+            shown = (seen, settings, made, status["answer"], status["estimate"])
+            if shown != self._shown:
+                self._shown = shown
+                await self._fill_body(seen, status, settings)
+            if made is not None:
+                await self._show_log()
 
     async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
         made = status.get("compensation")
@@ -263,8 +265,7 @@ class CompensationPage:
             off.props("no-caps unelevated color=primary" + ("" if self._operator else " disable"))
             if not self._operator:
                 ui.label("Switching it off needs the role operator.").classes("small muted")
-        events = await asyncio.to_thread(self.station.view.read, lambda r: r.events(self.loop, 500))
-        self._begun = next((row["time"] for row in events if row["kind"] == "enabled"), None)
+        self._begun: float | None = None
         heading("Its effect", 2)
         self.calm = ui.label().props('role="status"')
         self.chart = ui.element("div")
@@ -283,6 +284,9 @@ class CompensationPage:
 
     async def _effect(self) -> None:
         """PV about SP before and since, in words and as a picture."""
+        if self._begun is None:  # the service writes the event a moment after it has done the command
+            events = await asyncio.to_thread(self.station.view.read, lambda r: r.events(self.loop, 500))
+            self._begun = next((row["time"] for row in events if row["kind"] == "enabled"), None)
         if self._begun is None:
             return
         now, least = time.time(), CALM_AFTER * self._seen["ti"]
@@ -292,8 +296,9 @@ class CompensationPage:
         found = calm(values["time"], sp, pv, u_ff, self._begun, least)
         if found is None:
             left = max(0.0, least - (now - self._begun))
+            last = next((x for x in reversed(u_ff) if math.isfinite(x)), 0.0)  # the newest PV may be there before it
             self.calm.set_text(
-                f"u_FF is {quantity(u_ff[-1] if u_ff else 0.0, self.op_unit)}. Whether PV is calmer can be told "
+                f"u_FF is {quantity(last, self.op_unit)}. Whether PV is calmer can be told "
                 f"in {duration(left)}: that takes {duration(least)} before it was enabled, and as long since."
             )
         else:

@@ -235,6 +235,9 @@ def _overview_columns() -> list[dict[str, Any]]:
         column("health", "NE 107", 124, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
         column("seen", "Seen", 74),
         column("compensation", "Comp.", 96, headerTooltip="Compensation"),
+        column(
+            "card", "Answer", 200, flex=1, hide=True, sortable=False, filter=False, **{":cellRenderer": "glapp.card"}
+        ),
     ]
 
 
@@ -266,7 +269,7 @@ def overview_page(station: Station, request: Request) -> None:
                 "animateRows": False,
                 ":onCellKeyDown": f"e => {{ if (e.event.key === 'Enter') {_TO_LOOP.format('e.data.loop')}; }}",
                 ":onRowDoubleClicked": f"e => {{ {_TO_LOOP.format('e.data.loop')}; }}",
-                ":onGridReady": "e => glapp.overview(e.api)",
+                ":onGridReady": "e => { glapp.cards(e.api); glapp.overview(e.api); }",
                 "overlayNoRowsTemplate": "No loop is here.",
                 **ONE_STOP,
             },

@@ -335,11 +335,15 @@ class View:
         return "tonight" if at is None else f"at {time.strftime('%H:%M', time.localtime(at))}"
 
     def silent(self, loop: str) -> bool:
-        """Whether nothing comes of a loop any more, as the service saw it last."""
+        """Whether nothing comes of a loop any more, as the service saw it last; its first value may take a while."""
         status = self.shown["loops"].get(loop)
-        if status is None or status["seen"] is None or status.get("lost"):
+        if status is None:
             return True
         now = self.at or self._clock()
+        if status["seen"] is None:
+            return bool(now - self.shown["begun"] > SILENT)
+        if status.get("lost"):
+            return True
         sample = None if loop not in self.loops else self.loops[loop].sample_time
         seldom = 5.0 * (sample or 0.0)
         if now - max(status["seen"], status["heard"] or 0.0) > max(SILENT, seldom):
@@ -379,7 +383,8 @@ class View:
         found.sort(key=lambda one: one[:2])
         rows = []
         for rank, (_, name, status, answer, wrong, silent, urgency, width) in enumerate(found):
-            seen = "never" if status["seen"] is None else age(now - status["seen"])
+            never = "never" if silent else "not yet"
+            seen = never if status["seen"] is None else age(now - status["seen"])
             if status["good"] is False:
                 seen += f", bad: {status['note']}"
             rows.append(

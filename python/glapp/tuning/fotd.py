@@ -72,7 +72,7 @@ def fotd(plant: Process) -> Fotd:
 
 
 def tangent(plant: Plant) -> tuple[float, float]:
-    """Where the steepest tangent of the response to a unit step meets the axes: the process value −a, the time L [s].
+    """Points at which the steepest tangent of the unit step response meets the axes: process value −a, time L [s].
 
     The process must have an FOTD model. That model's own tangent, a = Kp·L/T, is not the process's: it is drawn to
     the response's 63 % and not to its slope, which for many equal lags makes it steeper.

@@ -166,7 +166,7 @@ class _Envelope:
         self.response = plant.response(w)
 
     def forbidden(self, k: Array, kd: float, w: Array, p: npt.NDArray[np.complex128]) -> tuple[Array, Array]:
-        """From which ki up to which, for each k and frequency, circle after circle; inf, −inf where nothing is."""
+        """Forbidden interval of ki for each k and frequency, circle after circle; inf, −inf where there is none."""
         x, y, square = p.real, p.imag, p.real**2 + p.imag**2
         low, high = [], []
         for c, r in self.circles:
@@ -204,7 +204,7 @@ class _Envelope:
         return np.where(np.reshape(np.isfinite(ki) & stable, (-1, 1)), limits, -1.0)
 
     def near(self, k: Array, kd: float, w: Array, p: npt.NDArray[np.complex128], ki: float) -> Array:
-        """The same limit where it is known to be close to `ki`."""
+        """The limits where they are known to be close to `ki`."""
         low, _ = self.forbidden(k, kd, w, p)
         limits = self._least(np.where((low > 0.5 * ki) & (low < 1.3 * ki), low, math.inf))
         # Where another circle forbids what lies just below, the robust stretch has closed.
@@ -264,7 +264,7 @@ _EDGE = 0.05
 
 
 def _golden(function: Callable[[float], float], low: float, high: float, steps: int = 16) -> float:
-    """Where a function with one top is greatest, by golden section."""
+    """Place of the maximum of a function with one top, by golden section."""
     ratio = (math.sqrt(5) - 1) / 2
     a, b = high - ratio * (high - low), low + ratio * (high - low)
     fa, fb = function(a), function(b)

@@ -48,7 +48,7 @@ def kind_of(kind: Kind) -> Kind:
 
 
 def root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function changes its sign between two points, by halving: no hurry, and no way to miss it."""
+    """Place at which a function changes its sign between two points, by halving."""
     negative = function(low) < 0
     for _ in range(48):
         middle = 0.5 * (low + high)

@@ -51,7 +51,7 @@ def ziegler_nichols_step(
 
 
 def _tangent(process: Process) -> tuple[float, float]:
-    """Where the steepest tangent meets the axes, a and L."""
+    """The steepest tangent's intersections with the axes, a and L."""
     if isinstance(process, Fotd):
         return process.kp_process * process.l / process.t if process.t > 0 else math.inf, process.l
     plant = plant_of(process)

@@ -13,7 +13,7 @@ from .process import Process, root, sign_of, stable
 
 
 class Ultimate(NamedTuple):
-    """Where P(iω) crosses the negative real axis farthest out.
+    """The point at which P(iω) crosses the negative real axis farthest out.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ pub enum Travel {
     /// OP as recorded.
     #[serde(rename = "op")]
     Op,
-    /// As (4.1) makes it of SP and PV.
+    /// OP as (4.1) makes it of SP and PV.
     #[serde(rename = "(4.1)")]
     Law,
 }

@@ -63,7 +63,7 @@ pub struct Heard {
 }
 
 impl History {
-    /// At its beginning: with the filter time of the settings where it is `given`, else with all of a ladder.
+    /// A history at its beginning, with the filter time of the settings where it is `given`, else with all of a ladder.
     ///
     /// # Errors
     ///

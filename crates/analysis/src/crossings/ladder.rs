@@ -13,7 +13,7 @@ pub struct Ladder {
 }
 
 impl Ladder {
-    /// With the filter time of the settings where it is `given`; else with all: the shortest that serves
+    /// A ladder with the filter time of the settings where it is `given`; else with all: the shortest that serves
     /// ([`DetectorSettings::filter_time`]) and those of [`LADDER`] above it.
     pub fn new(settings: DetectorSettings<f64>, given: bool) -> Result<Self, ParameterError> {
         let DetectorSettings { ti, td, tf, .. } = settings;
@@ -26,7 +26,7 @@ impl Ladder {
         Ok(Self { rungs: times.iter().map(rung).collect::<Result<_, _>>()? })
     }
 
-    /// The detectors of one that was saved.
+    /// A ladder from the detectors of one that was saved.
     pub(super) fn of(rungs: Vec<Crossings>) -> Self {
         Self { rungs }
     }
@@ -36,12 +36,12 @@ impl Ladder {
         &self.rungs
     }
 
-    /// The same, to hand them samples.
+    /// The detectors, to give them samples.
     pub fn rungs_mut(&mut self) -> &mut [Crossings] {
         &mut self.rungs
     }
 
-    /// The same half-periods judged with another process gain, see [`Crossings::with_gain`].
+    /// A ladder whose half-periods are judged with another process gain, see [`Crossings::with_gain`].
     ///
     /// # Errors
     ///
@@ -59,7 +59,7 @@ impl Ladder {
         found.or_else(|| self.rungs.iter().position(|rung| rung.accepted() == most)).unwrap_or(0)
     }
 
-    /// Its place, and the detector with that filter time.
+    /// The place of the chosen filter time, and the detector with it.
     pub fn chosen(mut self) -> (usize, Crossings) {
         let place = self.choose();
         (place, self.rungs.swap_remove(place))

@@ -86,12 +86,12 @@ impl Crossings {
         })
     }
 
-    /// Its settings.
+    /// Settings of the detector.
     pub fn settings(&self) -> &DetectorSettings<f64> {
         &self.settings
     }
 
-    /// The detector.
+    /// The detector of the crossings.
     pub fn detector(&self) -> &Detector<f64> {
         &self.detector
     }
@@ -145,7 +145,7 @@ impl Crossings {
         detector.run(state, columns, ended, |_, _| ());
     }
 
-    /// The same with their swing; gives the filtered PV of each sample, NaN where there is none.
+    /// Takes samples and keeps the swing of each half-period; gives the filtered PV of each sample, NaN where there is none.
     pub fn take_closely(&mut self, columns: Columns<'_, f64>) -> Vec<f64> {
         let Self { detector, state, swing, swinging, rows, short, reasons, .. } = self;
         let mut filtered = vec![f64::NAN; columns.t.len()];
@@ -168,9 +168,8 @@ impl Crossings {
         filtered
     }
 
-    /// The same half-periods judged with another process gain, bit for bit as a pass over the samples would judge them but
-    /// in what [`Detector::judge_again`] tells. It goes on from the same sample. What [`update`](Self::update) counted and
-    /// did not keep stays as it was.
+    /// The half-periods judged with another process gain: the bits of a pass over the samples, except as [`Detector::judge_again`]
+    /// says. It goes on from the same sample. What [`update`](Self::update) counted and did not keep stays as it was.
     ///
     /// # Errors
     ///

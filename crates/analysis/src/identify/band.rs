@@ -12,9 +12,9 @@ use crate::signals::median;
 
 /// Fewest and most blocks of time whose residuals count as independent.
 const BLOCKS: (usize, usize) = (8, 30);
-/// Moves, by which a law is judged.
+/// Most moves by which a law is judged.
 const EVERY: usize = 100_000;
-/// In a regression; they overlap, more add next to nothing.
+/// Most moves in a regression; they overlap, and more add next to nothing.
 const MOVES: usize = 2000;
 /// 95 % efficient for Gaussian residuals.
 pub(super) const TUKEY: f64 = 4.685;
@@ -96,7 +96,7 @@ pub(super) fn bands<'a>(signals: &'a Signals<'a>) -> Vec<Band<'a>> {
 }
 
 impl<'a> Band<'a> {
-    /// None where there are too few usable stretches of 2m rows.
+    /// The moves between means of m rows; none where there are too few usable stretches of 2m rows.
     fn new(signals: &'a Signals<'a>, m: usize, plain: &Sums) -> Option<Self> {
         let good = &signals.good;
         let usable = |k: &usize| good[k + 2 * m - 1] - good[*k] == 2 * m - 1;

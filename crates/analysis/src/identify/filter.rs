@@ -14,7 +14,7 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// PV goes in as it was recorded.
+    /// No filter: the controller sees PV as it was recorded.
     pub(super) fn none(scans: bool) -> Self {
         Self { scans, order: 0, tf: 0.0, tfd: 0.0 }
     }
@@ -37,7 +37,7 @@ pub(super) struct Lag {
 }
 
 impl Lag {
-    /// At rest at x.
+    /// Steady state for a constant input x.
     pub fn new(x: f64, tf: f64, h: f64, scans: bool) -> Self {
         let (a, now, before) = if scans {
             (tf / (tf + h), h / (tf + h), 0.0)
@@ -49,7 +49,7 @@ impl Lag {
         Self { a, now, before, x, y: x }
     }
 
-    /// A sample later.
+    /// Filters one sample.
     pub fn update(&mut self, x: f64) -> f64 {
         self.y = self.a * self.y + (self.now * x + self.before * self.x);
         self.x = x;

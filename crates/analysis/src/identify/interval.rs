@@ -59,7 +59,7 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// From the sane laws of a band, the best first; none where there is none.
+    /// Result of a band from its plausible laws, the best first; none where there is no law.
     pub fn new(band: &Band<'_>, mut laws: Vec<Law>, op_noise: f64) -> Option<Self> {
         let best = laws.first()?;
         let good: Vec<bool> = laws.iter().enumerate().map(|(k, law)| k == 0 || as_good(law, best)).collect();

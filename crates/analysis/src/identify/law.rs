@@ -25,7 +25,7 @@ impl Form {
         kind(self) == kind(other)
     }
 
-    /// The same with a filter so many times as slow.
+    /// This form with a filter so many times as slow.
     pub fn slower(&self, factor: f64) -> Self {
         let filter = Filter { tf: self.filter.tf * factor, tfd: self.filter.tfd * factor, ..self.filter };
         Self { filter, ..*self }

@@ -3,7 +3,7 @@
 use crate::Inspected;
 use crate::signals::{frozen_steps, median};
 
-/// Of a longer recording its three liveliest stretches.
+/// Most rows; of a longer recording the three stretches of largest OP travel are used.
 const ROWS: usize = 24_000;
 
 /// Signals without holes, and of every step to the next row whether it may be used.
@@ -55,7 +55,7 @@ pub(super) fn liveliest(t: &[f64], sp: &[f64], pv: &[f64], op: &[f64], step: &[b
     Rows { t: taken(t), sp: held(taken(sp)), pv: held(taken(pv)), op: held(taken(op)), step: kept }
 }
 
-/// Where the three begin, in their order of time.
+/// Starts of the three stretches of largest OP travel, in their order of time.
 fn lively(op: &[f64], step: &[bool]) -> Vec<usize> {
     let size = ROWS / 3;
     let travel = |begin: usize| -> f64 {

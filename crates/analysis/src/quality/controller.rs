@@ -11,20 +11,20 @@ const FEWEST: usize = 100;
 const RESTS: (f64, f64) = (0.05, 0.98);
 /// Inside an error gap OP rests in more than the first share of the steps, outside in less than the second.
 const SPLIT: (f64, f64) = (0.9, 0.1);
-/// From just below the edge of an error gap to just above it, the share of rest falls by more: the edge is sharp.
+/// Least fall of the share of rest across the edge of an error gap: the edge is sharp.
 const SHARP: f64 = 0.7;
 /// Steps next to the edge: one in `EDGE.0` of all, at least `EDGE.1`, and `EDGE.2` must be on either side.
 const EDGE: (usize, usize, usize) = (50, 10, 30);
 /// OP behind an output dead band rests for more than this share of the steps.
 const BAND_RESTS: f64 = 0.3;
-/// Its least jumps, this quantile of all, are more than the second share of the median one.
+/// Quantile of OP's jumps that counts as its least, and the share of the median jump that it must exceed.
 const JUMPS: (f64, f64) = (0.02, 0.3);
 
-/// For this share of the recording the error keeps one sign.
+/// Share of the recording for which the error keeps one sign.
 const ONE_SIGN: f64 = 0.8;
 /// OP goes one way: from end to end by more than this share of its whole travel.
 const ONE_WAY: f64 = 0.8;
-/// In the second half the mean error is more than this share of that in the first: PV comes no nearer.
+/// Least mean error of the second half, as a share of that of the first: PV comes no nearer.
 const NO_NEARER: f64 = 0.8;
 /// A slow controller takes its time: so many Ti.
 const TI_LASTED: f64 = 10.0;
@@ -56,7 +56,7 @@ pub(super) fn rests(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
-/// From the steps in the order of |e|, the last bit whether OP rests; `resting` of them do.
+/// The finding of an error gap, from the steps in the order of |e|, the last bit whether OP rests; `resting` of them do.
 fn error_gap(steps: &[u64], resting: usize) -> Option<Finding> {
     let n = steps.len();
     let rests = |step: &u64| (step & 1) as usize;

@@ -136,13 +136,13 @@ impl Finding {
         Self { fault, severity, evidence: Vec::new(), numbers: Vec::new() }
     }
 
-    /// With one number more as evidence.
+    /// Adds a number as evidence.
     pub(super) fn with(mut self, name: &'static str, value: impl Into<Value>) -> Self {
         self.evidence.push((name, value.into()));
         self
     }
 
-    /// With one number more for the sentence alone.
+    /// Adds a number for the sentence alone.
     pub(super) fn telling(mut self, name: &'static str, value: impl Into<Value>) -> Self {
         self.numbers.push((name, value.into()));
         self

@@ -23,7 +23,7 @@ pub(super) struct Look<'a> {
     pub frozen: Vec<bool>,
     /// Step of PV's grid and steps in its range.
     pub pv_grid: Option<(f64, u64)>,
-    /// The same of OP.
+    /// Step of OP's grid and steps in its range.
     pub op_grid: Option<(f64, u64)>,
 }
 
@@ -60,13 +60,13 @@ impl<'a> Look<'a> {
         self.step[k] && !self.frozen[k]
     }
 
-    /// So many of all rows, 0 to 1.
+    /// Share of so many rows in all, 0 to 1.
     pub fn share(&self, count: u64) -> f64 {
         if self.census.rows > 0 { count as f64 / self.census.rows as f64 } else { 0.0 }
     }
 }
 
-/// Where the longest run of one wanted value is, the first of them; empty where there is none.
+/// Rows of the longest run of one wanted value, the first such run; empty where there is none.
 pub(super) fn longest_run<T: PartialEq>(values: &[T], wanted: impl Fn(&T) -> bool) -> Range<usize> {
     let (mut longest, mut begin) = (0..0, 0);
     for run in values.chunk_by(|a, b| a == b) {
@@ -83,7 +83,7 @@ pub(super) fn count(marks: impl IntoIterator<Item = bool>) -> usize {
     marks.into_iter().filter(|mark| *mark).count()
 }
 
-/// From the smallest to the largest number; 0 where there is none.
+/// Distance from the smallest to the largest number; 0 where there is none.
 pub(super) fn span(x: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = x.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (x.min(low), x.max(high)));
     (high - low).max(0.0)

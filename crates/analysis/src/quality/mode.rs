@@ -4,9 +4,9 @@ use super::Finding;
 use super::finding::{Fault, Severity};
 use super::look::Look;
 
-/// In manual for more than this share, and the recording is mostly lost.
+/// Share in manual beyond which a recording is mostly lost.
 const MOSTLY_MANUAL: f64 = 0.5;
-/// At a limit for more than the first share, many half-periods end there; for more than the second, hardly one is left.
+/// Shares at a limit: beyond the first many half-periods end there, beyond the second hardly one is left.
 const LIMITED: (f64, f64) = (0.05, 0.95);
 /// An operator moves SP now and then, a master controller at most samples.
 const SLAVE: f64 = 0.5;

@@ -4,7 +4,7 @@ use super::Finding;
 use super::finding::{Fault, Severity};
 use super::look::{Look, count, span};
 
-/// So large a share of missing values ends a good part of the half-periods.
+/// Share of missing values beyond which many half-periods end.
 const MANY: f64 = 0.01;
 /// Fewer rows are equal by chance, as when PV rests on SP.
 const FEWEST_COMPARED: usize = 10;

@@ -6,7 +6,7 @@ use super::look::Look;
 
 /// Fewer rows hold no cycle of any loop.
 const FEWEST_ROWS: u64 = 10;
-/// With so large a share of steps back the rows are in the wrong order as a whole; a few newer ones do not hide it.
+/// Share of steps back beyond which the rows as a whole are in the wrong order; a few newer ones do not hide it.
 const NEWEST_FIRST: f64 = 0.9;
 /// An hour, by which clocks are set back \[s\], and how near a step back must come to it: a minute, or one sample.
 const CLOCK_CHANGE: (f64, f64) = (3600.0, 60.0);

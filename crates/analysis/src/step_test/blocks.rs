@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 /// Means that a settled hold is cut into: enough to see drift, long enough to leave noise uncorrelated.
 pub(super) const MEANS: usize = 16;
-/// The same of slopes: their certainty falls with the third power of a block's length.
+/// Slopes that a settled hold is cut into: fewer, since their certainty falls with the third power of a block's length.
 pub(super) const SLOPES: usize = 4;
 /// Fewest blocks of a hold: level, drift, and one that tells noise.
 const FEWEST: usize = 3;
@@ -65,7 +65,7 @@ impl Blocks {
         self.y.len()
     }
 
-    /// Those of some holds.
+    /// The blocks of some holds.
     pub(super) fn of_holds(&self, holds: &[usize]) -> Self {
         let keep: Vec<usize> = (0..self.len()).filter(|i| holds.contains(&self.hold[*i])).collect();
         let pick = |x: &[f64]| keep.iter().map(|i| x[*i]).collect();

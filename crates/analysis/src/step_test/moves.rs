@@ -13,7 +13,7 @@ pub(super) struct Move {
     pub(super) kind: Kind,
     pub(super) origin: usize,
     pub(super) to: usize,
-    /// The last hold at which the valve is known to have been pressed; from there on OP may have gone to and fro within the
+    /// The last hold at which the valve is known to have been pressed; from there on OP may have gone back and forth within the
     /// dead band.
     pub(super) since: Option<usize>,
     /// OP's move from the origin [OP unit].
@@ -92,7 +92,7 @@ pub(super) fn moves(
     moves
 }
 
-/// (a − b)·sign.
+/// Difference (a − b)·sign of two holds.
 pub(super) fn difference(a: &[f64], b: &[f64], sign: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| (a - b) * sign).collect()
 }

@@ -91,7 +91,7 @@ impl Limits {
 }
 
 impl Posterior {
-    /// Of the coefficients of these columns. `extra` is a variance common to all blocks of one hold and known beforehand, such as
+    /// Posterior of the coefficients of these columns. `extra` is a variance common to all blocks of one hold and known beforehand, such as
     /// that of a coarse PV; `widen` multiplies that of the noise. None where the columns do not tell them apart.
     pub(super) fn of(columns: &[Vec<f64>], axes: &Axes, extra: f64, widen: f64) -> Option<Self> {
         let (n, p) = (axes.blocks.len(), columns.len());
@@ -155,7 +155,7 @@ impl Posterior {
         self.limits(&self.project(over, None), middle, deviation)
     }
 
-    /// The same of its ratio to `under`ᵀβ > 0, by Fieller: it is below x where `over`ᵀβ − x·`under`ᵀβ is below 0.
+    /// The interval of `over`ᵀβ/`under`ᵀβ for `under`ᵀβ > 0, by Fieller: it is below x where `over`ᵀβ − x·`under`ᵀβ is below 0.
     pub(super) fn ratio(&self, over: &[f64], under: &[f64]) -> Limits {
         let ((middle, deviation), (divisor, of_it)) = (self.rough(over), self.rough(under));
         let deviation = deviation / divisor + (middle / divisor).abs() * of_it / (divisor * divisor);
@@ -289,7 +289,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_ratios_of_walk_to_noise_decide_how_wide_an_interval_is() {
-        // As the code has it: with other ratios, or more of them, these differ in the third digit.
+        // These numbers come from the code: with other ratios, or more of them, they differ in the third digit.
         for (walk, expected) in [(0.0, 0.206087020), (0.01, 0.283226343), (0.05, 0.839833920)] {
             let blocks = two_holds(3.0, 0.1, walk);
             let found = Posterior::of(&blocks.levels(), &Axes::of(&blocks).unwrap(), 0.0, 1.0).unwrap();

@@ -46,7 +46,7 @@ pub struct ManualStretch {
 }
 
 impl ManualRows {
-    /// No rows yet.
+    /// A table without rows.
     pub fn new(manual: Manual) -> Self {
         Self { manual, has_op: false, seen: 0, kept: ManualStretch::default(), number: Vec::new() }
     }

@@ -140,7 +140,7 @@ impl Signals<'_> {
     }
 }
 
-/// Without those that are held much shorter than the others.
+/// The moves without those that are held much shorter than the others.
 fn long_enough(mut moves: Vec<Move>) -> Vec<Move> {
     let shortest = SHORT * median(&mut moves.iter().map(|m| m.length).collect::<Vec<_>>());
     moves.retain(|m| m.length >= shortest);
@@ -176,7 +176,7 @@ fn filled(count: &[usize], total: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Where y, which starts above the level and ends below it, last goes through it.
+/// Last crossing of the level by y, which starts above it and ends below it.
 fn last_crossing(x: &[f64], y: &[f64], level: f64) -> f64 {
     let at = y.iter().rposition(|y| *y > level).unwrap_or(0);
     x[at] + (x[at + 1] - x[at]) * (y[at] - level) / (y[at] - y[at + 1])

@@ -163,7 +163,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("do probably_too_wide", "Probably too wide: record for longer, or confirm with a step test in manual."),
     ("do step_test", "A step test in manual tells of the valve; this recording does not."),
     ("do tested", "The step test in this recording gives {d:op} ({low:number} to {high:number}); see glapp step-test."),
-    // The same in a word or two.
+    // What to do, in a word or two.
     ("short correct", "correct"),
     ("short inspect", "inspect"),
     ("short inspect likely", "step test"),
@@ -311,7 +311,7 @@ fn clause(message: Option<Message>) -> Value {
     message.map_or(Value::Word("".into()), Value::from)
 }
 
-/// Without its full stop: the sentence around it has its own.
+/// A text without its full stop: the sentence around it has its own.
 fn bare(text: &str) -> String {
     text.strip_suffix('.').unwrap_or(text).into()
 }
@@ -347,7 +347,7 @@ pub fn doing(said: &Said, reader: &Reader) -> Result<String, Untold> {
     text(&told.code, &told.numbers, reader)
 }
 
-/// The same in a word or two.
+/// What to do, in a word or two.
 fn short(said: &Said, reader: &Reader) -> Result<String, Untold> {
     let code = &said.next.code;
     let asks = ["further", "record_more", "probably_too_wide", "step_test", "remedy"].contains(&code.as_str());
@@ -480,13 +480,13 @@ pub struct Told {
     /// What to do.
     #[serde(rename = "do")]
     pub doing: String,
-    /// The same in a word or two.
+    /// What to do, in a word or two.
     pub short: String,
     /// Why, a sentence each.
     pub why: Vec<String>,
     /// The one width that a list shows, with its interval; empty where nothing is known of it.
     pub headline: String,
-    /// The same in % of OP's span; empty where the span is not known, or the headline says so already.
+    /// That width in % of OP's span; empty where the span is not known, or the headline says so already.
     pub of_span: String,
     /// What a PLC would show.
     pub plc: String,

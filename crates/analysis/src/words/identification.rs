@@ -23,9 +23,9 @@ const SENTENCES: &[(&str, &str)] = &[
         "no PI or PID law explains enough of OP's moves (R² {r2:.3g}, needed 0.9): give K and Ti, or take a recording in auto \
          that is neither compressed nor averaged",
     ),
-    ("no_gain", "K cannot be told from 0 ({k:.3g} +- {error:.2g} OP units per PV unit): give K and Ti"),
-    ("gain_may_be_none", "K cannot be told from 0 ({size:.3g}, {k_low:.3g} to {k_high:.3g}): give K and Ti"),
-    ("no_integral", "integral action cannot be told from none: give K and Ti"),
+    ("no_gain", "K may be 0 ({k:.3g} +- {error:.2g} OP units per PV unit): give K and Ti"),
+    ("gain_may_be_none", "K may be 0 ({size:.3g}, {k_low:.3g} to {k_high:.3g}): give K and Ti"),
+    ("no_integral", "there may be no integral action: give K and Ti"),
     ("opposite_signs", "K and K/Ti have opposite signs (Ti {ti:.3g} s), so this is no PI controller: give K and Ti"),
     ("contradictory", "laws that explain OP equally well contradict each other even in the sign of K: give K and Ti"),
     (

@@ -4,17 +4,17 @@ const DASH: &str = "–";
 /// A wider number needs an exponent; a narrower one too.
 const PLAIN: std::ops::Range<i32> = -4..6;
 
-/// With so many places behind the point.
+/// A number with so many places behind the point.
 pub(super) fn fixed(x: f64, places: usize) -> String {
     named(x).unwrap_or_else(|| format!("{x:.places$}"))
 }
 
-/// With so many places behind the point, times a power of ten of two digits or more.
+/// A number with so many places behind the point, times a power of ten of two digits or more.
 pub(super) fn scientific(x: f64, places: usize) -> String {
     named(x).unwrap_or_else(|| powered(&format!("{x:.places$e}")))
 }
 
-/// With so many significant digits, zeros at the end left out.
+/// A number with so many significant digits, zeros at the end left out.
 pub(super) fn general(x: f64, digits: usize) -> String {
     if let Some(named) = named(x) {
         return named;
@@ -44,7 +44,7 @@ fn bare(text: &str) -> &str {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
 
-/// `1.2e5` as `1.2e+05`.
+/// Rewrites an exponent: `1.2e5` as `1.2e+05`.
 fn powered(text: &str) -> String {
     let Some((mantissa, power)) = text.split_once('e') else { return text.into() };
     let (sign, power) = power.strip_prefix('-').map_or(('+', power), |power| ('-', power));
@@ -74,7 +74,7 @@ pub fn number(value: Option<f64>, digits: usize) -> String {
     text.strip_prefix('-').map_or(text.clone(), |size| format!("−{size}"))
 }
 
-/// The same with its unit, a no-break space between; a dash alone where there is no number.
+/// A number with its unit, a no-break space between; a dash alone where there is no number.
 pub fn quantity(value: Option<f64>, unit: &str, digits: usize) -> String {
     let text = number(value, digits);
     if text == DASH || unit.is_empty() { text } else { format!("{text}\u{a0}{unit}") }
@@ -117,7 +117,7 @@ pub fn clock(t0: Option<i64>, seconds: f64) -> String {
     dated(t0, seconds).unwrap_or_else(|| format!("{} s", general(seconds, 6)))
 }
 
-/// The same; none where there is no calendar or the moment lies beyond it.
+/// Date and time of a moment; none where there is no calendar or the moment lies beyond it.
 pub(super) fn dated(t0: Option<i64>, seconds: f64) -> Option<String> {
     const DAY: i128 = 86_400_000_000;
     let micros = i128::from(t0?) + libm::rint(seconds * 1e6) as i128;

@@ -1,4 +1,4 @@
-//! What an analysis found, as messages and as what its three parts are told from.
+//! What an analysis found: as messages, and as the input of the three parts of an answer.
 
 use super::said::{Corrected, Crossings, Fit};
 use super::{Message, Reader, Said, Untold, Value, of_fit, text};
@@ -150,7 +150,7 @@ impl Said {
     /// Where a reason has no sentence.
     pub fn of(answer: &Answer, fitted: Option<&Fitted>, span: Option<f64>, reader: &Reader) -> Result<Self, Untold> {
         let tell = |told: Option<Message>| told.map(|told| text(&told.code, &told.numbers, reader)).transpose();
-        // The document and what is told from it have one set of names.
+        // The document and the sentences made of it have one set of names.
         let document: Self = serde_json::from_value(json!(answer.answer)).unwrap_or_default();
         let fit = match (&answer.fit, fitted) {
             (Some(fit), Some(fitted)) => Some(Fit {

@@ -1,4 +1,4 @@
-//! What the three parts of an answer are told from.
+//! The input of the three parts of an answer.
 
 use super::Message;
 use serde::Deserialize;
@@ -19,7 +19,7 @@ pub struct Said {
     pub width_kind: Option<String>,
     /// The width [OP unit].
     pub width: Option<f64>,
-    /// The same [% of span].
+    /// That width [% of span].
     pub width_percent_span: Option<f64>,
     /// Its limits [OP unit].
     pub low: Option<f64>,
@@ -135,7 +135,7 @@ pub struct Crossings {
     pub reason: Option<String>,
     /// Their width [OP unit].
     pub d_hat: Option<f64>,
-    /// The same [% of span].
+    /// That width [% of span].
     pub d_hat_percent_span: Option<f64>,
     /// Accepted half-periods.
     pub detections: i64,

@@ -22,7 +22,7 @@ macro_rules! disagree {
 }
 macro_rules! larger {
     () => {
-        "the gain is not told from 0; make larger steps, or hold for longer"
+        "the gain may be 0; make larger steps, or hold for longer"
     };
 }
 
@@ -63,7 +63,7 @@ const SENTENCES: &[(&str, &str)] = &[
     // Notes.
     ("first_holds", "read are the first {read} holds; {left} follow"),
     ("disagree", disagree!()),
-    ("reaches_zero", "the interval reaches 0: no gap is told from one of {high:.3g} {unit}"),
+    ("reaches_zero", "the interval reaches 0: there may be no gap, or one of up to {high:.3g} {unit}"),
     ("positioner", "the positioner's own part of it, by its settings: {percent:.3g} % of travel"),
     (
         "positioner_of_span",

@@ -142,7 +142,7 @@ fn measured(x: f64, format: &str, value: &Value, reader: &Reader) -> Option<Stri
     })
 }
 
-/// Of Python's formats: `.3g` is (3, 'g').
+/// Places and kind of one of Python's formats: `.3g` is (3, 'g').
 fn places(format: &str) -> Option<(usize, char)> {
     let kind = format.chars().next_back()?;
     let places = &format[..format.len() - kind.len_utf8()];

@@ -25,7 +25,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// As a number; none of a word.
+    /// The value as a number; none of a word.
     pub(super) fn number(&self) -> Option<f64> {
         match self {
             Self::Count(count) => Some(*count as f64),
@@ -34,7 +34,7 @@ impl Value {
         }
     }
 
-    /// As a whole number.
+    /// The value as a whole number.
     pub(super) fn whole(&self) -> Option<i64> {
         match self {
             Self::Count(count) => Some(*count),
@@ -144,12 +144,12 @@ pub struct Message {
 }
 
 impl Message {
-    /// One without numbers.
+    /// A message without numbers.
     pub fn new(code: impl Into<String>) -> Self {
         Self { code: code.into(), numbers: BTreeMap::new() }
     }
 
-    /// With one number more.
+    /// Adds a number to the message.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.numbers.insert(name.into(), value.into());

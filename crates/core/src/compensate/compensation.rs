@@ -208,7 +208,7 @@ pub struct CompensationSettings<R> {
 }
 
 impl<R: Real> CompensationSettings<R> {
-    /// For a controller with gain `k` and integral time `ti` \[s\], of a `share` of the width `size`: no more than that width; a
+    /// Defaults for a controller with gain `k` and integral time `ti` \[s\] and a `share` of the width `size`: no more than that width; a
     /// noise band of a fifth of it; the inverse goes from side to side in Ti/10, the other ways jump; no filter; taken away within
     /// Ti, or 300 s where that is shorter; the loop is compared over 300 Ti, and compensation withdrawn where that, or a warning, asks for it; the estimate may
     /// make the size smaller; no budgets, no limits.
@@ -238,8 +238,8 @@ impl<R: Real> CompensationSettings<R> {
         }
     }
 
-    /// The same of a `share` of the on-line estimate: as it is when compensation is enabled, and no width before. Band and time
-    /// from side to side are as above, of that estimate; no greatest width.
+    /// Defaults for a `share` of the on-line estimate as it is when compensation is enabled; before that there is no width. Band and
+    /// time from side to side are those of [`new`](Self::new) for that estimate; no greatest width.
     pub fn by_estimate(way: Way, k: R, ti: R, share: R) -> Self {
         let none = Self::new(way, k, ti, R::ZERO, share);
         Self { source: Source::Estimate, limit: R::of(NO_LIMIT), ..none }
@@ -338,7 +338,7 @@ pub struct CompensationSample<R> {
     /// On-line estimate of the whole gap, where there is one: the detector's, which shows what is left, and the size that was in
     /// force while it was made [OP unit].
     pub d_hat: Option<R>,
-    /// The same where it may be compensated by: it is a source.
+    /// That estimate where it may be compensated by: it is a source.
     pub offered: Option<R>,
     /// Whether over-compensation is warned of.
     pub over: bool,
@@ -487,7 +487,7 @@ impl<R: Real> Compensation<R> {
         Ok(Self { settings, longest: s.longest_release(), filter: SecondOrderFilter::new(s.tf)?, harm })
     }
 
-    /// The settings.
+    /// The settings of this block.
     pub fn settings(&self) -> &CompensationSettings<R> {
         &self.settings
     }
@@ -590,7 +590,7 @@ impl<R: Real> Compensation<R> {
         }
     }
 
-    /// Finds the direction.
+    /// Finds the direction in which the valve is driven.
     #[inline(always)]
     fn look(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
         let s = &self.settings;
@@ -620,7 +620,7 @@ impl<R: Real> Compensation<R> {
         if self.settings.source == Source::Estimate { state.pressed } else { self.settings.size }
     }
 
-    /// The noise band.
+    /// The noise band that counts as a reversal.
     #[inline(always)]
     fn band(&self, state: &CompensationState<R>) -> R {
         let s = &self.settings;

@@ -8,9 +8,9 @@ const BLOCKS: f64 = 150.0;
 const KNOWN: f64 = 10.0;
 /// Blocks after which it is judged, and after which it has stood the trial.
 const TRIAL: (f64, f64) = (60.0, 100.0);
-/// As many times the mean of before is no part of how the loop swings: a step of setpoint or load.
+/// Greatest block, in means of before: a larger one is a step of setpoint or load, and not how the loop swings.
 const STEP: f64 = 4.0;
-/// More blocks in a row are no step any more.
+/// Most blocks in a row that count as one step.
 const BURST: u8 = 10;
 
 /// Compares PV's distance from SP, and how often OP turns, since compensation is in force with before it was enabled.
@@ -116,7 +116,7 @@ impl<R: Real> Harm<R> {
         state.time.value() * R::of(BLOCKS) >= self.watch && self.conclude(state)
     }
 
-    /// Ends a block.
+    /// Ends a block of the watch and judges.
     #[inline(never)]
     fn conclude(&self, state: &mut HarmState<R>) -> bool {
         let (x, n) = (state.area.value() / state.time.value(), state.reversals);

@@ -93,7 +93,7 @@ struct Row<R> {
 }
 
 impl<R: Real> OverCompensation<R> {
-    /// Gain `k` ≠ 0 [OP unit per PV unit] and integral time `ti` > 0 \[s\] of the controller.
+    /// The warnings for a controller with gain `k` ≠ 0 [OP unit per PV unit] and integral time `ti` > 0 \[s\].
     pub fn new(k: R, ti: R) -> Result<Self, ParameterError> {
         require("k", k, k != R::ZERO, "a number other than 0")?;
         Ok(Self { k: k.magnitude(), ti: require("ti", ti, ti > R::ZERO, "greater than 0 s")? })

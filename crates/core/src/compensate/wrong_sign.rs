@@ -36,7 +36,7 @@ const LONGEST: f64 = 1e9;
 /// One that grows steadily keeps PV at the same distance while OP goes. One that comes at once takes PV away first: by the time OP
 /// has gone to its limit PV is on its way back, or at its farthest. A step of SP takes OP to its limit and PV towards SP.
 ///
-/// What cannot be told apart: a load that by itself grows as a loop of the wrong sign does, faster and faster, and beyond what OP
+/// It cannot be separated from this: a load that by itself grows as a loop of the wrong sign does, faster and faster, and beyond what OP
 /// can do; and one far beyond it that comes at once, where K is so large that OP is at its limit before PV is half of its way. Either
 /// way the loop has lost its PV. Without limits nothing is noticed; nor where OP began near the limit at which it ends.
 ///
@@ -89,7 +89,7 @@ pub struct WrongSignState<R: Real> {
 }
 
 impl<R: Real> WrongSign<R> {
-    /// Gain `k` ≠ 0, whose sign counts, and integral time `ti` > 0 \[s\] of the controller; limits of its output.
+    /// The watch for a controller with gain `k` ≠ 0, whose sign counts, and integral time `ti` > 0 \[s\]; `limits` of its output.
     pub fn new(k: R, ti: R, limits: Saturation<R>) -> Result<Self, ParameterError> {
         require("k", k, k != R::ZERO, "a number other than 0")?;
         let ti = require("ti", ti, ti > R::ZERO, "greater than 0 s")?;

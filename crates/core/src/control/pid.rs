@@ -58,7 +58,7 @@ pub struct PidState<R: Real> {
 }
 
 impl<R: Real> Pid<R> {
-    /// Gain `k` ≠ 0, negative for a direct-acting controller [output per process value], integral time `ti` > 0 \[s\],
+    /// A PID with gain `k` ≠ 0, negative for a direct-acting controller [output per process value], integral time `ti` > 0 \[s\],
     /// derivative time `td` ≥ 0 \[s\], setpoint weight `b` between 0 and 1.
     pub fn new(k: R, ti: R, td: R, b: R, limits: Saturation<R>) -> Result<Self, ParameterError> {
         Ok(Self {
@@ -70,7 +70,7 @@ impl<R: Real> Pid<R> {
         })
     }
 
-    /// The same law with other settings, for one sample of a controller whose gains and limits move.
+    /// This law with other settings, for one sample of a controller whose gains and limits move.
     #[inline(always)]
     pub(crate) fn with(self, k: R, ti: R, td: R, limits: Saturation<R>) -> Self {
         Self { k, ti, td, b: self.b, limits }
@@ -82,7 +82,7 @@ impl<R: Real> Pid<R> {
         self.control(state, ysp, yf.into(), h)
     }
 
-    /// The same with what `yf` carries.
+    /// [`update`](Self::update) with what `yf` carries.
     #[inline(always)]
     pub(crate) fn control(&self, state: &mut PidState<R>, ysp: R, yf: R::Sum, h: R) -> R {
         let v_without_i = self.proportional(ysp, yf) - self.derivative(state, yf, h);
@@ -98,7 +98,7 @@ impl<R: Real> Pid<R> {
         u
     }
 
-    /// The same sample in manual, with the output `u` set by someone else; gives `u` within the limits.
+    /// Takes one sample in manual, with the output `u` set by someone else; gives `u` within the limits.
     ///
     /// The integral follows, so that the next [`update`](Self::update) continues from `u` without a bump.
     #[inline(always)]
@@ -106,7 +106,7 @@ impl<R: Real> Pid<R> {
         self.follow(state, ysp, yf.into(), u, h)
     }
 
-    /// The same with what `yf` carries.
+    /// [`track`](Self::track) with what `yf` carries.
     #[inline(always)]
     pub(crate) fn follow(&self, state: &mut PidState<R>, ysp: R, yf: R::Sum, u: R, h: R) -> R {
         if !u.is_number() {

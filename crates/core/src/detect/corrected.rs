@@ -36,7 +36,7 @@ pub struct Corrected<R> {
     /// Smallest and largest width: of the pairs that agree where Kp is known, else with any one pair left out.
     /// Repeatability, not an interval of confidence.
     pub low: R,
-    /// As `low`.
+    /// Largest width, see `low`.
     pub high: R,
     /// |Kp| [PV unit/OP unit], as known or as found together with d.
     pub kp: R,

@@ -3,7 +3,7 @@
 use super::corrected::{Corrected, Doubt, Half, Pair, corrected, pairs};
 use crate::{NoiseLevel, ParameterError, Real, Record, Span, Swing, SwingParts, SwingState};
 
-/// So many of the last pairs of half-periods make the width on line.
+/// Number of the last pairs of half-periods that make the width on line.
 pub const PAIRS: usize = 9;
 /// Noise alone moves OP from end to end by so many times its deviation, and the valve follows.
 pub const NOISE_SPAN: f64 = 6.0;
@@ -15,7 +15,7 @@ pub const NOISE_SPAN: f64 = 6.0;
 /// next. What is worked out from the pairs takes longer than a scan does otherwise: it is done in the scan after the one in which a pair
 /// came, and in no other. O(1) per scan.
 ///
-/// The same bits as [`pairs`] and [`corrected`] over all half-periods, of which the last [`PAIRS`] pairs count.
+/// It has the bits of [`pairs`] and [`corrected`] over all half-periods, of which the last [`PAIRS`] pairs count.
 ///
 /// It is refused for one more reason: a width below six times the deviation of OP's fast noise, by [`NoiseLevel`], is what noise moves the valve
 /// by. A Kp that is a default counts as not known.
@@ -103,7 +103,7 @@ impl<R: Real> Default for CorrectionState<R> {
 }
 
 impl<R: Real> Correction<R> {
-    /// `k` [OP unit/PV unit] ≠ 0; `ti` \[s\] > 0; `b` setpoint weight, 0 to 1; `kp` process gain [PV unit/OP unit] where it is known, and
+    /// The block for a controller: `k` [OP unit/PV unit] ≠ 0; `ti` \[s\] > 0; `b` setpoint weight, 0 to 1; `kp` process gain [PV unit/OP unit] where it is known, and
     /// no default; `integrating`: the process has no plateau, and no width is given.
     pub fn new(k: R, ti: R, b: R, kp: Option<R>, integrating: bool) -> Result<Self, ParameterError> {
         Ok(Self { swing: Swing::new(k, ti, None, b)?, kp, integrating })

@@ -231,7 +231,7 @@ impl<R: Real> DetectorState<R> {
         self.memory.window.detections()
     }
 
-    /// The same place in the signals, nothing concluded from the half-periods before it.
+    /// This state's place in the signals, with nothing concluded from the half-periods before it.
     pub fn unjudged(&self) -> Self {
         Self { memory: Memory { previous_delta_y: self.memory.previous_delta_y, ..Memory::default() }, ..*self }
     }
@@ -257,7 +257,7 @@ impl<R: Real> DetectorState<R> {
         self.signal.pv.y2.value()
     }
 
-    /// The same; none while the filter waits for a sample that can be used.
+    /// The filtered PV now [PV unit]; none while the filter waits for a sample that can be used.
     #[inline(always)]
     pub fn observed(&self) -> Option<R> {
         if self.signal.pv.started { Some(self.filtered_pv()) } else { None }
@@ -265,7 +265,7 @@ impl<R: Real> DetectorState<R> {
 }
 
 impl<R: Real> Detector<R> {
-    /// Puts the blocks together. `max_h` \[s\] > 0, at most 10⁹: a longer step is a gap. `op_limits` \[OP unit\], low < high: an OP at
+    /// A detector of these blocks. `max_h` \[s\] > 0, at most 10⁹: a longer step is a gap. `op_limits` \[OP unit\], low < high: an OP at
     /// or beyond one of them is saturated.
     pub fn new(
         filter: SecondOrderFilter<R>,
@@ -298,7 +298,7 @@ impl<R: Real> Detector<R> {
         self.update_filtered(state, sample, sample.pv)
     }
 
-    /// The same where the sample's PV comes filtered: `raw` is PV as measured, whose noise is listened to.
+    /// Takes one sample whose PV comes filtered: `raw` is PV as measured, of which the noise is estimated.
     pub fn update_filtered(&self, state: &mut DetectorState<R>, sample: &Sample<R>, raw: R) -> Option<Record<R>> {
         let &Sample { h, sp, pv, op, flags } = sample;
         let ended = match op {
@@ -312,8 +312,8 @@ impl<R: Real> Detector<R> {
     /// [`DetectorState::unjudged`]. Kp enters only once a half-period has ended. `passed` \[s\] is the time of half-periods
     /// since the one judged before that are not judged again: too short, in automatic and without a break.
     ///
-    /// The same bits as from the samples, but where something was passed over, whose time enters as one sum, and where
-    /// numbers overflowed with the other Kp: that half-period stays bad.
+    /// It gives the bits of a pass over the samples, with two exceptions: time that was passed over enters as one sum, and a
+    /// half-period in which numbers overflowed with the other Kp stays bad.
     pub fn judge_again(&self, state: &mut DetectorState<R>, record: &Record<R>, passed: R) -> Record<R> {
         let m = &mut state.memory;
         let last = core::mem::replace(&mut m.previous_delta_y, record.previous_delta_y);
@@ -467,7 +467,7 @@ impl<R: Real> Detector<R> {
         self.conclude(m, half, self.width.with_kp(m.kp).of(&half, op_known), || noise.sigma())
     }
 
-    /// The same once the width is known; `sigma` is PV's noise at the end of the half-period.
+    /// Safety net and filter of detections, once the width is known; `sigma` is PV's noise at the end of the half-period.
     #[inline(always)]
     fn conclude(
         &self,

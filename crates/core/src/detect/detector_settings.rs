@@ -71,7 +71,7 @@ pub struct DetectorSettings<R> {
 }
 
 impl<R: Real> DetectorSettings<R> {
-    /// For a controller whose samples usually lie `h` \[s\] apart: b = 1, Kp and limits not known, the filter of
+    /// Defaults for a controller whose samples usually lie `h` \[s\] apart: b = 1, Kp and limits not known, the filter of
     /// [`filter_time`](Self::filter_time), N = 9, a gap above 3h, all conditions.
     pub fn new(k: R, ti: R, td: R, h: R) -> Self {
         Self {

@@ -171,7 +171,7 @@ pub(super) fn integrate<N: Numbers, S: Adding<N>>(delta_t: &mut S, integral: &mu
     *e_max = e_max.greater(size);
 }
 
-/// Takes a setpoint.
+/// Widens the range of the setpoint.
 #[inline(always)]
 pub(super) fn widen<N: Numbers>(low: &mut N, high: &mut N, sp: N) {
     *low = low.lesser(sp);

@@ -66,7 +66,7 @@ impl<R: Real> MedianMeanState<R> {
 }
 
 impl MedianMean {
-    /// `n` odd, 1 to [`LONGEST_WINDOW`].
+    /// A filter of the last `n` detections, odd, 1 to [`LONGEST_WINDOW`].
     pub fn new(n: u32) -> Result<Self, ParameterError> {
         let holds = n % 2 == 1 && n as usize <= LONGEST_WINDOW;
         require("n", f64::from(n), holds, "an odd number from 1 to 31")?;

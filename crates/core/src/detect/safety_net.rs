@@ -148,7 +148,7 @@ impl Conditions {
 }
 
 impl<R: Real> SafetyNet<R> {
-    /// Everything on; `op_span` \[OP unit\] > 0 where known.
+    /// A net with all conditions on; `op_span` \[OP unit\] > 0 where known.
     pub fn new(op_span: Option<R>) -> Result<Self, ParameterError> {
         if let Some(span) = op_span {
             require("op_span", span, span > R::ZERO, "greater than 0")?;

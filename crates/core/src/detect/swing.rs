@@ -86,7 +86,7 @@ pub struct SwingParts<R> {
 }
 
 impl<R: Real> Swing<R> {
-    /// `k` [OP unit/PV unit] ≠ 0; `ti` \[s\] > 0; `td` \[s\] ≥ 0, 0 where not known; `b` setpoint weight, 0 to 1.
+    /// The block for a controller: `k` [OP unit/PV unit] ≠ 0; `ti` \[s\] > 0; `td` \[s\] ≥ 0, 0 where not known; `b` setpoint weight, 0 to 1.
     pub fn new(k: R, ti: R, td: Option<R>, b: R) -> Result<Self, ParameterError> {
         let td = td.unwrap_or(R::ZERO);
         Ok(Self {

@@ -3,13 +3,13 @@
 use crate::error::require;
 use crate::{HalfPeriod, LONGEST_WINDOW, ParameterError, Real};
 
-/// From which signals Δu, the travel of the control signal, is taken.
+/// Source of Δu, the travel of the control signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum TravelSource {
     /// K/Ti·∫|e|dt (7.5): exact for PI.
     Integral,
-    /// The same with the derivative part (7.6): exact for PID whose derivative acts on the same filtered value.
+    /// K/Ti·∫|e|dt with the derivative part (7.6): exact for PID whose derivative acts on the same filtered value.
     Derivative,
     /// The change of the recorded, filtered OP.
     Op,
@@ -76,7 +76,7 @@ impl<R: Real> WidthParts<R> {
 }
 
 impl<R: Real> Width<R> {
-    /// `k` [OP unit/PV unit] ≠ 0, negative for a direct-acting controller; `ti` \[s\] > 0; `td` \[s\] ≥ 0 where known;
+    /// The block for a controller: `k` [OP unit/PV unit] ≠ 0, negative for a direct-acting controller; `ti` \[s\] > 0; `td` \[s\] ≥ 0 where known;
     /// `b` setpoint weight, 0 to 1; `kp` process gain [PV unit/OP unit] ≠ 0 where known.
     pub fn new(k: R, ti: R, td: Option<R>, b: R, kp: Option<R>) -> Result<Self, ParameterError> {
         if let Some(td) = td {
@@ -96,7 +96,7 @@ impl<R: Real> Width<R> {
         })
     }
 
-    /// The same with another Kp, where one is given.
+    /// This block with another Kp, where one is given.
     #[inline(always)]
     pub(crate) fn with_kp(&self, kp: Option<R>) -> Self {
         Self { kp_abs: kp.map(R::magnitude).or(self.kp_abs), ..*self }
@@ -155,7 +155,7 @@ impl<R: Real> Width<R> {
         WidthParts { delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d: free - kp_part }
     }
 
-    /// The same width with this Kp, from the parts that another made of the half-period.
+    /// A width with this Kp, from the parts that another made of the half-period.
     pub(crate) fn again(&self, parts: &WidthParts<R>, half: &HalfPeriod<R>) -> WidthParts<R> {
         let kp_part = self.kp_part(half);
         WidthParts { kp_part, d: parts.free - kp_part, ..*parts }

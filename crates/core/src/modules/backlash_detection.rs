@@ -244,7 +244,7 @@ impl<R: Real> BacklashDetection<R> {
         })
     }
 
-    /// The same where PV comes through a filter with `tf` \[s\].
+    /// This module where PV comes through a filter with `tf` \[s\].
     pub(super) fn behind(self, tf: R) -> Self {
         Self { smooth: self.smooth || tf > R::of(SMOOTH) * self.settings.ti, ..self }
     }
@@ -261,8 +261,8 @@ impl<R: Real> BacklashDetection<R> {
         self.forward_filtered(state, sp, pv, pv.value, None, h)
     }
 
-    /// The same where PV comes filtered: `raw` is PV as measured. `beside`: PV by which u_FF and the watch for the wrong sign go, where
-    /// that is not what the detector's filter gives.
+    /// Computes forward where PV comes filtered: `raw` is PV as measured. `beside`: the PV for u_FF and the watch for the wrong sign,
+    /// where that is not what the detector's filter gives.
     #[inline(always)]
     pub(super) fn forward_filtered(
         &self,

@@ -26,7 +26,7 @@ pub struct ForeignDetectionSettings<R> {
 }
 
 impl<R: Real> ForeignDetectionSettings<R> {
-    /// u_FF is a scan late; what is read back may be off by a tenth of the width; the longest delay is that of the way.
+    /// Default settings: u_FF is a scan late; what is read back may be off by a tenth of the width; the longest delay is that of the way.
     pub fn new(detection: BacklashDetectionSettings<R>) -> Self {
         Self { detection, delay: 1, tolerance: None, longest: None }
     }
@@ -167,7 +167,7 @@ impl<R: Real> ForeignDetection<R> {
         Forward::new(u_ff, 0)
     }
 
-    /// Where the u_FF stands that was made `delay` scans ago.
+    /// Index of the u_FF that was made `delay` scans ago.
     #[inline(always)]
     fn ago(&self, state: &ForeignDetectionState<R>) -> usize {
         (usize::from(state.at) + FOREIGN_SCANS - usize::from(self.delay)) % FOREIGN_SCANS
@@ -251,7 +251,7 @@ mod tests {
             self.state.detection.compensation.standing
         }
 
-        /// In force, at δ/2.
+        /// A compensation in force, at δ/2.
         fn active() -> Self {
             let mut theirs = Self::new(settings());
             theirs.state.detection.compensate = true;

@@ -173,7 +173,7 @@ impl<R: Real> Default for PidState<R> {
 }
 
 impl<R: Real> PidState<R> {
-    /// In auto, with the output at a known value, from which it goes on.
+    /// A controller in auto, with the output at a known value, from which it goes on.
     pub fn at(output: R) -> Self {
         Self {
             mode: Mode::Auto,
@@ -382,7 +382,7 @@ impl<R: Real> Pid<R> {
         }
     }
 
-    /// Where the output may go within this scan: no further towards a limit that was reported, no faster than the rate.
+    /// Range of the output within this scan: no further towards a limit that was reported, no faster than the rate.
     #[inline(always)]
     fn band(&self, s: &PidState<R>, limits: Saturation<R>, reported: Status, h: R) -> Saturation<R> {
         let step = if h > R::ZERO { reach(self.settings.rate, h) } else { R::ZERO };

@@ -76,7 +76,7 @@ pub struct PidAdvancedSettings<R> {
 }
 
 impl<R: Real> PidAdvancedSettings<R> {
-    /// Kp and spans not known, no filter of the detector's own, N = 9, no ramp, no schedule, no compensation, no autotuner.
+    /// Default settings: Kp and spans not known, no filter of the detector's own, N = 9, no ramp, no schedule, no compensation, no autotuner.
     pub fn new(pid: PidSettings<R>) -> Self {
         Self {
             pid,
@@ -118,7 +118,7 @@ impl<R: Real> PidAdvancedSettings<R> {
 /// and the conditions of the safety net use the longest Ti and the largest |K| of the table.
 ///
 /// The [`AutoTuner`] inside (6.6, 7.2.2) stands between controller and output, as it would outside: set `tuner.run` in the state,
-/// and a relay experiment begins with the next scan. It ends like any other; besides in manual ([`Stop::NotAuto`]) and where the
+/// and a relay experiment begins with the next scan. It ends like any other, and also in manual ([`Stop::NotAuto`]) and where the
 /// controller's own `rate` is too low for the relay, whose swing is 4/3 of the amplitude ([`Stop::OpLimit`]).
 /// Once it is done, [`offered`](Self::offered) gives the controller that the rule makes of it, and [`take_over`](Self::take_over) puts it in
 /// force without a bump. The Kp that it found, where it found one, goes to the detector at once, unless `kp` is given.
@@ -156,7 +156,7 @@ pub struct PidAdvancedState<R: Real> {
 }
 
 impl<R: Real> PidAdvancedState<R> {
-    /// In auto, with the output at a known value, from which it goes on.
+    /// A controller in auto, with the output at a known value, from which it goes on.
     pub fn at(output: R) -> Self {
         Self {
             pid: PidState::at(output),
@@ -255,12 +255,12 @@ impl<R: Real> PidAdvanced<R> {
         &self.detection
     }
 
-    /// As [`Pid::at_rest`].
+    /// The state in which the loop rests, see [`Pid::at_rest`].
     pub fn at_rest(&self, mode: Mode, y: R, output: R) -> PidAdvancedState<R> {
         PidAdvancedState { pid: self.pid.at_rest(mode, y, output), ..PidAdvancedState::at(output) }
     }
 
-    /// As [`Pid::forward`]; `by` is the scheduling variable, anything where there is no schedule.
+    /// Computes the output, see [`Pid::forward`]; `by` is the scheduling variable, anything where there is no schedule.
     #[inline(always)]
     pub fn forward(
         &self,
@@ -317,8 +317,8 @@ impl<R: Real> PidAdvanced<R> {
         out
     }
 
-    /// As [`Pid::backward`]; the detector learns from the sample of this scan. The output it sees is the controller's own,
-    /// without what came from outside.
+    /// Takes what became of the output, see [`Pid::backward`]; the detector learns from the sample of this scan. The output it sees
+    /// is the controller's own, without what came from outside.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidAdvancedState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
         let back = match &self.tuner {

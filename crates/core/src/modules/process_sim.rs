@@ -41,14 +41,14 @@ pub struct ProcessSimState<R: Real, const N: usize> {
 }
 
 impl<R: Real, const N: usize> ProcessSimState<R, N> {
-    /// At rest under the constant input `x`.
+    /// Steady state for the constant input `x`.
     pub fn at_rest(x: R) -> Self {
         Self { y1: x.into(), y2: x.into(), inputs: [x; N], at: 0 }
     }
 }
 
 impl<R: Real, const N: usize> ProcessSim<R, N> {
-    /// Static `gain` ≠ 0 [output per input], lags `t1`, `t2` ≥ 0 \[s\], `dead_time` ≥ 0 \[s\], scan time `h` > 0 \[s\].
+    /// A process with static `gain` ≠ 0 [output per input], lags `t1`, `t2` ≥ 0 \[s\], `dead_time` ≥ 0 \[s\], scan time `h` > 0 \[s\].
     pub fn new(gain: R, t1: R, t2: R, dead_time: R, h: R) -> Result<Self, ParameterError> {
         require("h", h, h > R::ZERO, "greater than 0 s")?;
         let steps = require("dead_time", dead_time, dead_time >= R::ZERO, "0 s or greater")? / h;
@@ -151,7 +151,7 @@ mod tests {
             let between = (none[k - 3] + none[k - 4]) / 2.0;
             assert!((half[k] - between).abs() < 1e-14);
         }
-        // As long as it can be: the ring goes round.
+        // The longest dead time: the ring goes round.
         let long = at(6.2);
         assert_eq!(none[..100], long[62..162]);
     }

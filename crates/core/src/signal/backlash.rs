@@ -35,7 +35,7 @@ pub struct Backlash<R> {
     half: R,
 }
 
-/// Where the driven side of a [`Backlash`] stands.
+/// State of a [`Backlash`]: the position of the driven side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BacklashState<R> {
@@ -46,7 +46,7 @@ pub struct BacklashState<R> {
 }
 
 impl<R: Real> BacklashState<R> {
-    /// The driven side at a known position [unit of the input].
+    /// State with the driven side at a known position [unit of the input].
     pub fn at(output: R) -> Self {
         Self { output, started: true }
     }

@@ -37,7 +37,7 @@ pub struct SecondOrderFilterState<R: Real> {
 }
 
 impl<R: Real> SecondOrderFilter<R> {
-    /// `tf` \[s\] ≥ 0; 0 passes the value through.
+    /// A filter with `tf` \[s\] ≥ 0; 0 passes the value through.
     pub fn new(tf: R) -> Result<Self, ParameterError> {
         Ok(Self { tf: require("tf", tf, tf >= R::ZERO, "0 s or greater")? })
     }

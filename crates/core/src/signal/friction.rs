@@ -66,14 +66,14 @@ pub struct FrictionState<R> {
 }
 
 impl<R: Real> FrictionState<R> {
-    /// At rest, the output `u` in the middle of the band.
+    /// A valve at rest, the output `u` in the middle of the band.
     pub fn at(u: R) -> Self {
         Self { position: u, u, direction: R::ZERO }
     }
 }
 
 impl<R: Real> Friction<R> {
-    /// Stick band plus dead band `s` ≥ 0, slip jump 0 ≤ `j` ≤ `s`.
+    /// Friction with stick band plus dead band `s` ≥ 0 and slip jump 0 ≤ `j` ≤ `s`.
     pub fn new(model: Model, s: R, j: R) -> Result<Self, ParameterError> {
         require("s", s, s >= R::ZERO, "0 or greater")?;
         require("j", j, j >= R::ZERO && j <= s, "0 or greater, at most s")?;

@@ -45,14 +45,14 @@ pub struct PhaseLeadState<R: Real> {
 }
 
 impl<R: Real> PhaseLeadState<R> {
-    /// At rest at a known value.
+    /// Steady state at a known value.
     pub fn at(value: R) -> Self {
         Self { lagged: value.into(), output: value, started: true }
     }
 }
 
 impl<R: Real> PhaseLead<R> {
-    /// Time constants `lead` ≥ `lag` > 0 \[s\].
+    /// A phase lead with time constants `lead` ≥ `lag` > 0 \[s\].
     pub fn new(lead: R, lag: R) -> Result<Self, ParameterError> {
         require("lag", lag, lag > R::ZERO, "greater than 0 s")?;
         require("lead", lead, lead >= lag, "a number not less than lag: a phase lead")?;

@@ -27,7 +27,7 @@ pub struct RateLimit<R> {
     rate: R,
 }
 
-/// Where the output of a [`RateLimit`] stands.
+/// State of a [`RateLimit`]: its output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RateLimitState<R: Real> {
@@ -38,14 +38,14 @@ pub struct RateLimitState<R: Real> {
 }
 
 impl<R: Real> RateLimitState<R> {
-    /// The output at a known value.
+    /// State with the output at a known value.
     pub fn at(output: R) -> Self {
         Self { output: output.into(), started: true }
     }
 }
 
 impl<R: Real> RateLimit<R> {
-    /// At most `rate` > 0 [unit of the signal per second], up and down.
+    /// A limit of `rate` > 0 [unit of the signal per second], up and down.
     pub fn new(rate: R) -> Result<Self, ParameterError> {
         Ok(Self { rate: require("rate", rate, rate > R::ZERO, "greater than 0 per second")? })
     }

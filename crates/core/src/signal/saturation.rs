@@ -14,7 +14,7 @@ use crate::{ParameterError, Real};
 ///          low high
 /// ```
 ///
-/// It has no memory, hence no state. An input that is no number passes as it is.
+/// It has no memory, so no state. An input that is no number passes as it is.
 ///
 /// ```
 /// use glapp_core::Saturation;
@@ -33,7 +33,7 @@ pub struct Saturation<R> {
 }
 
 impl<R: Real> Saturation<R> {
-    /// `low` < `high`.
+    /// Limits `low` < `high`.
     pub fn new(low: R, high: R) -> Result<Self, ParameterError> {
         let high = require("high", high, true, "a number above the lower limit")?;
         let low = require("low", low, low < high, "a number below the upper limit")?;

@@ -44,7 +44,7 @@ const FEWEST_SAMPLES: u32 = 8;
 ///
 /// **Static gain.** Kp = (mean PV, biased − mean PV, balanced)/(the same of OP). An integrating process brings the mean of OP
 /// back to where it was: below κ = 0.05 there is no telling it from one, `kp` is none and `kappa` 0. Known bias: a load that
-/// changes between the two phases goes into Kp in full, save where PV's mean did not follow (`kp` and `kappa` none).
+/// changes between the two phases goes into Kp in full, except where PV's mean did not follow (`kp` and `kappa` none).
 ///
 /// **A gap** of known width d takes d/2 off either level before it reaches the process; that is counted in. One that is not
 /// known makes Ku too high by the share d/(4a/3 − d) and more, and Kp by much more.
@@ -137,7 +137,7 @@ impl Rule {
     }
 }
 
-/// Where an experiment stands.
+/// Phase of an experiment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]
@@ -277,7 +277,7 @@ impl<R: Real> Found<R> {
         }
     }
 
-    /// [`tuning::ziegler_nichols_frequency`].
+    /// The controller by [`tuning::ziegler_nichols_frequency`].
     pub fn ziegler_nichols(&self, kind: Kind, table: Table) -> Result<Gains<R>, ParameterError> {
         tuning::ziegler_nichols_frequency(self.ku, self.tu, kind, table)
     }
@@ -300,7 +300,7 @@ struct Cycle<T> {
     /// ∫(OP − OP₀)dt, as the gap leaves it, and ∫±(PV − centre)dt.
     u: T,
     y: T,
-    /// The same times cos 2πt/T and sin 2πt/T.
+    /// Those integrands times cos 2πt/T and sin 2πt/T.
     u_cos: T,
     u_sin: T,
     y_cos: T,

@@ -41,9 +41,9 @@ pub enum Kind {
 /// Which of the two tables in use under the names of Ziegler and Nichols. They differ for PI only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Table {
-    /// As control textbooks print it (Åström and Hägglund): PI 0.9/a, 3L; 0.4Ku, 0.8Tu.
+    /// The table of control textbooks (Åström and Hägglund): PI 0.9/a, 3L; 0.4Ku, 0.8Tu.
     Textbook,
-    /// As Ziegler and Nichols wrote it in 1942: PI 0.9/a, L/0.3; 0.45Ku, Tu/1.2.
+    /// The table of Ziegler and Nichols, 1942: PI 0.9/a, L/0.3; 0.45Ku, Tu/1.2.
     Original,
 }
 

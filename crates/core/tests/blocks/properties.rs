@@ -157,7 +157,7 @@ fn spoiled() -> impl Strategy<Value = Rows> {
     })
 }
 
-/// The same with a gap in time, and a PV that is held for a while.
+/// Spoiled rows with a gap in time, and a PV that is held for a while.
 fn interrupted() -> impl Strategy<Value = Rows> {
     let gap = prop::option::of(any::<prop::sample::Index>());
     let held = prop::option::of((any::<prop::sample::Index>(), 1..40_usize));

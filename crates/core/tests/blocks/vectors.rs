@@ -50,7 +50,7 @@ impl Case {
         self.check_all(|x, h| Some(vec![update(x, h)]));
     }
 
-    /// The same where there are several outputs, or none at some samples.
+    /// Compares several outputs, or none at some samples, to the last bit.
     fn check_all(&self, update: impl FnMut(&[f64], f64) -> Option<Vec<f64>>) {
         self.compare(update, |expected, output| match expected.as_f64() {
             Some(number) => number.to_bits() == output.to_bits(),

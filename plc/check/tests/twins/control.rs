@@ -1112,10 +1112,10 @@ fn the_ten_thousandth_integer_is_the_published_one() {
     }
 }
 
-/// `docs/plc.md` lists integers that the core makes of the seeds 0 to 9.
+/// `plc/blocks.md` lists integers that the core makes of the seeds 0 to 9.
 #[test]
 fn the_seeds_of_the_page_are_those_of_the_core() {
-    let page = std::fs::read_to_string(folder().join("../docs/plc.md")).unwrap();
+    let page = std::fs::read_to_string(folder().join("blocks.md")).unwrap();
     let seeds: Vec<String> = (0..10).map(|seed| NoiseState::seeded(seed).integer.to_string()).collect();
     assert!(page.contains(&seeds.join(", ")), "{}", seeds.join(", "));
 }

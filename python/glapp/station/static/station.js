@@ -30,6 +30,31 @@ window.glapp = {
   shade(id, areas) {
     getElement(id)?.chart?.setOption({ series: [{}, { markArea: { data: areas } }] });
   },
+  // On a telephone a loop is a card: its answer, how soon and what to do, below each other.
+  card({ data }) {
+    const card = document.createElement("div");
+    for (const [text, style] of [
+      [`${data.width} ${data.verdict}`, "card-answer"],
+      [data.soon, `soon-${data.urgency}`],
+      [data.todo, "muted"],
+    ]) {
+      const line = card.appendChild(document.createElement("div"));
+      line.textContent = text;
+      line.className = style;
+    }
+    return card;
+  },
+  cards(grid) {
+    const narrow = matchMedia("(max-width: 640px)");
+    const show = () => {
+      if (grid.isDestroyed()) return;
+      const all = grid.getColumns().map((one) => one.getColId());
+      grid.setColumnsVisible(all.filter((id) => id !== "loop" && id !== "card"), !narrow.matches);
+      grid.setColumnsVisible(["card"], narrow.matches);
+    };
+    narrow.addEventListener("change", show);
+    show();
+  },
   // The overview asks by itself: at first for all rows, then for those that have changed.
   overview(grid) {
     let version = 0;

@@ -54,7 +54,7 @@ pub(super) struct Row<R> {
     pub(super) flags: Status,
 }
 
-/// From when to when a half-period lasts: its first sample, and the sample that ended it or, at a gap, the last one
+/// Start and end of a half-period: its first sample, and the sample that ended it or, at a gap, the last one
 /// before it. In the time of [`Columns`]; NaN before the first time that is a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {
@@ -169,8 +169,8 @@ impl<R: Real> Detector<R> {
         }
     }
 
-    /// As [`Self::glide`], with PV below SP or above it. A function of its own with copies on its stack, so that the
-    /// loop stays in registers. It asks what [`Self::advance`] asks, and the sign of the error.
+    /// [`Self::glide`] for an error of one sign: PV below SP, or above it. A function of its own with copies on its stack, so that
+    /// the loop stays in registers. It checks what [`Self::advance`] checks, and the sign of the error.
     #[inline(never)]
     fn glide_towards<const OP: bool, const FLAGS: bool, const BELOW: bool>(
         &self,

@@ -17,7 +17,7 @@ const ROWS: usize = 64;
 const LEAST_STEP: f64 = 1e-9;
 const LARGEST: f64 = 1e29;
 
-/// With fewer loops under way in their lanes all run alone, for so many rows.
+/// Fewest loops under way that are run in lanes; with fewer all run alone, for so many rows.
 const WORTHWHILE: usize = 3;
 const ALONE: usize = 4 * ROWS;
 
@@ -87,8 +87,8 @@ struct Ended {
 }
 
 impl Detector<f64> {
-    /// As [`Detector::run`] for each of these loops, with the number of the loop before what `ended` is handed. The half-periods of
-    /// one loop come in their order. The same bits.
+    /// Runs many loops at once, with the bits of [`Detector::run`] on each. `ended` gets the number of the loop first; the
+    /// half-periods of one loop come in their order.
     ///
     /// To be inlined where the instruction set is chosen. As long as all columns are: from the end of the shortest on, and where some
     /// have OP and some have not, each loop runs alone.

@@ -90,7 +90,7 @@ SETPOINT_STEPS = (2.0, 3.0, 4.0)
 """Setpoint steps that are tried [width of the gap, through the process gain]."""
 
 MOST_SETPOINT_STEPS = 10
-"""A setpoint is stepped to and fro so often at most: five times each way."""
+"""A setpoint is stepped so often at most: five times each way."""
 
 HOURS_POWER = 0.8
 """More hours of the same are told as those that decide so often, …"""
@@ -508,7 +508,7 @@ class _Left:
     def piece(self, n: int, at: int, random: np.random.Generator) -> Floats:
         """So many steps from a place of its own, with OP held from the step `at` on, where it is 0.
 
-        A recording shorter than twice that goes to and fro.
+        A recording shorter than twice that is read forwards and backwards in turn.
         """
         w, due, turn = self.w, self.due, -1.0 if self.integrating else 1.0
         while len(w) < 2 * n:

@@ -87,7 +87,7 @@ def drawn(number: int) -> Drawn:
     t_end = h * round(lag * random.uniform(80.0, 300.0) / h)
     controller = (lag / (kp * (random.uniform(1.0, 3.0) * lag + dead_time)), 1.2 * lag)
     times = sorted(random.uniform(0.05, 0.95) * t_end for _ in range(random.randint(2, 8)))
-    setpoint = tuple((h * round(t / h), kp * d * random.uniform(-2.5, 2.5)) for t in times)
+    setpoint = tuple({h * round(t / h): kp * d * random.uniform(-2.5, 2.5) for t in times}.items())
     return Drawn(
         number=number,
         kp=kp,

@@ -109,9 +109,6 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
             _block(result, why)
         if not why:
             out.print(styled("Reasons: add --why", style="dim"))
-        fitted = [result for result in shown if result.fit is not None and result.fit.process is not None]
-        if any(result.answer.confidence in ("likely", "cannot_tell") for result in fitted):
-            out.print(styled("Which test would decide: glapp plan-test", style="dim"))
         return
     show_table(fitting(_columns(results), 4))
     out.print()

@@ -2,7 +2,7 @@
 # make test  sets everything up and runs what a change is most likely to break, in every language
 # make verify runs all the rest: matrices, long properties, soaks, other makers' stacks, the gallery, the browser
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a third of a second
-.PHONY: run test verify check setup lint lint-rust lint-python rust rust-checked bare interop reader page capi wheels site bench catalogue gallery plc fuzz lock audit clean
+.PHONY: run test verify check setup lint lint-rust lint-python rust rust-checked bare embedded interop reader page capi wheels site bench catalogue gallery plc fuzz lock audit clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -72,7 +72,7 @@ check: setup lint
 
 # As they are shipped, with the crates that `make run` has compiled: the Python face is among them, since its dependencies choose
 # features of theirs.
-TESTED := core fit sim analysis capi plc-check py
+TESTED := core fit sim analysis capi embedded plc-check py
 rust:
 	+cargo test --release --quiet $(TESTED:%=-p glapp-%)
 
@@ -100,6 +100,18 @@ bare:
 			echo "skipped: glapp-core for $$target, which this toolchain lacks (rustup target add $$target)"; \
 		fi; \
 	done
+
+# The library for microcontrollers, with its header and the example.
+BARE := thumbv7em-none-eabihf
+embedded:
+	@if [ -d "$$(rustc --print target-libdir --target $(BARE))" ]; then \
+		cargo rustc --quiet --profile embedded -p glapp-embedded --crate-type staticlib --target $(BARE) && \
+		rm -rf dist/embedded && mkdir -p dist/embedded/lib && \
+		cp -r crates/embedded/include crates/embedded/example LICENSE dist/embedded && \
+		cp target/$(BARE)/embedded/libglapp_embedded.a dist/embedded/lib && echo "dist/embedded"; \
+	else \
+		echo "skipped: glapp-embedded for $(BARE), which this toolchain lacks (rustup target add $(BARE))"; \
+	fi
 
 # Two OPC UA stacks of other makers, for the tests of the connection: from npm as the lock says, and from Maven.
 THEIRS := target/interop

@@ -35,6 +35,7 @@ BESIDE = (
     "disturbed",
     "open_pins",
     "random",
+    "stiction",
     "vectors",
 )
 PACKAGE = ("--quiet", "--release", "-p", "glapp-plc-check")

@@ -731,8 +731,8 @@ def retained(units: list[Unit]) -> set[str]:
 
 
 PIECES = {
-    "detector": ("the width of the gap beside any controller: 7 pages and the example", "GlappDetector", "GlappLoop"),
-    "compensation": ("compensation by a width that is typed in: 2 pages", "GlappCompensation"),
+    "detector": ("the width of the gap beside any controller: 10 pages and the example", "GlappDetector", "GlappLoop"),
+    "compensation": ("compensation by a width that is typed in: 4 pages", "GlappCompensation"),
 }
 
 

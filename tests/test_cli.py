@@ -75,6 +75,15 @@ def test_a_person_says_which_number_is_the_day(run, monkeypatch):
     assert read_settings("loops.toml")[0].time_format == "month first"
 
 
+def test_a_person_says_what_a_number_of_days_counts_from(run, monkeypatch):
+    write("plant.csv", rows(time=lambda k: f"{60000 + k / 86400:.7f}"))
+    code, _, told = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "looks like a day number, but of which calendar?" in told
+    answering(monkeypatch, "6")
+    assert run("analyze", "plant.csv", "--no-fit")[0] == 0
+    assert read_settings("loops.toml")[0].time_format == "excel"
+
+
 def test_nobody_answers(run, monkeypatch):
     write("plant.csv", rows(header="a,b,c,d"))
     answering(monkeypatch)

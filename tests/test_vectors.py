@@ -29,6 +29,7 @@ from glapp.blocks import (
     SafetyNet,
     Saturation,
     SecondOrderFilter,
+    Stiction,
     Swing,
     Width,
     WrongSign,
@@ -128,6 +129,23 @@ def pid(params: dict[str, float]) -> Callable[..., float]:
 
 def phase_lead(params: dict[str, float]) -> Callable[..., float]:
     return PhaseLead(params["lead"], params["lag"]).update
+
+
+def stiction(params: dict[str, float]) -> Callable[..., tuple[float, int, int]]:
+    names = ("k", "ti", "size", "limit", "hold", "period", "band", "far", "rate", "release", "travel", "watch")
+    block = Stiction(
+        ("knocker", "reinforcement", "two_moves")[int(params["push"]) - 1],
+        **{name: params[name] for name in names if name in params},
+        withdraw=params.get("withdraw", 1) == 1,
+        limits=(params["low"], params["high"]) if "low" in params else None,
+    )
+    standings = _glapp.standings()
+
+    def update(e: float, u: float, enable: float, flags: float, h: float) -> tuple[float, int, int]:
+        u_ff = block.update(e, u, h, enable=bool(enable), flags=int(flags))
+        return u_ff, standings.index(block.standing), block.direction
+
+    return update
 
 
 def rate_limit(params: dict[str, float]) -> Callable[..., float]:
@@ -507,6 +525,7 @@ MAKERS = {
     "rate_limit": rate_limit,
     "safety_net": safety_net,
     "saturation": saturation,
+    "stiction": stiction,
     "swing": swing,
     "tuning": tuning,
     "width": width,

@@ -158,6 +158,134 @@ def saturation_cases() -> Iterator[dict[str, Any]]:
     yield case("not a number passes", ["NotANumber"], {"low": 0.0, "high": 1.0}, [0.5, NAN, 2.0])
 
 
+def stiction(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Pushes for a valve that sticks: pulses, a constant towards where u goes, or two moves."""
+    push, size, ti = int(params["push"]), params["size"], params["ti"]
+    two_moves = push == 3
+    hold = params.get("hold", ti if two_moves else ti / 10.0)
+    period = params.get("period", 10.0 * ti if two_moves else ti / 5.0)
+    band, far = params.get("band", size / 10.0), params.get("far", 0.0)
+    rate, release = params.get("rate", 1e37), params.get("release", min(ti, 300.0))
+    budget = params.get("travel", 1e37)
+    low, high = params.get("low", -math.inf), params.get("high", math.inf)
+    judge = _Judge(params.get("watch", 300.0 * ti), size / 10.0)
+    last: float | None = None
+    lowest = highest = time = u_ff = whole = travel = 0.0
+    direction = withdrawn = 0
+    in_force = False
+    rows = []
+    for step, (e, u, enable, flags) in zip(h, samples, strict=True):
+        bad = int(flags) & 2 != 0 or not (math.isfinite(e) and math.isfinite(u))
+        timed, begins = 0.0 < step <= 1e9, False
+        if timed:
+            travel = max(travel - budget * (step / 7200.0), 0.0)
+        if timed and not bad and last is None:
+            last = lowest = highest = u
+        elif timed and not bad:
+            time += step
+            if push == 1 and time >= period:
+                direction = 1 if u - last > band else -1 if last - u > band else direction
+                begins, last = True, u
+            elif two_moves and time >= period and abs(e) > far:
+                begins, direction = True, 1 if (e > 0.0) == (params["k"] > 0.0) else -1
+            elif push == 2:
+                lowest, highest = min(lowest, u), max(highest, u)
+                turned = 1 if direction <= 0 and u - lowest > band else 0
+                turned = -1 if not turned and direction >= 0 and highest - u > band else turned
+                if turned:
+                    begins, direction, lowest, highest = True, turned, u, u
+            if begins:
+                time, begins = 0.0, direction != 0
+        if not enable:
+            withdrawn, standing = 0, 1
+        elif int(flags) & 1:
+            standing = 2
+        elif bad:
+            standing = 3
+        elif withdrawn:
+            standing = withdrawn
+        elif int(flags) & 12 or u - size < low or u + size > high:
+            standing = 8
+        elif size <= 0.0:
+            standing = 9
+        elif begins:
+            standing = 0
+            if (travel + abs(u_ff) + (4.0 if two_moves else 2.0) * size) * 2.0 > budget:
+                withdrawn = standing = 6
+        else:
+            standing = 0 if in_force else 10
+        in_force = standing == 0
+        if standing == 2:
+            u_ff = whole = 0.0
+        elif timed:
+            before, goal = u_ff, 0.0
+            if in_force:
+                whole, most = 0.0, rate * step
+                if push == 2 or time < hold:
+                    goal = size
+                elif two_moves and time < 2.0 * hold:
+                    goal = -size
+                goal = -goal if direction < 0 and goal else goal
+            else:
+                whole = max(whole, abs(u_ff))
+                most = whole / release * step
+            u_ff = u_ff + most if goal > u_ff + most else u_ff - most if goal < u_ff - most else goal
+            travel += abs(u_ff - before)
+            known = in_force or (standing == 1 and not bad and flags == 0.0)
+            worse = known and judge.worse(e, u, step, in_force)
+            if not known:
+                judge.broken_off(anew=standing == 1)
+            if worse and params.get("withdraw", 1.0) == 1.0 and not withdrawn:
+                withdrawn = 11
+        rows.append([u_ff, float(standing), float(direction)])
+    return rows
+
+
+def stiction_cases() -> Iterator[dict[str, Any]]:
+    """Each push in a loop that swings: enabled, near a limit, where something is lost, poor, uneven and worse."""
+    usual = {"k": 1.5, "ti": 4.0, "size": 2.0}
+
+    def swings(seed: int, n: int, period: int = 40) -> list[list[float]]:
+        noise = Random(seed)
+        wave = [math.sin(2.0 * math.pi * i / period) for i in range(n)]
+        return [[x + 0.05 * noise.random(), 50.0 - 3.0 * x + 0.1 * noise.random(), 1.0, 0.0] for x in wave]
+
+    for push, name in ((1, "knocker"), (2, "reinforcement"), (3, "two moves")):
+        own = {"period": 10.0, "hold": 2.0} if push == 3 else {}
+        params = usual | {"push": push, "far": 0.5} | own
+        one = swings(push, 160)
+        yield {"comment": f"{name}: a loop that swings", "flags": [], "params": params, "input": one, "h": 0.5}
+        late = [[e, u, float(i > 30), flags] for i, (e, u, _, flags) in enumerate(swings(10 + push, 120))]
+        off = params | {"rate": 1.5, "low": 45.2, "high": 55.1}
+        yield {
+            "comment": f"{name}: enabled later, by a rate, near a limit",
+            "flags": ["Edge"],
+            "params": off,
+            "input": late,
+        }
+        lost = swings(20 + push, 160)
+        for i, flag in ((60, 2.0), (61, 2.0), (80, 1.0), (100, 4.0), (101, 4.0), (120, 8.0)):
+            lost[i][3] = flag
+        lost[140][0] = lost[150][1] = NAN
+        yield {"comment": f"{name}: what is lost", "flags": ["Loss"], "params": params, "input": lost, "h": 0.5}
+        poor = params | {"travel": 60.0, "k": -1.5}
+        yield {"comment": f"{name}: a budget; direct action", "flags": ["Budget", "Sign"], "params": poor, "input": one}
+        steps = [0.5, 0.5, 0.3, 0.0, 1.2, -1.0, 0.5, 2e9]
+        uneven = [steps[i % len(steps)] for i in range(160)]
+        yield {
+            "comment": f"{name}: steps of any length",
+            "flags": ["IrregularStep"],
+            "params": params,
+            "input": one,
+            "h": uneven,
+        }
+        worse = [
+            [(1.0 + 2.0 * (i > 700)) * e, u, float(i > 700), 0.0] for i, (e, u, *_) in enumerate(swings(push, 2000))
+        ]
+        watched = params | {"watch": 150.0}
+        yield {"comment": f"{name}: worse than before", "flags": ["Harm"], "params": watched, "input": worse, "h": 0.5}
+
+
 def rate_limit(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
     """Follow the input by at most rate·h a sample."""
     output = None
@@ -3091,6 +3219,23 @@ BLOCKS: dict[
             "NotANumber": "a bad sample that poisons the output, or is taken for the beginning",
         },
     ),
+    "stiction": (
+        stiction,
+        lambda: ({"h": 0.5} | one for one in stiction_cases()),
+        ["e", "u", "enable", "flags"],
+        ["u_ff", "standing", "direction"],
+        "Pushes for a valve that sticks; push 1 knocker, 2 constant reinforcement, 3 two moves. Not given: limit size, "
+        "hold Ti/10 (two moves Ti), period Ti/5 (two moves 10 Ti), band size/10, release Ti, watch 300 Ti, no rate, no "
+        "budget. standing as of compensation.",
+        {
+            "Edge": "a push before it is enabled, beyond its rate, or through a limit of OP",
+            "Loss": "a push that stays where a value is bad, a limit is reached, or the controller is in manual",
+            "Budget": "a push that the account does not allow",
+            "Sign": "a sign of K not heeded, or heeded where OP carries it",
+            "IrregularStep": "a time counted in samples",
+            "Harm": "a loop that is worse than before and is pushed on",
+        },
+    ),
     "compensation": (
         compensation,
         compensation_cases,
@@ -3450,6 +3595,7 @@ NULLS: dict[str, dict[str, str]] = {
     "noise": {"x": "no number"},
     "noise_level": {"x": "not given"},
     "phase_lead": {"x": "no number"},
+    "stiction": {"e": "no number", "u": "no number"},
     "pid": {"ysp": "no number", "yf": "no number", "u_manual": "not given"},
     "pid_advanced": {
         "pv": "no number",

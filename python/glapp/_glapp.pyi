@@ -87,6 +87,34 @@ class RateLimit:
     def __init__(self, rate: float) -> None: ...
     def update(self, x: float, h: float) -> float: ...
 
+class Stiction:
+    """Pushes against the stiction of a valve: "knocker", "reinforcement" or "two_moves"; without limits: none."""
+
+    def __init__(
+        self,
+        push: str,
+        *,
+        k: float,
+        ti: float,
+        size: float,
+        limit: float | None = None,
+        hold: float | None = None,
+        period: float | None = None,
+        band: float | None = None,
+        far: float = 0.0,
+        rate: float | None = None,
+        release: float | None = None,
+        travel: float | None = None,
+        watch: float | None = None,
+        withdraw: bool = True,
+        limits: tuple[float, float] | None = None,
+    ) -> None: ...
+    def update(self, e: float, u: float, h: float, *, enable: bool, flags: int = 0) -> float: ...
+    @property
+    def standing(self) -> str: ...
+    @property
+    def direction(self) -> int: ...
+
 class Compensation:
     """Feed-forward that carries the valve through its gap (thesis 2.2); without limits: none.
 

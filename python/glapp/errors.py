@@ -28,6 +28,9 @@ class InputError(ValueError):
         The refused value, and the bound in words ("> 0 s").
     hint : str, optional
         What to do about it.
+    asks : {"columns", "day order", "time unit"}, optional
+        What a person could say for the file to be read: which columns are the signals; which number of a date is the
+        day; what numbers in the column of times count.
 
     Examples
     --------
@@ -50,6 +53,7 @@ class InputError(ValueError):
         value: object = None,
         bound: str | None = None,
         hint: str | None = None,
+        asks: str | None = None,
     ) -> None:
         self.what = _one_line(what)
         self.file = file
@@ -61,6 +65,7 @@ class InputError(ValueError):
         self.value = value
         self.bound = bound
         self.hint = hint
+        self.asks = asks
         super().__init__(self.what)
 
     def __str__(self) -> str:

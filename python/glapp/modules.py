@@ -72,10 +72,12 @@ __all__ = [
     "PidAdvanced",
     "Plant",
     "ProcessSim",
+    "Push",
     "RateLimit",
     "Resolution",
     "Saturation",
     "Source",
+    "Stiction",
     "Sum",
     "TuneRule",
     "Unfit",
@@ -188,10 +190,14 @@ class FrictionModel(enum.IntEnum):
         Once loose, the stem follows until its input stops or turns.
     HE
         It sticks again at every sample.
+    KARNOPP
+        A stem with mass on a spring of rate 1 (w = 8 rad/s), with static friction (s + j)/2 and Coulomb friction
+        (s − j)/2.
     """
 
     KANO = 1
     HE = 2
+    KARNOPP = 3
 
 
 class Flag(enum.IntFlag):
@@ -804,6 +810,87 @@ class BacklashDetection(_Compensating):
     ff_delay: int = 1
     ff_tolerance: float | None = None
     ff_longest: float | None = None
+
+
+class Push(enum.IntEnum):
+    """How `Stiction` pushes a valve that sticks (`docs/compensation.md`).
+
+    Attributes
+    ----------
+    KNOCKER
+        Pulses, towards where the output has gone since the one before.
+    REINFORCEMENT
+        A constant towards where the output goes.
+    TWO_MOVES
+        One that breaks the stem loose and one back, where PV stays off SP.
+
+    Examples
+    --------
+    >>> Push.TWO_MOVES.name
+    'TWO_MOVES'
+    """
+
+    KNOCKER = 1
+    REINFORCEMENT = 2
+    TWO_MOVES = 3
+
+
+@dataclass(frozen=True)
+class Stiction(Module):
+    """Pushes for a valve that sticks. Connect its output to the controller's `ff`: OP and its flags come back there.
+
+    It pushes as soon as `"compensate"` is set to 1, with the next push that begins. Read `u_ff`, `standing` (0: it
+    compensates, else why not, as of `BacklashDetection`) and `direction`.
+
+    Parameters
+    ----------
+    push : Push
+        How it is pushed.
+    k, ti : float
+        Settings of the controller in ideal form; the sign of `k` counts for `Push.TWO_MOVES` alone.
+    size : float
+        Height of a push, ≥ 0 [unit of the output].
+    limit : float, optional
+        Greatest height, ≥ size [unit of the output]; the size where not given.
+    hold : float, optional
+        Length of a pulse, or of each of two moves, > 0, ≤ 10 Ti [s]; where not given Ti/10, of two moves Ti.
+    period : float, optional
+        Time from one push to the next, ≥ 2 hold, ≤ 1000 Ti [s]; where not given Ti/5, of two moves 10 Ti.
+    band : float, optional
+        How far the output must go before that is a direction, ≥ 0 [unit of the output]; a tenth of the size where not
+        given.
+    far : float
+        Two moves: how far PV must be off SP, ≥ 0 [unit of PV].
+    rate : float, optional
+        Greatest rate, > 0 [unit of the output per s]; none where not given.
+    release : float, optional
+        Time in which it is taken away, > 0, ≤ 10 Ti and ≤ 300 [s]; Ti where not given, or 300 s where that is shorter.
+    travel : float, optional
+        Budget in any hour, > 0 [unit of the output]; none where not given.
+    watch : float, optional
+        Time over which the loop is compared with what it was before, > 0, ≤ 10⁵ Ti [s]; 300 Ti where not given.
+    withdraw : bool
+        Whether it is withdrawn where the loop is worse than before.
+    op_low, op_high : float, optional
+        Limits of the output.
+    """
+
+    push: Push
+    k: float
+    ti: float
+    size: float
+    limit: float | None = None
+    hold: float | None = None
+    period: float | None = None
+    band: float | None = None
+    far: float = 0.0
+    rate: float | None = None
+    release: float | None = None
+    travel: float | None = None
+    watch: float | None = None
+    withdraw: bool = True
+    op_low: float | None = None
+    op_high: float | None = None
 
 
 class Graph:

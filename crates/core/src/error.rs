@@ -14,7 +14,7 @@ pub struct ParameterError {
 
 /// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
 /// number (`ErrorID`).
-pub const PARAMETERS: [&str; 78] = [
+pub const PARAMETERS: [&str; 82] = [
     "k",
     "ti",
     "td",
@@ -93,6 +93,10 @@ pub const PARAMETERS: [&str; 78] = [
     "k of row 8",
     "ti of row 8",
     "td of row 8",
+    "push",
+    "hold",
+    "period",
+    "far",
 ];
 
 impl ParameterError {

@@ -23,6 +23,7 @@ mod rate_limit;
 mod saturation;
 mod sim;
 mod step_test;
+mod stiction;
 mod tuning;
 mod windows;
 mod words;
@@ -99,6 +100,8 @@ mod _glapp {
     use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, valve_positions, watch};
     #[pymodule_export]
     use crate::step_test::ManualRows;
+    #[pymodule_export]
+    use crate::stiction::Stiction;
     #[pymodule_export]
     use crate::tuning::{
         amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, point_placement, simc,

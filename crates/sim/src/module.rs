@@ -21,6 +21,7 @@ mod process_sim;
 mod rate_limit;
 mod resolution;
 mod saturation;
+mod stiction;
 mod sum;
 
 pub(crate) use resolution::rounded;
@@ -39,7 +40,7 @@ pub(crate) type Inputs = [Forward<f64>; MOST_INPUTS];
 pub(crate) type Told = [Backward<f64>; MOST_INPUTS];
 
 /// All kinds, in the order of the documentation.
-static KINDS: [&Kind; 18] = [
+static KINDS: [&Kind; 19] = [
     &input::KIND,
     &output::KIND,
     &noise::KIND,
@@ -58,6 +59,7 @@ static KINDS: [&Kind; 18] = [
     &pid_advanced::KIND,
     &auto_tuner::KIND,
     &backlash_detection::KIND,
+    &stiction::KIND,
 ];
 
 /// A kind of modules.
@@ -224,6 +226,7 @@ impl Kind {
 /// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `detector_tf` (it sees what the controller sees), `n` (9), `sp_rate` (none), and the autotuner's: `tune_amplitude` (0: none), `tune_wait`, `tune_longest`, `tune_pv_low`, `tune_pv_high`, `tune_relay_hysteresis` (from noise), `tune_d` (0), `tune_rule` (1) |
 /// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `relay_hysteresis` (from noise), `d` (0), `max_h` (3h) |
 /// | `BacklashDetection` | sp, pv (op, flags, u_ff) | `k`, `ti`, `td` (0), `b` (1), `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h), `ff_delay` (1), `ff_tolerance` (a tenth of the size), `ff_longest` (by the way) |
+/// | `Stiction` | sp, pv | `push` (1 knocker, 2 reinforcement, 3 two moves), `k`, `ti`, `size`, `limit` (the size), `hold`, `period`, `band`, `far` (0), `rate`, `release`, `travel`, `watch`, `withdraw` (1), `op_low`, `op_high` (not known) |
 ///
 /// With `flags` connected a `BacklashDetection` stands beside a controller that is no module here, and takes all from its inputs
 /// ([`ForeignDetection`](glapp_core::modules::ForeignDetection)).
@@ -237,7 +240,7 @@ impl Kind {
 /// `tune_rule` is 1 point placement, 2 AMIGO PI, 3 AMIGO PID.
 ///
 /// `start` is where it rests at the beginning: the process value, a valve's position, or a controller's output; `model` of
-/// friction is 1 Kano, 2 He; a `RateLimit` with `told` 0 holds back and tells nobody.
+/// friction is 1 Kano, 2 He, 3 Karnopp; a `RateLimit` with `told` 0 holds back and tells nobody.
 #[derive(Clone, Debug)]
 pub struct Module {
     pub(crate) kind: &'static Kind,

@@ -24,7 +24,11 @@ _WIDEST = 40
 _TIMES = 3
 """So many questions of one file."""
 _SIGNALS = (("time", "the time"), ("pv", "PV"), ("op", "OP"), ("sp", "SP"))
-_ORDERS = ("day first", "month first")
+_FORMATS = {
+    "day order": ("day first", "month first"),
+    "time unit": ("milliseconds", "seconds", "minutes", "hours", "days", "excel", "matlab", "julian"),
+}
+"""What `time_format` may be, by what is asked."""
 
 
 def can_ask() -> bool:
@@ -40,11 +44,10 @@ def asked(opened: Sequence[Recording | Valve | Refused], settings: dict[str, Any
 def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
     file, given, error = Path(entry.source), dict(settings), entry.error
     for _ in range(_TIMES):
-        kind = _question(error)
-        if kind is None:
+        if error.asks is None:
             break
         try:
-            given = _time_format(file, error, given) if kind == "time_format" else _columns(file, error, given)
+            given = (_columns if error.asks == "columns" else _time_format)(file, error, given)
         except (EOFError, InputError):
             break
         found = opened_with(file, given)
@@ -53,12 +56,6 @@ def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | R
             return found
         error = next(one.error for one in found if isinstance(one, Refused))
     return [Refused(entry.name, entry.source, error, entry.loop)]
-
-
-def _question(error: InputError) -> str | None:
-    """The key of the settings that the error asks for."""
-    hint = error.hint or ""
-    return "time_format" if "--time-format" in hint else "columns" if "columns = {" in hint else None
 
 
 def _columns(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, Any]:
@@ -88,11 +85,12 @@ def _columns(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, 
 
 def _time_format(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, Any]:
     err.print(f"\n{file}: {error.what}.")
-    for i, order in enumerate(_ORDERS, start=1):
-        err.print(f"  {i}  {order}")
-    while (choice := _number("Which one? A number: ", len(_ORDERS))) is None:
+    formats = _FORMATS[error.asks or ""]
+    for i, one in enumerate(formats, start=1):
+        err.print(f"  {i}  {one}")
+    while (choice := _number("Which one? A number: ", len(formats))) is None:
         pass
-    return {**given, "time_format": _ORDERS[choice - 1]}
+    return {**given, "time_format": formats[choice - 1]}
 
 
 def _number(question: str, most: int) -> int | None:

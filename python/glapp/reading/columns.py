@@ -318,6 +318,7 @@ def choose(
             file=label,
             loop=loop.name if group is None else None,
             hint=f'name it: --{key} NAME, or in loops.toml columns = {{ {key} = "NAME" }}',
+            asks="columns",
         )
     return chosen
 
@@ -354,6 +355,7 @@ def _guess(signals: Signals, role: str, group: str | None, label: str, kind: str
             f"the {kind}s {' and '.join(repr(f) for f in fits)} could both be {LABELS[role]}",
             file=label,
             hint=f'name the right one{option} in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
+            asks="columns",
         )
     return fits[0] if fits else None
 

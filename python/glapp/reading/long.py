@@ -222,6 +222,7 @@ class _Store:
             tag=tag,
             value=fault.value,
             hint=fault.hint,
+            asks=fault.asks,
         )
 
 

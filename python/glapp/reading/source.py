@@ -80,6 +80,7 @@ class Source(ABC):
             hint="write the columns' names in the first row, for instance t,SP,PV,OP,MODE; or name the columns by "
             "their numbers: --time 'column 1' --pv 'column 2' ..., or in loops.toml "
             'columns = { time = "column 1", pv = "column 2" }',
+            asks="columns",
         )
 
     def unit(self, column: int) -> str | None:

@@ -324,9 +324,9 @@ class Clock:
             return self._unit
         if step is not None and step < 0.004 and low > 25569 and high < 80000:
             what = f"{text} looks like a day number, but of which calendar?"
-            raise CellFault(0, what, _STATE_COUNT, text)
+            raise CellFault(0, what, _STATE_COUNT, text, "time unit")
         if high > 1e11:
-            raise CellFault(0, f"{text} is too large for seconds", _STATE_COUNT, text)
+            raise CellFault(0, f"{text} is too large for seconds", _STATE_COUNT, text, "time unit")
         return "seconds"
 
     def _told(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
@@ -447,7 +447,9 @@ class Clock:
                     has = "has a zone" if plan.zoned else "has no zone"
                     raise CellFault(at, f"'{text}' {has}, unlike the first row: mixed zones", value=text)
                 if "a" in plan.parts and self._day_first is None:
-                    raise CellFault(at, f"'{text}' can be read day first or month first", _STATE_ORDER, text)
+                    raise CellFault(
+                        at, f"'{text}' can be read day first or month first", _STATE_ORDER, text, "time_format"
+                    )
                 values, wrong = _convert(cells[same], plan, self._day_first)
                 if wrong.any():
                     at = int(rows[same][np.argmax(wrong)])
@@ -540,7 +542,7 @@ def _day_first(texts: Sequence[str]) -> bool:
         consecutive = [day_first for day_first, s in steps.items() if s == {1}]
         if len(consecutive) == 1:
             return consecutive[0]
-    raise CellFault(0, f"'{texts[0]}' can be read day first or month first", _STATE_ORDER, texts[0])
+    raise CellFault(0, f"'{texts[0]}' can be read day first or month first", _STATE_ORDER, texts[0], "day order")
 
 
 def _hint(text: str) -> str | None:

@@ -63,9 +63,11 @@ def _grouped(group: str) -> str:
 class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputError does)
     """A cell that cannot be used: its index in the batch at hand, its text, and what is wrong with it."""
 
-    def __init__(self, index: int, what: str, hint: str | None = None, value: object = None) -> None:
+    def __init__(
+        self, index: int, what: str, hint: str | None = None, value: object = None, asks: str | None = None
+    ) -> None:
         super().__init__(what)
-        self.index, self.what, self.hint, self.value = index, what, hint, value
+        self.index, self.what, self.hint, self.value, self.asks = index, what, hint, value, asks
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,6 +123,7 @@ class WideRecording(Recording):
                 loop=loop.name,
                 hint='name it: --time NAME, or in loops.toml columns = { time = "NAME" }; or say how far rows are '
                 "apart: --sample-time SECONDS, or sample_time in loops.toml",
+                asks="columns",
             )
         at = self._at.get("quality")
         try:
@@ -252,6 +253,7 @@ class WideRecording(Recording):
             column=self.columns[LABELS[role]],
             value=fault.value,
             hint=fault.hint,
+            asks=fault.asks,
         )
 
 

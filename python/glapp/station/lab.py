@@ -47,6 +47,7 @@ KINDS: dict[str, type[Module]] = {
         "PidAdvanced",
         "AutoTuner",
         "BacklashDetection",
+        "Stiction",
     )
 }
 """Modules that a form can make: their parameters are numbers."""

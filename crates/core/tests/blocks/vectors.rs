@@ -10,10 +10,10 @@ use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
     CompensationSettings, CompensationState, Conditions, Correction, CorrectionState, Derivative, Detector,
     DetectorSettings, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel,
-    NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState,
+    NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState, Push,
     RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Source, Standing, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign,
-    WrongSignState, ZeroCrossing,
+    SecondOrderFilterState, Source, Standing, Stiction, StictionSample, StictionSettings, StictionState, Sum, Swing,
+    SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -433,6 +433,40 @@ fn pid() {
             } else {
                 block.track(&mut state, x[0], x[1], x[2], h)
             }
+        });
+    }
+}
+
+#[test]
+fn stiction() {
+    for case in cases("stiction") {
+        let push = Push::ALL[case.given("push") as usize - 1];
+        let usual = StictionSettings::new(push, case.given("k"), case.given("ti"), case.given("size"));
+        let or = |name, usual: f64| case.param(name).unwrap_or(usual);
+        let limits = match (case.param("low"), case.param("high")) {
+            (Some(low), Some(high)) => Saturation::new(low, high).unwrap(),
+            _ => Saturation::none(),
+        };
+        let block = Stiction::new(StictionSettings {
+            limit: or("limit", usual.limit),
+            hold: or("hold", usual.hold),
+            period: or("period", usual.period),
+            band: or("band", usual.band),
+            far: or("far", usual.far),
+            rate: or("rate", usual.rate),
+            release: or("release", usual.release),
+            travel: or("travel", usual.travel),
+            watch: or("watch", usual.watch),
+            withdraw: or("withdraw", 1.0) != 0.0,
+            limits,
+            ..usual
+        })
+        .unwrap();
+        let mut state = StictionState::default();
+        case.check_all(|x, h| {
+            let sample = StictionSample { e: x[0], u: x[1], h, enable: x[2] != 0.0, flags: x[3] as u16 };
+            let u_ff = block.update(&mut state, &sample);
+            Some(vec![u_ff, f64::from(state.standing as u8), f64::from(state.direction)])
         });
     }
 }

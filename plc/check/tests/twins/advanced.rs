@@ -86,12 +86,13 @@ fn vectors<R: Number>(with_vectors: bool) {
                 if name == "pid_settings" {
                     told(&mut pins, if i == 0 { 2.0 } else { f64::NAN }, f64::NAN, 0.0);
                     pins.option("SpRate", Some(x[2]));
-                    pins.option("Rate", Some(x[3]));
+                    // 0 on the pin is no limit: of the numbers that are wrong it holds another.
+                    pins.option("Rate", Some(if x[3] == 0.0 { -1.0 } else { x[3] }));
                 } else if name == "pid_tuner" {
                     let &[_, _, mode, flags, tune, take] = &x[..] else { panic!("six inputs") };
                     told(&mut pins, mode, f64::NAN, flags);
                     if !tune.is_nan() {
-                        pins.set("Run", tune);
+                        pins.set("Execute", tune);
                     }
                     pins.set("Cut", take);
                     if take == 1.0 {
@@ -174,7 +175,7 @@ const SETTINGS: [&str; 41] = [
     "Source",
     "Size",
     "Share",
-    "Most",
+    "MaxWidth",
     "Band",
     "OpTf",
     "FfRate",
@@ -191,7 +192,7 @@ const SETTINGS: [&str; 41] = [
 /// Settings that may be there or not.
 const OPTIONS: [&str; 10] =
     ["Low", "High", "Rate", "MaxH", "Kp", "PvSpan", "OpSpan", "DetectorTf", "SpRate", "RelayHysteresis"];
-const SWITCHES: [&str; 5] = ["HasCompensation", "HasTuner", "Integrating", "Struck", "Withdraw"];
+const SWITCHES: [&str; 5] = ["HasCompensation", "HasTuner", "Integrating", "Contradicted", "Withdraw"];
 
 /// Three lags behind the valve.
 struct Process {
@@ -322,9 +323,9 @@ impl Loop {
             }
             _ => {
                 let whole = d.of(&[0.0, -1.0, 1.0, 2.0, 3.0, 4.0, 9.0, 33.0]);
-                let number = d.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0, 0.0, 2.0, 50.0]);
+                let number = d.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -2.0, 0.0, 2.0, 50.0]);
                 self.row.set(pin, if WHOLE.contains(&pin) { whole } else { number });
-                if OPTIONS.contains(&pin) || ["Most", "Band", "FfRate", "Release"].contains(&pin) {
+                if OPTIONS.contains(&pin) || ["MaxWidth", "Band", "FfRate", "Release"].contains(&pin) {
                     self.row.set(&format!("Has{pin}"), 1.0);
                 }
             }
@@ -344,7 +345,7 @@ impl Loop {
                 let value = self.usual.get(pin);
                 self.row.set(pin, value);
             }
-            for pin in OPTIONS.into_iter().chain(["Most", "Band", "FfRate", "Release"]) {
+            for pin in OPTIONS.into_iter().chain(["MaxWidth", "Band", "FfRate", "Release"]) {
                 let has = format!("Has{pin}");
                 let value = self.usual.get(&has);
                 self.row.set(&has, value);
@@ -397,11 +398,11 @@ impl Loop {
                 self.row.option(pin, d.chance(0.5).then_some(value));
             }
         }
-        let run = self.row.on("Run");
-        let (ended, going) = (!block.on("Tuning") && d.chance(0.05), d.chance(0.1 * self.wrong));
+        let run = self.row.on("Execute");
+        let (ended, going) = (!block.on("Busy") && d.chance(0.05), d.chance(0.1 * self.wrong));
         let often = if self.process.is_some() { 0.1 } else { 0.01 };
         let run = if run { !ended && !going } else { d.chance(often) && block.get("Phase") != 4.0 };
-        self.row.set("Run", f64::from(run));
+        self.row.set("Execute", f64::from(run));
         if block.on("HasOffer") && d.chance(0.02) {
             // Taken over.
             for (pin, offered) in [("K", "OfferK"), ("Ti", "OfferTi"), ("Td", "OfferTd")] {
@@ -545,9 +546,12 @@ fn random<R: Number>() {
     warns::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
-    cover.parts("GlappPid", &INSIDE.map(|line| if line == "IF HasUsed THEN" { "IF Forth THEN" } else { line }));
+    cover.parts(
+        "GlappPid",
+        &INSIDE.map(|line| if line == "IF Inner.HasUsed THEN" { "IF Inner.Forth THEN" } else { line }),
+    );
     for pou in ["GlappPid", "GlappAutoTuner"] {
-        cover.takes(pou, &["IF HasUsed THEN"]);
+        cover.takes(pou, &["IF Inner.HasUsed THEN"]);
     }
 }
 
@@ -567,7 +571,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     {
         usual.option(pin, Some(1.0));
     }
-    for (pin, value) in [("Most", 2.0), ("Travel", 9.0), ("Reversals", 9.0)] {
+    for (pin, value) in [("MaxWidth", 2.0), ("Travel", 9.0), ("Reversals", 9.0)] {
         usual.option(pin, Some(value));
     }
     let rows = ROWS.into_iter().flatten();
@@ -575,7 +579,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     let mut told = std::collections::BTreeSet::new();
     for pin in SETTINGS.into_iter().chain(rows).chain(rest) {
         // Bounds themselves among them, some by what the others are.
-        let bounds = [-1.0, 0.0, 1.0, 1.125, 1.875, 2.0, 4.0, 9.0, 10.0, 1e33, -1e33, 1e37, -1e37];
+        let bounds = [-2.0, -1.0, 0.0, 1.0, 1.125, 1.875, 2.0, 4.0, 9.0, 10.0, 1e33, -1e33, 1e37, -1e37];
         let whole = [-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 8.0, 9.0, 31.0, 32.0, 33.0];
         let values = if WHOLE.contains(&pin) { whole.to_vec() } else { [&NONE[..], &bounds].concat() };
         for value in &values {
@@ -683,7 +687,7 @@ fn coarse<R: Number>(cover: &mut Cover) {
             beside(&mut reference, &block, &pins, seed, i);
             if i % 4 == 3 && !block.on("Error") {
                 let state = reference.state.as_ref().expect("it has run");
-                block.remembers(&state.detection.compensation, &[("/pressed", "Pressed")]);
+                block.remembers(&state.detection.compensation, &[("/pressed", "FrozenWidth")]);
             }
         }
         cover.collect(&block);
@@ -718,7 +722,7 @@ fn own_filter<R: Number>(cover: &mut Cover) {
 fn warns<R: Number>(cover: &mut Cover) {
     let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
     let mut pins = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("HasOwnSp", 1.0), ("Start", 5.0), ("N", 1.0)]);
-    pins.set_all(&[("HasCompensation", 1.0), ("Size", 4.0), ("Lessen", 0.0), ("HasKp", 1.0), ("Kp", 2.0)]);
+    pins.set_all(&[("HasCompensation", 1.0), ("Size", 4.0), ("ReduceByEstimate", 0.0), ("HasKp", 1.0), ("Kp", 2.0)]);
     pins.option("Band", Some(0.0));
     pins.set("Withdraw", 0.0);
     let mut warned = false;
@@ -760,7 +764,7 @@ fn relay_and_gain<R: Number>(cover: &mut Cover) {
                 // Its last lag integrates.
                 process.x[2] = before + 0.2 * process.x[1];
             }
-            pins.set_all(&[("Pv", pv), ("Run", f64::from(i > 2))]);
+            pins.set_all(&[("Pv", pv), ("Execute", f64::from(i > 2))]);
             beside(&mut reference, &block, &pins, rate as u64, i);
             if block.get("Phase") >= 4.0 {
                 break;
@@ -798,7 +802,7 @@ fn by_a_kp_that_was_found<R: Number>(cover: &mut Cover) {
         } else {
             process.step(block.get("Output"), 0.2, &mut draw)
         };
-        pins.set_all(&[("Pv", pv), ("Run", f64::from(i > 2 && !found))]);
+        pins.set_all(&[("Pv", pv), ("Execute", f64::from(i > 2 && !found))]);
         beside(&mut reference, &block, &pins, 0, i);
         if swings > 160 {
             doubts.insert(block.get("Doubt") as i16);
@@ -827,7 +831,7 @@ fn difference(expected: &[f64], got: &[f64], row: &Row, seed: u64, i: usize) -> 
 fn power<R: Number>(cover: &mut Cover) {
     let block = Block::new::<R>("GlappPidAdvanced");
     let mut pins = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("HasOwnSp", 1.0), ("Start", 5.0), ("N", 3.0)]);
-    pins.set_all(&[("HasKp", 1.0), ("Kp", 2.0), ("HasCompensation", 1.0), ("Size", 1.0), ("Lessen", 0.0)]);
+    pins.set_all(&[("HasKp", 1.0), ("Kp", 2.0), ("HasCompensation", 1.0), ("Size", 1.0), ("ReduceByEstimate", 0.0)]);
     let mut reference = Reference::<R>::default();
     let mut run = |pins: &mut Row, from: usize, to: usize| {
         for i in from..to {

@@ -209,7 +209,7 @@ fn random<R: Number>() {
         "GlappOverCompensation",
         "GlappWrongSign",
         "GlappCompensation",
-        "GlappCompensationSettings",
+        "GlappCompensationCheck",
         "GlappHarm",
         "GlappMean",
         "GlappBeyond",
@@ -435,7 +435,7 @@ fn inside<R: Number>(cover: &mut Cover) {
             block.call();
         }
         // As after power-up it waits for a reversal, also where it was in force and may come in at once.
-        block.set_all(&[("Used.Size", 1.0), ("Used.Share", 1.0), ("Used.Most", 9.0), ("Used.Travel", 1e37)]);
+        block.set_all(&[("Used.Size", 1.0), ("Used.Share", 1.0), ("Used.MaxWidth", 9.0), ("Used.Travel", 1e37)]);
         block.set_all(&[("Used.Reversals", 1e37), ("Used.Low", -100.0), ("SeenOff", 1.0), ("Compensate", 1.0)]);
         for (u, restart, standing) in [(0.0, 0.0, 10.0), (2.0, 0.0, 10.0), (-2.0, 0.0, 0.0), (-2.0, 1.0, 10.0)] {
             block.set_all(&[("U", u), ("Restart", restart)]);

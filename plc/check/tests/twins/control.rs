@@ -77,7 +77,7 @@ fn of_vector(twin: &Twin, case: &Case, x: &[f64], h: f64) -> Row {
             row
         }
         "auto_tuner_module" => {
-            let inputs = [("Enable", 1.0), ("Run", x[2]), ("X", x[0]), ("Pv", x[1]), ("BackTracking", x[4])];
+            let inputs = [("Enable", 1.0), ("Execute", x[2]), ("X", x[0]), ("Pv", x[1]), ("BackTracking", x[4])];
             let mut row = Row::new(twin, &inputs);
             let told = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
             row.set_all(&told.map(|(pin, bit)| (pin, flag(x[3], bit))));
@@ -380,8 +380,8 @@ impl Signals {
             if d.chance(0.7) {
                 let pin = d.of(self.settings);
                 let usual = self.usual.get(pin);
-                let large = if has("Run") { 1e31 } else { 1e20 };
-                let wrong = d.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0, 0.0, 2.0, large]);
+                let large = if has("Execute") { 1e31 } else { 1e20 };
+                let wrong = d.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -2.0, 0.0, 2.0, large]);
                 let value = if d.chance(0.4) { usual * d.between(0.5, 1.5) } else { wrong };
                 self.row.set(pin, if pin == "Rule" { d.of(&[1.0, 2.0, 3.0, 7.0]) } else { value });
             }
@@ -399,7 +399,7 @@ impl Signals {
             }
         }
         if has("H") && !self.settings.contains(&"H") {
-            let h = if has("Run") { 0.2 } else { 0.1 };
+            let h = if has("Execute") { 0.2 } else { 0.1 };
             let odd = d.of(&[0.0, -0.1, 5.0, f64::NAN, f64::INFINITY, 0.05, 1e-6]);
             let h = if d.chance(self.wrong) { odd } else { h };
             let h = if self.scans < 3 && self.wrong > 0.0 { 0.0 } else { h };
@@ -421,7 +421,7 @@ impl Signals {
             let on = f64::from(!d.chance(0.2 * self.wrong));
             self.row.set("Enable", on);
         }
-        if has("Run") {
+        if has("Execute") {
             // An experiment on a process, begun again and again.
             let y = last.get(3).copied().filter(|y| y.is_finite()).unwrap_or(5.0);
             let h = self.row.get("H");
@@ -434,10 +434,10 @@ impl Signals {
             let x = if self.scans % 450 < 225 { 5.0 } else { 4.5 };
             let x = self.or_none(d, x);
             self.row.set("X", x);
-            let run = self.row.on("Run");
+            let run = self.row.on("Execute");
             let toggles = if run { d.chance(0.1 * self.wrong) } else { d.chance(0.2) };
             let ended = last.get(9) == Some(&0.0) && d.chance(0.1);
-            self.row.set("Run", f64::from((run != toggles) && !ended));
+            self.row.set("Execute", f64::from((run != toggles) && !ended));
             for pin in ["BackAtLow", "BackAtHigh", "BackNotAuto", "PvBad"] {
                 let value = f64::from(d.chance(0.05 * self.wrong));
                 self.row.set(pin, value);
@@ -551,10 +551,10 @@ fn random<R: Number>() {
                 cost.scans += 1;
                 before = now;
                 refused += u64::from(twin.shown.contains(&"Error") && block.on("Error"));
-                if twin.pins.contains(&"Run") && !block.on("HasOffer") {
+                if twin.pins.contains(&"Execute") && !block.on("HasOffer") {
                     assert_eq!(block.all(&["OfferK", "OfferTi", "OfferTd"]), [0.0; 3]);
                 }
-                done += u64::from(twin.pins.contains(&"Run") && block.get("Phase") == 4.0);
+                done += u64::from(twin.pins.contains(&"Execute") && block.get("Phase") == 4.0);
             }
             collect(&mut taken, &block);
         }
@@ -664,12 +664,12 @@ fn coarse<R: Number>() {
                 let anew = d.chance(0.05);
                 still = if anew && d.chance(0.5) { 3 } else { i32::max(still - 1, 0) };
                 for pin in ["X", "Load", "Pv", "Sp", "Ff", "Ysp", "Yf", "BackTracking"] {
-                    if row.pins.contains(&pin) && !row.pins.contains(&"Run") {
+                    if row.pins.contains(&pin) && !row.pins.contains(&"Execute") {
                         row.set(pin, d.of(&[-1.0, -0.5, 0.0, 0.5, 1.0]));
                     }
                 }
                 for (pin, share) in [("XBad", 0.2), ("BackAtLow", 0.1), ("BackAtHigh", 0.1), ("BackNotAuto", 0.1)] {
-                    if row.pins.contains(&pin) && !row.pins.contains(&"Run") {
+                    if row.pins.contains(&pin) && !row.pins.contains(&"Execute") {
                         row.set(pin, f64::from(d.chance(share)));
                     }
                 }
@@ -810,13 +810,13 @@ fn told_before_it_is_good<R: Number>() {
         ];
         for (i, (good, is_told, reset, run)) in scans.into_iter().enumerate() {
             let mut row = usual.clone();
-            row.set_all(&[(told, f64::from(is_told)), ("Reset", f64::from(reset)), ("Run", f64::from(run))]);
+            row.set_all(&[(told, f64::from(is_told)), ("Reset", f64::from(reset)), ("Execute", f64::from(run))]);
             if !good {
                 row.set("MaxH", -1.0);
             }
             let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
             assert!(same(&expected, &shown), "{told}, scan {i}: {shown:?} instead of {expected:?}");
-            assert_eq!(block.on("Running"), run);
+            assert_eq!(block.on("Busy"), run);
         }
     }
 }
@@ -968,7 +968,7 @@ fn no_offer<R: Number>(taken: &mut [bool]) {
         let mut row = Row::new(&AUTO_TUNER, &[&usual[..], &limits].concat());
         for i in 0..1000 {
             let pv = process.step(if i == 0 { 5.0 } else { block.get("Y") }, 0.2, &mut draw);
-            row.set_all(&[("Pv", pv), ("Run", f64::from(i > 2))]);
+            row.set_all(&[("Pv", pv), ("Execute", f64::from(i > 2))]);
             let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
             assert!(same(&expected, &shown), "{rule}, {delay}, scan {i}: {shown:?} instead of {expected:?}");
             // What the bias brings, a load takes off.

@@ -18,7 +18,7 @@ const POUS: [&str; 6] = [
     "GlappCorrected",
     "GlappCorrection",
     "GlappBacklashDetection",
-    "GlappBacklashDetectionSettings",
+    "GlappBacklashDetectionCheck",
     "GlappForeignDetection",
 ];
 
@@ -439,7 +439,7 @@ fn coarse<R: Number>(cover: &mut Cover) {
             let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
             assert!(agree(&expected, &got), "coarse {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
             if i % 4 == 3 && !block.on("Error") {
-                block.remembers(&reference.state.detection.compensation, &[("/pressed", "Pressed")]);
+                block.remembers(&reference.state.detection.compensation, &[("/pressed", "FrozenWidth")]);
             }
             if more && i % 2 == 1 && !block.on("Error") {
                 reference.remembers(&block, &pins);
@@ -631,7 +631,7 @@ fn estimate_read_back<R: Number>(cover: &mut Cover) {
             pins.foreign.as_mut().unwrap().back = (i % 20 != 0).then_some(there);
             let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
             assert!(agree(&expected, &got), "{seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
-            block.remembers(&reference.state.detection.compensation, &[("/pressed", "Pressed")]);
+            block.remembers(&reference.state.detection.compensation, &[("/pressed", "FrozenWidth")]);
             standings.insert(block.get("Standing") as i16);
             handed = block.get("UFf");
         }
@@ -968,7 +968,7 @@ fn random<R: Number>() {
     inside::<R>(&mut cover);
     another_version::<R>(&mut cover);
     cover.holds(&POUS);
-    cover.takes("GlappDetector", &["IF HasUsed", "IF HasRaw"]);
+    cover.takes("GlappDetector", &["IF Inner.HasUsed", "IF Inner.HasRaw"]);
 }
 
 /// A program with another version of the retained variables is loaded: they are dropped, and that is told.
@@ -982,6 +982,7 @@ fn another_version<R: Number>(cover: &mut Cover) {
         block.0.borrow_mut().power_cut();
         block.0.borrow_mut().spoil("StateVersion", f64::from(version)).unwrap();
         block.0.borrow_mut().spoil("WholeKnown", 1.0).unwrap();
+        block.0.borrow_mut().spoil("WholeFound.Count", 1.0).unwrap();
         scan(&block, &pins);
         assert_eq!((block.on("Dropped"), block.on("HasWhole")), (dropped, !dropped));
     }

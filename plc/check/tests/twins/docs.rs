@@ -1,6 +1,6 @@
 //! `plc/blocks.md` explains every block, every pin has a description, and the examples run.
 
-use glapp_plc_check::{Build, Instance, Library, pins, sources};
+use glapp_plc_check::{Build, Instance, Library, members, pins, sources};
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {
@@ -28,7 +28,38 @@ fn every_block_is_explained_and_every_pin() {
         if text.contains("FUNCTION_BLOCK") {
             assert!(section(&page, &name).contains("{pins}"), "{name}: no place for its pins");
         }
+        // What others read or set: those of blocks within blocks are listed by name.
+        if text.contains("STRUCT") && page.contains(&format!("\n### {name}\n")) {
+            let (_, rest) = page.split_once(&format!("\n### {name}\n")).unwrap();
+            let part = rest.split("\n##").next().unwrap();
+            assert!(
+                part.contains(&members(&text)),
+                "{name}: its members are not those of the source:\n{}",
+                members(&text)
+            );
+            let bare = members(&text).lines().skip(2).any(|row| row.ends_with("|  |"));
+            assert!(!bare, "{name}: members without a description");
+        }
     }
+}
+
+/// Every structure that a pin has is told member by member, but for what a block shows of its inside.
+#[test]
+fn every_structure_of_a_pin_has_its_members_there() {
+    let page = page();
+    let inside =
+        ["Used", "GlappRecord", "GlappEstimate", "GlappHalfPeriodData", "GlappWidthParts", "GlappCorrectedWidth"];
+    let mut told = 0;
+    for (_, text) in sources(&folder(), Build::Lreal).unwrap() {
+        let pins = pins(&text);
+        for ty in pins.lines().skip(2).filter_map(|row| row.split(" | ").nth(2)).filter(|ty| ty.starts_with("Glapp")) {
+            if !inside.iter().any(|known| ty.ends_with(known)) {
+                assert!(page.contains(&format!("\n### {ty}\n")), "{ty} is not told");
+                told += 1;
+            }
+        }
+    }
+    assert!(told > 20, "{told}");
 }
 
 fn literal(text: &str) -> Option<f64> {

@@ -2,6 +2,7 @@
 
 mod advanced;
 mod bounds;
+mod codes;
 mod common;
 mod compensate;
 mod control;
@@ -16,5 +17,6 @@ mod open_pins;
 mod random;
 mod self_check;
 mod self_test;
+mod stiction;
 mod subset;
 mod vectors;

@@ -7,18 +7,18 @@ use glapp_core::{CompensationSettings, CompensationState, Conditions, Way};
 
 const HOLDERS: [(&str, &str); 5] = [
     ("GlappSafetyNet", "c"),
-    ("GlappDetectorSettings", "cd"),
+    ("GlappDetectorCheck", "cd"),
     ("GlappDetector", "cd"),
-    ("GlappBacklashDetectionSettings", "cdm"),
+    ("GlappBacklashDetectionCheck", "cdm"),
     ("GlappBacklashDetection", "cdms"),
 ];
 const OTHERS: [(&str, &str); 9] = [
     ("GlappPidAdvanced", "bnmsp"),
     ("GlappForeignDetection", "cdmsf"),
-    ("GlappCompensationSettings", "m"),
+    ("GlappCompensationCheck", "m"),
     ("GlappCompensation", "ms"),
     ("GlappWidth", "b"),
-    ("GlappPidSettings", "b"),
+    ("GlappPidCheck", "b"),
     ("GlappPidLaw", "b"),
     ("GlappPid", "bp"),
     ("GlappMedianMean", "n"),
@@ -45,7 +45,7 @@ fn open<R: Number>() {
             expected.push(("Way".into(), f64::from(usual.way as u8)));
             expected.push(("Source".into(), f64::from(usual.source as u8)));
             expected.push(("Share".into(), 1.0));
-            expected.extend([("Withdraw".into(), on(usual.withdraw)), ("Lessen".into(), on(usual.estimate))]);
+            expected.extend([("Withdraw".into(), on(usual.withdraw)), ("ReduceByEstimate".into(), on(usual.estimate))]);
         }
         if has('s') {
             expected.push(("Standing".into(), f64::from(CompensationState::<f64>::default().standing as u8)));
@@ -64,7 +64,7 @@ fn open<R: Number>() {
     for name in ["GlappBacklashDetection", "GlappForeignDetection", "GlappPidAdvanced"] {
         assert_eq!(Block::new::<R>(name).all(&["Unsuited", "Doubt"]), [1.0, 9.0], "{name}");
     }
-    assert_eq!(Block::new::<R>("GlappBacklashDetectionSettings").get("DelayScans"), 1.0);
+    assert_eq!(Block::new::<R>("GlappBacklashDetectionCheck").get("DelayScans"), 1.0);
     for name in ["GlappAutoTuner", "GlappPidAdvanced"] {
         assert_eq!(Block::new::<R>(name).get("Rule"), 1.0, "{name}");
     }

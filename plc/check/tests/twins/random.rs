@@ -15,7 +15,7 @@ use std::rc::Rc;
 /// The blocks and functions that a detector is made of; others have a file of their own.
 const OF_DETECTOR: [&str; 15] = [
     "Detector",
-    "DetectorSettings",
+    "DetectorCheck",
     "HalfPeriod",
     "IsNumber",
     "Measurable",
@@ -181,7 +181,7 @@ fn all<R: Number>() {
         }
         let source = text(&way.pou);
         let line = source.lines().nth(way.line - 1).unwrap();
-        let inside = line.trim().starts_with("IF HasUsed") || line.trim().starts_with("IF HasRaw");
+        let inside = line.trim().starts_with("IF Inner.HasUsed") || line.trim().starts_with("IF Inner.HasRaw");
         let never = (line.contains("2147483647") || way.pou == "GlappNoiseFloor") && way.branch == 1;
         let never = never || inside;
         assert!(*taken || never, "no sequence takes {}:{}, branch {}: {line}", way.pou, way.line, way.branch);
@@ -305,17 +305,9 @@ fn at_their_bounds<R: Number>() {
         width.call();
         assert_eq!(width.all(&["Parts.D", "Parts.OpTravel", "Parts.Free"]), [d; 3]);
     }
-    // A default for Kp that is none is none, whatever stands at the pin.
+    // A default for Kp that is none is none.
     let detector = Block::new::<R>("GlappDetector");
-    detector.set_all(&[
-        ("Enable", 1.0),
-        ("H", 0.25),
-        ("K", 1.0),
-        ("Ti", 1.0),
-        ("Kp", 2.0),
-        ("HasMaxH", 1.0),
-        ("MaxH", 1.0),
-    ]);
+    detector.set_all(&[("Enable", 1.0), ("H", 0.25), ("K", 1.0), ("Ti", 1.0), ("HasMaxH", 1.0), ("MaxH", 1.0)]);
     detector.set_all(&[("HasPvSpan", 1.0), ("PvSpan", 1e30), ("HasOpSpan", 1.0), ("OpSpan", 1e-30)]);
     detector.call();
     assert_eq!(detector.get("ErrorID"), 5.0);
@@ -436,13 +428,15 @@ fn another_version<R: Number>(taken: &mut [bool]) {
     assert!(!block.on("Dropped"));
     for (version, dropped) in [(1, false), (2, true)] {
         block.0.borrow_mut().power_cut();
-        for (name, value) in [("StateVersion", version), ("Count", 7), ("Known", 1), ("Level", 7)] {
+        for (name, value) in
+            [("StateVersion", version), ("Count", 7), ("Known", 1), ("Found.Count", 1), ("LevelKnown", 1), ("Level", 7)]
+        {
             block.0.borrow_mut().spoil(name, value.into()).unwrap();
         }
         scan(&block, &pins);
-        let kept = [0.0, 7.0][usize::from(!dropped)];
+        let (kept, level) = if dropped { (0.0, -1.0) } else { (7.0, 7.0) };
         let shown = block.all(&["Dropped", "Accepted", "HasEstimate", "NoiseFloor"]);
-        assert_eq!(shown, [f64::from(dropped), kept, f64::from(!dropped), kept]);
+        assert_eq!(shown, [f64::from(dropped), kept, f64::from(!dropped), level]);
     }
     scan(&block, &Pins { reset: true, ..pins });
     assert!(!block.on("Dropped"));

@@ -23,7 +23,7 @@ pub const PID_ADVANCED: Twin = Twin {
         "Reset",
         "Restart",
         "Compensate",
-        "Run",
+        "Execute",
         "Cut",
         "Start",
         "H",
@@ -111,8 +111,8 @@ pub const PID_ADVANCED: Twin = Twin {
         "Source",
         "Size",
         "Share",
-        "HasMost",
-        "Most",
+        "HasMaxWidth",
+        "MaxWidth",
         "HasBand",
         "Band",
         "OpTf",
@@ -129,8 +129,8 @@ pub const PID_ADVANCED: Twin = Twin {
         "HasWatch",
         "Watch",
         "Withdraw",
-        "Lessen",
-        "Struck",
+        "ReduceByEstimate",
+        "Contradicted",
         "HasTuner",
         "Amplitude",
         "HasRelayHysteresis",
@@ -165,7 +165,7 @@ pub const PID_ADVANCED: Twin = Twin {
         "FfAtHigh",
         "FfNotAuto",
         "FfTracking",
-        "Tuning",
+        "Busy",
         "Phase",
         "StopReason",
         "UsedHysteresis",
@@ -182,7 +182,8 @@ pub const PID_ADVANCED: Twin = Twin {
 
 /// A row with the defaults of its pins, and these.
 pub fn row(given: &[(&str, f64)]) -> Row {
-    let usual = ["Enable", "Mode", "B", "Share", "Source", "Withdraw", "Lessen", "Rule"].map(|pin| (pin, 1.0));
+    let usual =
+        ["Enable", "Mode", "B", "Share", "Source", "Withdraw", "ReduceByEstimate", "Rule"].map(|pin| (pin, 1.0));
     let mut row = Row::new(&PID_ADVANCED, &usual);
     row.set_all(&[("N", 9.0), ("Way", 3.0)]);
     row.set_all(given);
@@ -206,11 +207,11 @@ pub fn set_compensation(row: &mut Row, settings: &Settings) {
     row.set_all(&[("Size", settings.size), ("Share", settings.share), ("OpTf", settings.tf)]);
     row.set_all(&[
         ("Withdraw", on(settings.withdraw)),
-        ("Lessen", on(settings.lessen)),
-        ("Struck", on(settings.struck)),
+        ("ReduceByEstimate", on(settings.lessen)),
+        ("Contradicted", on(settings.struck)),
     ]);
     for (pin, value) in [
-        ("Most", settings.most),
+        ("MaxWidth", settings.most),
         ("Band", settings.band),
         ("FfRate", settings.rate),
         ("RampTime", settings.ramp_time),
@@ -225,7 +226,7 @@ pub fn set_compensation(row: &mut Row, settings: &Settings) {
 
 /// The compensation beside a controller with K and Ti, by which it has its defaults.
 fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
-    let option = |pin: &str| row.on(&format!("Has{pin}")).then(|| row.get(pin));
+    let option = |pin: &str| row.given(pin);
     Settings {
         k,
         ti,
@@ -233,7 +234,7 @@ fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
         source: row.get("Source") as i16,
         size: row.get("Size"),
         share: row.get("Share"),
-        most: option("Most"),
+        most: option("MaxWidth"),
         band: option("Band"),
         tf: row.get("OpTf"),
         rate: option("FfRate"),
@@ -243,8 +244,8 @@ fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
         reversals: option("Reversals"),
         watch: option("Watch"),
         withdraw: row.on("Withdraw"),
-        lessen: row.on("Lessen"),
-        struck: row.on("Struck"),
+        lessen: row.on("ReduceByEstimate"),
+        struck: row.on("Contradicted"),
     }
 }
 
@@ -360,7 +361,7 @@ impl<R: Number> Reference<R> {
     /// Holds the settings of a compensation in force to the core's, and what its block shows of it beside what it is asked.
     pub fn in_force(&self, block: &Block) {
         if let Some(state) = &self.state {
-            block.remembers(&state.detection.compensation, &[("/pressed", "Pressed")]);
+            block.remembers(&state.detection.compensation, &[("/pressed", "FrozenWidth")]);
         }
         if let Some(given) = self.good.as_ref().and_then(|one| one.detection().settings().compensation) {
             super::detection::in_force(block, "DetectionInUse.Compensation", &given);
@@ -412,7 +413,7 @@ impl<R: Number> Reference<R> {
                 (state.tuner, self.run_before) = (AutoTunerState::default(), true);
             }
             self.tuned = tunes;
-            state.tuner.run = tunes && row.on("Enable") && row.on("Run") && (state.tuner.run || !self.run_before);
+            state.tuner.run = tunes && row.on("Enable") && row.on("Execute") && (state.tuner.run || !self.run_before);
             if runs {
                 let mut h = of("H");
                 if core::mem::take(&mut self.missed) {
@@ -439,7 +440,7 @@ impl<R: Number> Reference<R> {
             }
         }
         self.missed |= !runs || self.good.is_none();
-        self.run_before = row.on("Run");
+        self.run_before = row.on("Execute");
         self.state = Some(state);
         let mut shown = vec![on(row.on("Enable") && error == 0.0), on(error != 0.0), error];
         shown.extend([self.output, state.pid.ysp.value(), state.pid.yf].map(R::as_f64));

@@ -2,6 +2,7 @@
 #![allow(dead_code, missing_docs)]
 
 use super::blocks::{FLAGS, maybe};
+use super::names::given;
 use super::{Block, Case, Draw, Number, Scan, remembered};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{
@@ -28,7 +29,7 @@ pub const REMEMBERED: [(&str, &str); 19] = [
     ("/in_force", "InForce"),
     ("/whole", "Whole"),
     ("/d_hat", "Least"),
-    ("/pressed", "Pressed"),
+    ("/pressed", "FrozenWidth"),
     ("/unfit", "Unfit"),
     ("/harm/in_force", "Watched.WasInForce"),
     ("/harm/reversals", "Watched.Reversals"),
@@ -382,10 +383,10 @@ impl Settings {
             ("Size", self.size),
             ("Share", self.share),
         ]);
-        block.set_all(&[("OpTf", self.tf), ("Withdraw", on(self.withdraw)), ("Lessen", on(self.lessen))]);
-        block.set("Struck", on(self.struck));
+        block.set_all(&[("OpTf", self.tf), ("Withdraw", on(self.withdraw)), ("ReduceByEstimate", on(self.lessen))]);
+        block.set("Contradicted", on(self.struck));
         let options = [
-            ("Most", self.most),
+            ("MaxWidth", self.most),
             ("Band", self.band),
             ("Rate", self.rate),
             ("RampTime", self.ramp_time),
@@ -410,19 +411,19 @@ impl Settings {
             Source::Estimate => CompensationSettings::by_estimate(way, k, ti, r(self.share)),
             _ => CompensationSettings::new(way, k, ti, r(self.size), r(self.share)),
         };
-        let or = |given: Option<f64>, usual: R| given.map_or(usual, r);
+        let or = |x: Option<f64>, pin: &str, usual: R| given(x, pin).map_or(usual, r);
         Ok(CompensationSettings {
             source,
             size: r(self.size),
-            limit: or(self.most, usual.limit),
-            band: or(self.band, usual.band),
+            limit: or(self.most, "MaxWidth", usual.limit),
+            band: or(self.band, "Band", usual.band),
             tf: r(self.tf),
-            rate: or(self.rate, usual.rate),
-            ramp_time: or(self.ramp_time, usual.ramp_time),
-            release: or(self.release, usual.release),
-            travel: or(self.travel, usual.travel),
-            reversals: or(self.reversals, usual.reversals),
-            watch: or(self.watch, usual.watch),
+            rate: or(self.rate, "Rate", usual.rate),
+            ramp_time: or(self.ramp_time, "RampTime", usual.ramp_time),
+            release: or(self.release, "Release", usual.release),
+            travel: or(self.travel, "Travel", usual.travel),
+            reversals: or(self.reversals, "Reversals", usual.reversals),
+            watch: or(self.watch, "Watch", usual.watch),
             withdraw: self.withdraw,
             estimate: self.lessen,
             struck: self.struck,
@@ -498,7 +499,7 @@ impl Pins {
     fn checked<R: Number>(&self) -> Result<Compensation<R>, f64> {
         let r = |x: f64| R::of(x);
         OverCompensation::new(r(self.settings.k), r(self.settings.ti)).map_err(|error| number(&error))?;
-        let limits = match self.limits {
+        let limits = match self.limits.filter(|limits| *limits != (0.0, 0.0)) {
             Some((low, high)) => Saturation::new(r(low), r(high)).map_err(|error| number(&error))?,
             None => Saturation::none(),
         };

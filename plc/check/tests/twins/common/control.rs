@@ -1,6 +1,7 @@
 //! Signals, controller and autotuner once as the core has them and once as the library has them, scan by scan by the pins.
 #![allow(dead_code, missing_docs)]
 
+use super::names::given;
 use super::{Block, Number};
 use glapp_core::auto_tuner::{Found, Phase, Rule};
 use glapp_core::modules::{self, Mode, PidSettings, ProcessSim, ProcessSimState};
@@ -64,8 +65,13 @@ impl Row {
         R::of(self.get(pin))
     }
 
+    /// The number where it is given, and is not what an open pin holds.
+    pub fn given(&self, pin: &str) -> Option<f64> {
+        given(self.on(&format!("Has{pin}")).then(|| self.get(pin)), pin)
+    }
+
     pub fn maybe<R: Real>(&self, pin: &str) -> Option<R> {
-        self.on(&format!("Has{pin}")).then(|| self.r(pin))
+        self.given(pin).map(R::of)
     }
 
     pub fn forward<R: Real>(&self, pin: &str) -> Forward<R> {
@@ -347,7 +353,7 @@ pub const AUTO_TUNER: Twin = Twin {
         "Enable",
         "Reset",
         "Restart",
-        "Run",
+        "Execute",
         "H",
         "X",
         "XBad",
@@ -380,7 +386,7 @@ pub const AUTO_TUNER: Twin = Twin {
         "AtHigh",
         "NotAuto",
         "Tracking",
-        "Running",
+        "Busy",
         "Phase",
         "StopReason",
         "UsedHysteresis",
@@ -652,7 +658,10 @@ fn tuner_settings<R: Number>(row: &Row, within: &str) -> AutoTunerSettings<R> {
     let of = |pin: &str| row.r::<R>(&format!("{within}{pin}"));
     AutoTunerSettings {
         amplitude: of("Amplitude"),
-        relay_hysteresis: row.on(&format!("{within}HasRelayHysteresis")).then(|| of("RelayHysteresis")),
+        relay_hysteresis: match within {
+            "" => row.maybe("RelayHysteresis"),
+            _ => row.on(&format!("{within}HasRelayHysteresis")).then(|| of("RelayHysteresis")),
+        },
         d: of("D"),
         wait: of("WaitTime"),
         longest: of("Longest"),
@@ -705,9 +714,9 @@ impl<R: Number> TunerReference<R> {
             error = 12.0;
         }
         let s = &mut self.state;
-        let run = row.on("Enable") && row.on("Run") && self.good.is_some();
+        let run = row.on("Enable") && row.on("Execute") && self.good.is_some();
         s.run = run && (s.run || !self.run_before);
-        self.run_before = row.on("Run");
+        self.run_before = row.on("Execute");
         let (x, back) = (row.forward("X"), row.backward());
         let (y, told) = match &self.good {
             Some(tuner) => (tuner.forward(s, x, row.forward("Pv"), row.r("H")), tuner.backward(s, back)),
@@ -742,11 +751,11 @@ pub const POUS: [&str; 18] = [
     "GlappPhaseLead",
     "GlappProcessSim",
     "GlappPidLaw",
-    "GlappPidSettings",
+    "GlappPidCheck",
     "GlappPid",
     "GlappExperiment",
     "GlappAutoTuner",
-    "GlappAutoTunerSettings",
+    "GlappAutoTunerCheck",
     "GlappPointPlacement",
     "GlappAmigoFrequency",
     "GlappRoot",
@@ -754,5 +763,11 @@ pub const POUS: [&str; 18] = [
 ];
 
 /// Conditions in `GlappPid` and `GlappAutoTuner` that only `GlappPidAdvanced` asks both ways.
-pub const INSIDE: [&str; 6] =
-    ["IF Forth THEN", "IF Back AND", "IF HasUsed THEN", "IF HasSpRate THEN", "IF Steps THEN", "IF First THEN"];
+pub const INSIDE: [&str; 6] = [
+    "IF Inner.Forth THEN",
+    "IF Inner.Back AND",
+    "IF Inner.HasUsed THEN",
+    "IF Inner.HasSpRate THEN",
+    "IF Steps THEN",
+    "IF First THEN",
+];

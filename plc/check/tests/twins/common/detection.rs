@@ -4,6 +4,7 @@
 
 use super::blocks::{FLAGS, record_of, record_row};
 use super::compensate::{self, Settings, is_withdrawn, named, number};
+use super::names::given;
 use super::{Block, Draw, Number, detector, same};
 use glapp_core::modules::{
     BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Backward, ForeignDetection,
@@ -137,7 +138,7 @@ impl<R: Number> Reference<R> {
         }
         let detector = d.settings(self.usual_h);
         Detector::of(&detector).map_err(|error| number(&error))?;
-        if d.max_h.is_none() && self.usual_h <= R::ZERO {
+        if d.max_h().is_none() && self.usual_h <= R::ZERO {
             return Err(named("h"));
         }
         let compensation = match &pins.compensation {
@@ -149,8 +150,8 @@ impl<R: Number> Reference<R> {
             Some(foreign) => Good::Foreign(
                 ForeignDetection::new(ForeignDetectionSettings {
                     delay: foreign.delay as u32,
-                    tolerance: foreign.tolerance.map(r),
-                    longest: foreign.longest.map(r),
+                    tolerance: given(foreign.tolerance, "Tolerance").map(r),
+                    longest: given(foreign.longest, "Longest").map(r),
                     ..ForeignDetectionSettings::new(settings)
                 })
                 .map_err(|error| number(&error))?,
@@ -266,7 +267,7 @@ pub fn in_force<R: Number>(block: &Block, within: &str, settings: &CompensationS
         ("Source", R::of(f64::from(s.source as u8))),
         ("Size", s.size),
         ("Share", s.share),
-        ("Most", s.limit),
+        ("MaxWidth", s.limit),
         ("Band", s.band),
         ("Tf", s.tf),
         ("Rate", s.rate),
@@ -282,7 +283,7 @@ pub fn in_force<R: Number>(block: &Block, within: &str, settings: &CompensationS
         let got = block.look(&[&format!("{within}.{name}")]);
         assert!(same(&[expected], &got), "{within}.{name}: {got:?} instead of {expected}");
     }
-    for (name, value) in [("Withdraw", s.withdraw), ("Lessen", s.estimate), ("Struck", s.struck)] {
+    for (name, value) in [("Withdraw", s.withdraw), ("ReduceByEstimate", s.estimate), ("Contradicted", s.struck)] {
         assert_eq!(block.look(&[&format!("{within}.{name}")]), [on(value)], "{within}.{name}");
     }
 }
@@ -293,7 +294,7 @@ impl<R: Number> Reference<R> {
         let (detection, settings, within) = match &self.good {
             Good::None => return,
             Good::Own(one) => ("", one.settings(), "InUse"),
-            Good::Foreign(one) => ("Detection.", one.detection().settings(), "Settings.Used"),
+            Good::Foreign(one) => ("Detection.", one.detection().settings(), "Check.Used"),
         };
         if !pins.detector.enable {
             return;

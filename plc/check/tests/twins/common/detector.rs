@@ -2,6 +2,7 @@
 #![allow(dead_code, missing_docs)]
 
 use super::blocks::{FLAGS, pascal, record_of, record_row};
+use super::names::given;
 use super::{Block, Draw, Number};
 use glapp_core::status::Status;
 use glapp_core::{Conditions, Detector, DetectorSettings, DetectorState, PARAMETERS, ParameterError, Sample};
@@ -120,24 +121,37 @@ impl Pins {
 }
 
 impl Pins {
+    /// The longest time between scans, where it is given.
+    pub fn max_h(&self) -> Option<f64> {
+        given(self.max_h, "MaxH")
+    }
+
     /// As the core has them, with its defaults; where the usual time between scans is asked and not known, a gap is above 1 s.
     pub fn settings<R: Number>(&self, usual_h: R) -> DetectorSettings<R> {
         let r = |x: f64| R::of(x);
         let three = R::of(3.0);
-        let unknown = self.max_h.is_none() && usual_h <= R::ZERO;
+        let [td, kp, pv_span, tf, max_h, op_span] = [
+            given(self.td, "Td"),
+            given(self.kp, "Kp"),
+            given(self.pv_span, "PvSpan"),
+            given(self.tf, "Tf"),
+            self.max_h(),
+            given(self.op_span, "OpSpan"),
+        ];
+        let unknown = max_h.is_none() && usual_h <= R::ZERO;
         DetectorSettings {
             k: r(self.k),
             ti: r(self.ti),
-            td: self.td.map(r),
+            td: td.map(r),
             b: r(self.b),
-            kp: self.kp.map(r),
-            pv_span: self.pv_span.map(r),
+            kp: kp.map(r),
+            pv_span: pv_span.map(r),
             integrating: self.integrating,
-            tf: self.tf.map_or_else(|| DetectorSettings::filter_time(r(self.ti), r(self.td.unwrap_or(0.0))), r),
+            tf: tf.map_or_else(|| DetectorSettings::filter_time(r(self.ti), r(td.unwrap_or(0.0))), r),
             n: u32::try_from(self.n).unwrap_or(0),
-            max_h: if unknown { R::ONE } else { self.max_h.map_or(three * usual_h, r) },
-            op_limits: self.op_limits.map(|(low, high)| (r(low), r(high))),
-            op_span: self.op_span.map(r),
+            max_h: if unknown { R::ONE } else { max_h.map_or(three * usual_h, r) },
+            op_limits: self.op_limits.filter(|limits| *limits != (0.0, 0.0)).map(|(low, high)| (r(low), r(high))),
+            op_span: op_span.map(r),
             conditions: self.conditions,
         }
     }
@@ -178,7 +192,7 @@ impl<R: Number> Reference<R> {
     }
 
     fn checked(&self, pins: &Pins) -> Result<Detector<R>, f64> {
-        let unknown = pins.max_h.is_none() && self.usual_h <= R::ZERO;
+        let unknown = pins.max_h().is_none() && self.usual_h <= R::ZERO;
         match Detector::of(&pins.settings(self.usual_h)) {
             Ok(_) if unknown => Err(number("h")),
             Ok(detector) => Ok(detector),

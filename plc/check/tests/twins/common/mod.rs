@@ -8,12 +8,15 @@ pub mod control;
 pub mod cover;
 pub mod detection;
 pub mod detector;
+pub mod names;
 pub mod self_test;
 
 use glapp_core::{DetectorState, Real};
 use glapp_plc_check::{Build, Fault, Instance, Library, Trace, sources};
+use names::{Names, Place, known};
 use serde_json::Value;
 use std::cell::RefCell;
+use std::collections::HashMap;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -92,6 +95,9 @@ number!(f32, Build::Real, 1e-45);
 /// An instance, and where `GLAPP_TRACES` names a folder, a trace there of what a test does with it.
 pub struct Traced {
     instance: Instance<'static>,
+    names: Names,
+    /// Of the pins that are given or not: what they begin with, whether they are given, and with which value.
+    options: HashMap<String, (f64, bool, f64)>,
     trace: Option<Trace>,
     held: bool,
 }
@@ -100,14 +106,43 @@ impl Traced {
     pub fn new<R: Number>(name: &str) -> Result<Self, Fault> {
         let instance = Instance::new(R::library(), name)?;
         let trace = std::env::var_os("GLAPP_TRACES").map(|_| Trace::new(name, R::BUILD));
-        Ok(Self { instance, trace, held: true })
+        let names = Names::new(R::library(), name);
+        Ok(Self { instance, names, options: HashMap::new(), trace, held: true })
     }
 
     pub fn set(&mut self, pin: &str, value: f64) -> Result<(), Fault> {
-        if let Some(trace) = &mut self.trace {
-            trace.set(pin, value);
+        match self.names.place(pin) {
+            Place::Pin(path) => {
+                let put = match self.options.get_mut(&path) {
+                    Some((open, given, last)) => {
+                        *last = value;
+                        if *given { value } else { *open }
+                    }
+                    None => value,
+                };
+                self.put(&path, put)
+            }
+            Place::Given(paths) => {
+                for path in paths {
+                    let name = path.rsplit('.').next().unwrap_or_default();
+                    let begins = self.instance.get(&path)?;
+                    let open = if name == "Td" { -1.0 } else { begins };
+                    let option = self.options.entry(path.clone()).or_insert((open, true, begins));
+                    option.1 = value != 0.0;
+                    let put = if option.1 { option.2 } else { option.0 };
+                    self.put(&path, put)?;
+                }
+                Ok(())
+            }
+            Place::Known(..) => self.instance.set(pin, value),
         }
-        self.instance.set(pin, value)
+    }
+
+    fn put(&mut self, path: &str, value: f64) -> Result<(), Fault> {
+        if let Some(trace) = &mut self.trace {
+            trace.set(path, value);
+        }
+        self.instance.set(path, value)
     }
 
     pub fn spoil(&mut self, name: &str, value: f64) -> Result<(), Fault> {
@@ -132,16 +167,22 @@ impl Traced {
     }
 
     pub fn get(&mut self, pin: &str) -> Result<f64, Fault> {
-        let value = self.instance.get(pin)?;
-        if let (Some(trace), true) = (&mut self.trace, self.held) {
-            trace.read(pin, value);
+        match self.names.place(pin) {
+            Place::Pin(path) => {
+                let value = self.instance.get(&path)?;
+                if let (Some(trace), true) = (&mut self.trace, self.held) {
+                    trace.read(&path, value);
+                }
+                Ok(value)
+            }
+            Place::Given(paths) => Ok(f64::from(self.options.get(&paths[0]).is_none_or(|option| option.1))),
+            Place::Known(of, test, than) => Ok(f64::from(known(test, self.get(of)?, than))),
         }
-        Ok(value)
     }
 
     /// Any variable; a trace has it.
     pub fn look(&mut self, name: &str) -> Result<f64, Fault> {
-        let value = self.instance.peek(name)?;
+        let Ok(value) = self.instance.peek(name) else { return self.get(name) };
         if let (Some(trace), true) = (&mut self.trace, self.held) {
             trace.read(name, value);
         }

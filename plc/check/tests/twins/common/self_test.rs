@@ -7,9 +7,13 @@ use super::compensate;
 use super::control::{self, AUTO_TUNER, POWER_CUT, Row, TWINS, Twin};
 use super::detection;
 use super::detector::{Pins, Reference};
+use super::names::{KNOWN, Names, Place, known};
 use super::{Case, Number, Scan, folder, home};
+use glapp_core::{Push, Stiction, StictionSample, StictionSettings, StictionState};
 use glapp_plc_check::{Build, Instance, Library, sources};
+use std::cell::RefCell;
 use std::fmt::Write;
+use std::sync::OnceLock;
 
 /// Reads a pin.
 type Look<'a> = &'a dyn Fn(&str) -> f64;
@@ -40,7 +44,7 @@ struct Called {
 const SCANS: usize = 400;
 
 /// A, B, C and D are drawn anew in each scan, 0 to 1. A block that others here are made of is driven by them.
-const DRIVES: [Drive; 10] = [
+const DRIVES: [Drive; 11] = [
     Drive {
         block: "filter",
         name: "SecondOrderFilter",
@@ -169,9 +173,9 @@ const DRIVES: [Drive; 10] = [
         IF (Scan > 330) AND (Scan < 340) THEN
             Gain := 0.0;
         END_IF;",
-        call: "Enable := TRUE, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * A), HasOp := TRUE, \
-               Op := 40.0 + (Side * B), Bad := Scan = 200, K := Gain, Ti := 1.0, HasKp := TRUE, Kp := 2.0, \
-               HasOpSpan := TRUE, OpSpan := 100.0, N := 3",
+        call: "Enable := TRUE, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * A), \
+               Op := 40.0 + (Side * B), Bad := Scan = 200, K := Gain, Ti := 1.0, Kp := 2.0, \
+               OpSpan := 100.0, N := 3",
         h: "H",
         row: |pin| vec![pin("Sp"), pin("Pv"), pin("Op"), pin("Bad"), pin("K")],
         outputs: &[
@@ -197,9 +201,9 @@ const DRIVES: [Drive; 10] = [
         params: "{}",
         before: "Travel := Side * ((0.2 * INT_TO_LREAL(Scan MOD 30)) - 3.0);",
         call: "Enable := TRUE, Compensate := Scan > 240, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * A), \
-               HasOutput := TRUE, Output := ((40.0 + BacklashDetectionBlock.UFf) + Travel) + (0.1 * B), Bad := Scan = 200, K := Gain, Ti := 1.0, \
-               HasKp := TRUE, Kp := 2.0, HasOpSpan := TRUE, OpSpan := 100.0, N := 3, HasCompensation := TRUE, Size := 2.0, \
-               HasBand := TRUE, Band := 0.5",
+               Output := ((40.0 + BacklashDetectionBlock.UFf) + Travel) + (0.1 * B), Bad := Scan = 200, K := Gain, Ti := 1.0, \
+               Kp := 2.0, OpSpan := 100.0, N := 3, Compensates := TRUE, Size := 2.0, \
+               Band := 0.5",
         h: "H",
         row: |pin| vec![pin("Sp"), pin("Pv"), pin("Output"), pin("Bad"), pin("K"), pin("Compensate")],
         outputs: &SHOWN,
@@ -211,12 +215,25 @@ const DRIVES: [Drive; 10] = [
         params: "{}",
         before: "Back := ForeignDetectionBlock.UFf;",
         call: "Enable := TRUE, Compensate := Scan > 240, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * D), \
-               HasOp := TRUE, Op := ((40.0 + Back) + Travel) + (0.1 * C), Bad := Scan = 200, K := Gain, Ti := 1.0, HasKp := TRUE, Kp := 2.0, \
-               HasOpSpan := TRUE, OpSpan := 100.0, N := 3, HasCompensation := TRUE, Size := 2.0, HasBand := TRUE, Band := 0.5, \
-               DelayScans := 1, HasUFfBack := TRUE, UFfBack := Back",
+               Op := ((40.0 + Back) + Travel) + (0.1 * C), Bad := Scan = 200, K := Gain, Ti := 1.0, Kp := 2.0, \
+               OpSpan := 100.0, N := 3, Compensates := TRUE, Size := 2.0, Band := 0.5, \
+               DelayScans := 1, UFfBack := Back",
         h: "H",
         row: |pin| vec![pin("Sp"), pin("Pv"), pin("Op"), pin("Bad"), pin("K"), pin("Compensate"), pin("UFfBack")],
         outputs: &SHOWN,
+        when: "",
+    },
+    // Each way of pushing in turn.
+    Drive {
+        block: "stiction",
+        name: "Stiction",
+        params: "{}",
+        before: "",
+        call: "Enable := TRUE, Compensate := Scan > 20, H := 0.25, E := A - 0.5, U := 40.0 + (5.0 * B), K := 1.0, Ti := 1.0, \
+               Push := 1 + (Scan / 150), Size := 2.0",
+        h: "H",
+        row: |pin| vec![pin("E"), pin("U"), pin("Compensate"), pin("Push")],
+        outputs: &["UFf", "#Standing", "#Direction"],
         when: "",
     },
 ];
@@ -227,7 +244,7 @@ const CALLED: [Called; 9] = [
     Called {
         twin: "saturation",
         before: "",
-        call: "Low := 0.2, High := 0.9, X := A, BackAtLow := B < 0.1, BackAtHigh := C < 0.1, HasBackLimits := D < 0.5, \
+        call: "Low := 0.2, High := 0.9, X := A, BackAtLow := B < 0.1, BackAtHigh := C < 0.1, \
                BackLow := 0.3, BackHigh := 0.7",
     },
     Called { twin: "rate_limit", before: "", call: "Rate := 1.5, X := B, H := 0.25, BackAtHigh := A < 0.1" },
@@ -241,29 +258,29 @@ const CALLED: [Called; 9] = [
     Called {
         twin: "pid_module",
         before: "Turn := (Scan > 100) AND (Scan < 120);",
-        call: "Enable := TRUE, Start := 50.0, H := 0.25, Pv := 49.0 + (2.0 * A), PvBad := Scan = 200, HasOwnSp := TRUE, \
+        call: "Enable := TRUE, Start := 50.0, H := 0.25, Pv := 49.0 + (2.0 * A), PvBad := Scan = 200, \
                OwnSp := 50.0 + B, Ff := C, BackAtHigh := D < 0.2, BackNotAuto := Turn, BackTracking := 40.0, K := 2.0, Ti := 5.0, \
-               Td := 0.5, B := 0.8, Tf := 0.4, HasLow := TRUE, Low := 0.0, HasHigh := TRUE, High := 100.0, HasRate := TRUE, \
+               Td := 0.5, B := 0.8, Tf := 0.4, Low := 0.0, High := 100.0, \
                Rate := 8.0",
     },
     // A relay experiment with a process of its own.
     Called {
         twin: "auto_tuner_module",
         before: "Plant(Gain := 1.0, T1 := 2.0, T2 := 1.0, DeadTime := 0.5, H := 0.25, X := AutoTunerBlock.Y, Start := 0.0);",
-        call: "Enable := TRUE, Run := Scan > 20, H := 0.25, X := 0.0, Pv := Plant.Y + (0.02 * A), Amplitude := 5.0, \
-               HasRelayHysteresis := TRUE, RelayHysteresis := 0.2, WaitTime := 5.0, Longest := 500.0, MaxH := 1.0, PvLow := -50.0, \
+        call: "Enable := TRUE, Execute := Scan > 20, H := 0.25, X := 0.0, Pv := Plant.Y + (0.02 * A), Amplitude := 5.0, \
+               RelayHysteresis := 0.2, WaitTime := 5.0, Longest := 500.0, MaxH := 1.0, PvLow := -50.0, \
                PvHigh := 50.0, OpLow := -50.0, OpHigh := 50.0, Rule := 1 + (Scan MOD 3)",
     },
     // The loop of the detector with everything inside: a schedule, a ramp, a compensation switched on, and an experiment begun on the way.
     Called {
         twin: "pid_advanced",
         before: "",
-        call: "Enable := TRUE, Compensate := (Scan > 200) AND (Scan < 350), Run := Scan > 370, Start := 50.0, H := 0.25, \
-               Pv := (50.0 - Side) + (0.2 * B), PvBad := Scan = 180, Ff := 0.1 * C, HasOwnSp := TRUE, OwnSp := 50.0 + (Gain * A), \
-               BackAtHigh := D < 0.02, K := Gain, Ti := 1.0, Tf := 0.1, HasLow := TRUE, Low := 0.0, HasHigh := TRUE, High := 100.0, \
-               HasKp := TRUE, Kp := 2.0, HasDetectorTf := TRUE, DetectorTf := 0.2, N := 3, HasSpRate := TRUE, SpRate := 0.1, \
+        call: "Enable := TRUE, Compensate := (Scan > 200) AND (Scan < 350), Execute := Scan > 370, Start := 50.0, H := 0.25, \
+               Pv := (50.0 - Side) + (0.2 * B), PvBad := Scan = 180, Ff := 0.1 * C, OwnSp := 50.0 + (Gain * A), \
+               BackAtHigh := D < 0.02, K := Gain, Ti := 1.0, Tf := 0.1, Low := 0.0, High := 100.0, \
+               Kp := 2.0, DetectorTf := 0.2, N := 3, SpRate := 0.1, \
                ScheduleBy := A, Rows := 2, At1 := 0.2, K1 := 0.5, Ti1 := 1.0, At2 := 0.8, K2 := 0.6, Ti2 := 0.9, Td2 := 0.1, \
-               HasCompensation := TRUE, Size := 2.0, HasBand := TRUE, Band := 0.5, HasTuner := TRUE, Amplitude := 5.0, \
+               Compensates := TRUE, Size := 2.0, Band := 0.5, Tunes := TRUE, Amplitude := 5.0, \
                WaitTime := 1.0, Longest := 500.0, PvLow := 0.0, PvHigh := 100.0",
     },
 ];
@@ -294,8 +311,8 @@ fn all() -> Vec<Driven> {
     let rest = CALLED.iter().map(|called| {
         let twin = twin(called.twin);
         let name = twin.pou.trim_start_matches("Glapp").to_owned();
-        let text = std::fs::read_to_string(home().join(format!("{name}.st"))).expect("a file");
-        let mut outputs: Vec<String> = twin.shown.iter().map(|output| marked(&text, output)).collect();
+        let mut names = names(&name);
+        let mut outputs: Vec<String> = twin.shown.iter().map(|output| marked(&mut names, output)).collect();
         if called.twin == PID_ADVANCED.name {
             outputs.extend(SHOWN[3..].iter().map(|output| (*output).into()));
         }
@@ -305,14 +322,12 @@ fn all() -> Vec<Driven> {
 }
 
 /// An output with the mark of its type; nothing where it is DINT, which no standard conversion of the subset takes.
-fn marked(text: &str, output: &str) -> String {
-    let pin = output.split('?').next_back().unwrap();
-    let is = |ty: &str| text.lines().any(|line| line.trim().starts_with(&format!("{pin} : {ty};")));
-    match () {
-        () if is("DINT") => String::new(),
-        () if is("BOOL") => format!("!{output}"),
-        () if is("INT") => format!("#{output}"),
-        () => output.to_owned(),
+fn marked(names: &mut Names, output: &str) -> String {
+    match names.ty(output.split('?').next_back().unwrap()) {
+        "DINT" => String::new(),
+        "BOOL" => format!("!{output}"),
+        "INT" => format!("#{output}"),
+        _ => output.to_owned(),
     }
 }
 
@@ -365,9 +380,20 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
         let mut reference = Reference::<R>::default();
         return Box::new(move |x, h| {
             let [sp, pv, op, bad, k] = x else { panic!("{x:?}") };
-            let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), k: *k, ..Pins::default() };
+            let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), k: *k, td: Some(0.0), ..Pins::default() };
             let flags = if *bad != 0.0 { glapp_core::status::BAD } else { 0 };
             Some(reference.scan(&Pins { flags, kp: Some(2.0), op_span: Some(100.0), n: 3, ..pins }).0)
+        });
+    }
+    if drive.block == "stiction" {
+        let mut state = StictionState::<R>::default();
+        return Box::new(move |x, h| {
+            let [e, u, enable, push] = x else { panic!("{x:?}") };
+            let push = Push::ALL[*push as usize - 1];
+            let block = Stiction::new(StictionSettings::new(push, R::ONE, R::ONE, R::of(2.0))).unwrap();
+            let sample = StictionSample { e: R::of(*e), u: R::of(*u), h: R::of(h), enable: *enable != 0.0, flags: 0 };
+            let u_ff = block.update(&mut state, &sample);
+            Some(vec![u_ff.as_f64(), f64::from(state.standing as u8), state.direction.into()])
         });
     }
     if drive.outputs.len() == SHOWN.len() {
@@ -375,7 +401,7 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
         return Box::new(move |x, h| {
             let [sp, pv, op, bad, k, compensate, back @ ..] = x else { panic!("{x:?}") };
             let flags = if *bad != 0.0 { glapp_core::status::BAD } else { 0 };
-            let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), flags, k: *k, ..Pins::default() };
+            let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), flags, k: *k, td: Some(0.0), ..Pins::default() };
             let detector = Pins { kp: Some(2.0), op_span: Some(100.0), n: 3, ..pins };
             let settings =
                 compensate::Settings { k: *k, size: 2.0, band: Some(0.5), ..compensate::Settings::default() };
@@ -427,20 +453,79 @@ fn instance(name: &str) -> String {
     format!("{name}Block")
 }
 
+/// Where the pins of a block are.
+fn names(block: &str) -> Names {
+    static LIBRARY: OnceLock<Library> = OnceLock::new();
+    let library = LIBRARY.get_or_init(|| {
+        let mut files = sources(&folder(), Build::Lreal).unwrap_or_else(|fault| panic!("{fault}"));
+        files.retain(|(name, _)| name != "SelfTest.st");
+        let files = files.iter().map(|(name, text)| (&**name, &**text));
+        Library::of_unruled(files, Build::Lreal).unwrap_or_else(|fault| panic!("{fault}"))
+    });
+    Names::new(library, &format!("Glapp{block}"))
+}
+
+/// A call with the members of its structures set before it: variables, statements, the call.
+fn wired(block: &str, call: &str) -> (String, String, String) {
+    let mut names = names(block);
+    let text = std::fs::read_to_string(home().join(format!("{block}.st"))).expect("a file");
+    let (mut vars, mut before, mut pins) = (String::new(), String::new(), vec![]);
+    for pin in call.split(", ") {
+        let (name, value) = pin.split_once(" := ").unwrap_or_else(|| panic!("{block}: {pin}"));
+        let path = match names.place(name.trim()) {
+            Place::Pin(path) => path,
+            _ => panic!("{block} has no pin {name}"),
+        };
+        let Some((top, member)) = path.split_once('.') else {
+            pins.push(format!("{path} := {value}"));
+            continue;
+        };
+        let variable = format!("{block}{top}");
+        let given = format!("{top} := {variable}");
+        if !pins.contains(&given) {
+            pins.push(given);
+            let (_, rest) = text.split_once(&format!("    {top} : ")).unwrap_or_else(|| panic!("{block}: no {top}"));
+            let ty = rest.split([';', ' ']).next().unwrap_or_default();
+            writeln!(vars, "    {variable} : {ty};").unwrap();
+        }
+        writeln!(before, "        {variable}.{member} := {value};").unwrap();
+    }
+    (vars, before, pins.join(", "))
+}
+
+/// A condition by which an output is known.
+fn condition(names: &mut Names, has: &str) -> String {
+    match names.place(has) {
+        Place::Pin(path) => path,
+        _ => {
+            let (_, pin, test, than) = KNOWN.iter().find(|(known, ..)| *known == has).expect("an output");
+            let Place::Pin(path) = names.place(pin) else { panic!("no {pin}") };
+            let whole = path.ends_with("Count") || path.ends_with("Doubt");
+            let than = if whole { format!("{than:.0}") } else { literal(Build::Lreal, *than) };
+            format!("{path} {test} {than}")
+        }
+    }
+}
+
 /// Adds up an output: the total's name and the statements.
-fn added(instance: &str, output: &str, total: &str) -> String {
+fn added(names: &mut Names, instance: &str, output: &str, total: &str) -> String {
     let within = |condition: &str, statement: String| {
         format!("IF {instance}.{condition} THEN\n            {statement}\n        END_IF;")
     };
+    let path = |names: &mut Names, name: &str| match names.place(name) {
+        Place::Pin(path) => path,
+        _ => panic!("no {name}"),
+    };
     let sum = |value: String| format!("{total} := {total} + {value};");
     if let Some(name) = output.strip_prefix('!') {
-        return within(name, sum("1.0".into()));
+        return within(&path(names, name), sum("1.0".into()));
     }
     let (whole, name) = output.strip_prefix('#').map_or((false, output), |name| (true, name));
     let (has, name) = name.split_once('?').map_or((None, name), |(has, name)| (Some(has), name));
+    let name = path(names, name);
     let value = if whole { format!("INT_TO_LREAL({instance}.{name})") } else { format!("{instance}.{name}") };
     match has {
-        Some(has) => within(has, sum(value)),
+        Some(has) => within(&condition(names, has), sum(value)),
         None => sum(value),
     }
 }
@@ -457,13 +542,17 @@ fn program(build: Build, references: &[Vec<f64>]) -> String {
         if !drive.before.is_empty() {
             writeln!(run, "        {}", drive.before).unwrap();
         }
-        writeln!(run, "        {}", folded(&format!("{instance}({});", drive.call))).unwrap();
+        let (structures, set, call) = wired(name, drive.call);
+        vars += &structures;
+        run += &set;
+        writeln!(run, "        {}", folded(&format!("{instance}({call});"))).unwrap();
+        let mut names = names(name);
         let mut sums = String::new();
         let compared = drive.outputs.iter().filter(|output| !output.is_empty());
         for (place, (output, reference)) in compared.zip(references).enumerate() {
             let total = format!("{name}{}", place + 1);
             writeln!(vars, "    {total} : LREAL;").unwrap();
-            writeln!(sums, "        {}", added(&instance, output, &total)).unwrap();
+            writeln!(sums, "        {}", added(&mut names, &instance, output, &total)).unwrap();
             writeln!(
                 checks,
                 "        Check(Number := {number}, Value := {total}, Expected := {}, Tolerance := Tolerance);",
@@ -576,13 +665,29 @@ pub fn written<R: Number>() -> String {
     let files = files.iter().map(|(name, text)| (&**name, &**text));
     let library = Library::of(files, R::BUILD).unwrap_or_else(|fault| panic!("{fault}"));
     let mut one = Instance::new(&library, "GlappSelfTest").unwrap();
+    let places: Vec<RefCell<Names>> = all.iter().map(|drive| RefCell::new(names(&drive.name))).collect();
     let mut cores = references::<R>();
     let mut totals: Vec<Vec<R>> = none.iter().map(|row| vec![R::ZERO; row.len()]).collect();
     for _ in 0..SCANS {
         one.call().unwrap_or_else(|fault| panic!("{fault}"));
-        for ((drive, core), totals) in all.iter().zip(&mut cores).zip(&mut totals) {
-            let pin = |name: &str| {
+        for (((drive, names), core), totals) in all.iter().zip(&places).zip(&mut cores).zip(&mut totals) {
+            let peek = |name: &str| {
                 one.peek(&format!("{}.{name}", instance(&drive.name))).unwrap_or_else(|fault| panic!("{fault}"))
+            };
+            let pin = |name: &str| {
+                let place = names.borrow_mut().place(name);
+                match place {
+                    Place::Pin(path) => peek(&path),
+                    // It is given where it is not what it begins with.
+                    Place::Given(paths) => f64::from(paths.iter().any(|path| {
+                        let begins = if path.ends_with(".Td") { -1.0 } else { names.borrow().begins(path) };
+                        R::of(peek(path)) != R::of(begins)
+                    })),
+                    Place::Known(of, test, than) => {
+                        let Place::Pin(path) = names.borrow_mut().place(of) else { panic!("no {of}") };
+                        f64::from(known(test, peek(&path), than))
+                    }
+                }
             };
             let Some(row) = core(&pin) else { continue };
             for (total, value) in totals.iter_mut().zip(row) {

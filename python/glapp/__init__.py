@@ -25,6 +25,7 @@ from .step_test import StepTest, step_test
 
 if TYPE_CHECKING:
     from . import blocks, fleet, modules, nonlinear, plant, simulate, tuning
+    from .plan import Plan, plan_test
     from .reading import open_recordings, recording_from
     from .row import to_arrow
 
@@ -43,6 +44,7 @@ __all__ = [
     "Identification",
     "InputError",
     "Loop",
+    "Plan",
     "Recording",
     "Result",
     "Settings",
@@ -57,6 +59,7 @@ __all__ = [
     "modules",
     "nonlinear",
     "open_recordings",
+    "plan_test",
     "plant",
     "recording_from",
     "simulate",
@@ -67,14 +70,17 @@ __all__ = [
 
 _LABORATORY = ("blocks", "fleet", "modules", "nonlinear", "plant", "simulate", "tuning")
 _READING = ("open_recordings", "recording_from")
+_PLAN = ("Plan", "plan_test")
 
 
 def __getattr__(name: str) -> Any:
-    """Load the laboratory, the fleet, and what reads tables, when first asked for: they stand on large libraries."""
+    """Load the laboratory, the fleet, plans, and what reads tables when first asked for: all need large libraries."""
     if name in _LABORATORY:
         return _import_module(f".{name}", __name__)
     if name in _READING:
         return getattr(_import_module(".reading", __name__), name)
+    if name in _PLAN:
+        return getattr(_import_module(".plan", __name__), name)
     if name == "to_arrow":
         return _import_module(".row", __name__).to_arrow
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

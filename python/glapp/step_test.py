@@ -68,6 +68,11 @@ class Reading:
         Settled PV (or slope) before and after.
     value, low, high : float | None
         Kp [PV unit per OP unit] or d [OP unit] with its 95 % interval.
+    t86 : float | None
+        Time from OP's step until 86.5 % of PV's way is gone [s]; None where OP was not stepped at once, where the
+        process integrates, or where noise hides it.
+    overshoot : float | None
+        How far PV went beyond its new level, part of its way; 0 where that is not beyond the noise.
     evidence : str
         The numbers it was read from, or why it gives nothing.
     evidence_code : dict | None
@@ -82,6 +87,8 @@ class Reading:
     value: float | None
     low: float | None
     high: float | None
+    t86: float | None
+    overshoot: float | None
     evidence: str
     evidence_code: dict[str, Any] | None
 
@@ -104,6 +111,8 @@ class StepTest:
     kp, kp_low, kp_high : float | None
         Static process gain [PV unit per OP unit] with its 95 % interval; of an integrating process the velocity gain
         [PV unit per OP unit and s].
+    resolution : float | None
+        Smallest move in the direction of the one before that PV surely answered [`unit`]: the resolution is no coarser.
     integrating : bool
         Whether slopes were read instead of levels.
     settle : float | None
@@ -139,6 +148,7 @@ class StepTest:
     kp: float | None = None
     kp_low: float | None = None
     kp_high: float | None = None
+    resolution: float | None = None
     integrating: bool = False
     settle: float | None = None
     holds: tuple[Hold, ...] = ()

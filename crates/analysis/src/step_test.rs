@@ -27,6 +27,7 @@ mod blocks;
 mod holds;
 mod moves;
 mod posterior;
+mod response;
 mod rows;
 mod settling;
 mod verdict;
@@ -82,6 +83,8 @@ pub struct StepTest {
     pub kp_low: Option<f64>,
     /// Upper limit.
     pub kp_high: Option<f64>,
+    /// Smallest move in the direction of the one before that PV surely answered [OP unit]: the resolution is no coarser.
+    pub resolution: Option<f64>,
     /// Whether slopes were read in place of levels.
     pub integrating: bool,
     /// Time that PV was given to settle after each move \[s\]; none of an integrating process.
@@ -132,6 +135,10 @@ pub struct Reading {
     pub low: Option<f64>,
     /// Upper limit.
     pub high: Option<f64>,
+    /// Time from OP's step until 86.5 % of PV's way is gone \[s\]; none where OP was not stepped at once or noise hides it.
+    pub t86: Option<f64>,
+    /// How far PV went beyond its new level, part of its way; 0 where that is not beyond the noise.
+    pub overshoot: Option<f64>,
     /// What it rests on, or why it gives nothing; none where the gain was not known.
     pub evidence: Option<Evidence>,
 }

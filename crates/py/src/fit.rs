@@ -229,6 +229,7 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
     out.set_item("dead_time_limits", answer.dead_time_limits)?;
     out.set_item("lag_limits", answer.lag_limits)?;
     out.set_item("integrating", answer.integrating)?;
+    out.set_item("denominator", answer.denominator)?;
     out.set_item("traversals", (answer.traversals[0], answer.traversals[1]))?;
     out.set_item("cells", answer.cells)?;
     out.set_item("load_steps", answer.load_steps)?;

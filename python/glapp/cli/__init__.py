@@ -18,6 +18,7 @@ from .explain import explain
 from .fleet import fleet
 from .identify import identify
 from .init import init
+from .plan_test import plan_test
 from .plant import plant, tags
 from .score import score
 from .screen import CommandError, examples, out, say_error
@@ -58,9 +59,16 @@ app.command(
     epilog=examples(
         "glapp demo demo",
         "glapp step-test demo/FIC402.csv --plot test.html",
+        "glapp step-test demo/FIC402.csv --page page.html --allowed 2",
         "glapp step-test demo/loops.toml --loop FIC402 --json",
     )
 )(step_test)
+app.command(
+    epilog=examples(
+        "glapp plan-test plant.csv --op-within 40 60 --pv-within 3 5 --minutes 45",
+        "glapp plan-test loops.toml --loop FIC101 --width 1.5",
+    )
+)(plan_test)
 app.command(epilog=examples("glapp score labels.csv --report differ.html"))(score)
 app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(

@@ -11,13 +11,14 @@ import typer
 
 from ..errors import InputError
 from ..escape import in_quotes, one_line
+from ..loop import Loop
 from ..step_test import Reading, StepTest
 from ..step_test import step_test as read_step_test
 from ..writing import GENERATOR
 from .inputs import Valve, open_files, read_by, recording_of
 from .options import Options, with_options
 from .outputs import PAGE, check_output, save
-from .screen import Column, key_values, out, say_error, show_table, styled
+from .screen import Column, CommandError, key_values, out, say_error, show_table, styled
 
 __all__ = ["step_test"]
 
@@ -34,6 +35,17 @@ def step_test(
         bool, typer.Option("--json", metavar="", help="One JSON object on standard output, nothing else.")
     ] = False,
     plot: Annotated[Path | None, typer.Option(metavar="HTML", help="Write a zoomable picture of it.")] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(metavar="HTML", help="Write the page to print and file: sequence, dead band, T86, pass or fail."),
+    ] = None,
+    allowed: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            help="Widest dead band that passes in --page, in % of span; the loop's own, or 1, where not given.",
+        ),
+    ] = None,
 ) -> None:
     """Read gap and process gain off a step test: OP stepped twice one way and once back, and held each time.
 
@@ -44,14 +56,22 @@ further steps, two one way and two back, make the answer sharper.
     The first step only presses the valve to one side. The second gives the process gain Kp = ΔPV/ΔOP. What the step \
 back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
     """
+    if allowed is not None and (page is None or not 0 < allowed <= 100):
+        raise CommandError(
+            "--allowed: " + ("goes with --page" if page is None else f"is {allowed:g}, must be 0 to 100")
+        )
     if plot is not None:
         check_output("--plot", plot, read_by(files), PAGE)
+    if page is not None:
+        check_output("--page", page, [*read_by(files), *([] if plot is None else [plot])], PAGE)
     found: list[StepTest] = []
+    loops: list[Loop] = []
     faults: list[InputError] = []
     for entry in open_files(files, options):
         for recording in entry.recordings if isinstance(entry, Valve) else [entry]:
             try:
                 found.append(read_step_test(recording_of(recording), manual=manual))
+                loops.append(recording.loop)  # type: ignore[arg-type]  # no refused one comes so far
             except InputError as error:
                 faults.append(error)
     if json:
@@ -68,6 +88,13 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
         save(plot, _page(found))
         if not json:
             out.print(f"\nPicture: {plot}", soft_wrap=True)
+    if page is not None and found:
+        from ..report.form import form_page, judged
+
+        pages = [judged(test, loop, allowed) for test, loop in zip(found, loops, strict=True)]
+        save(page, form_page(pages))
+        if not json:
+            out.print(f"\nPage: {page}", soft_wrap=True)
     for fault in faults:
         say_error(fault)
     for one in found:

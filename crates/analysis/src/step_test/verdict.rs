@@ -4,6 +4,7 @@ use super::blocks::{Blocks, matrix};
 use super::holds::{Node, holds};
 use super::moves::{Move, difference, moves};
 use super::posterior::{Axes, Limits, Posterior};
+use super::response::response;
 use super::settling::{Signals, TAILS};
 use super::{Evidence, Hold, Kind, LEAST_ROWS, Note, Reading, Reason, StepTest, range};
 use crate::{median, resolution};
@@ -170,6 +171,11 @@ impl Test<'_> {
             let answer = free.interval(&difference(&ends[one.to], &ends[one.origin], 1.0));
             valued(one, reading, answer, kp);
         }
+        let answered = told.readings.iter().filter(|one| {
+            let sure = |(low, high): (f64, f64)| low * high > 0.0;
+            one.kind == Kind::Gain && one.low.zip(one.high).is_some_and(sure)
+        });
+        told.resolution = answered.map(|one| (one.op.1 - one.op.0).abs()).reduce(f64::min);
         let signed = kp.map(|kp| sign * kp);
         told.kp = Some(signed.median);
         told.kp_low = Some(signed.low.min(signed.high));
@@ -208,15 +214,20 @@ impl Test<'_> {
     /// A move before the process gain is known.
     fn plain(&self, one: &Move, nodes: &[Node], levels: &[f64]) -> Reading {
         let (a, b) = (&nodes[one.origin], &nodes[one.to]);
+        let moved = one.kind != Kind::None && one.to == one.origin + 1 && !self.integrating;
+        let levels_of = (levels[one.origin], levels[one.to]);
+        let (t86, overshoot) = if moved { response(&self.signals, a, b, levels_of) } else { (None, None) };
         Reading {
             kind: one.kind,
             start: self.signals.t[a.end - 1],
             end: self.signals.t[b.end - 1],
             op: (a.op, b.op),
-            pv: (levels[one.origin], levels[one.to]),
+            pv: levels_of,
             value: None,
             low: None,
             high: None,
+            t86,
+            overshoot,
             evidence: one.why,
         }
     }

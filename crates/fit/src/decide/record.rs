@@ -91,6 +91,9 @@ pub struct Answer {
     pub lag_limits: (f64, f64),
     /// Whether the process integrates.
     pub integrating: bool,
+    /// Coefficients of 1, s, s², s³ in the denominator of the process [1, s, s², s³]; behind an integrator the first is 0, the
+    /// second 1, and the units are [s⁻¹, 1, s, s²].
+    pub denominator: [f64; 4],
     /// What PV takes to answer OP: the lags; behind an integrator with the dead time [s].
     pub settles: f64,
     /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
@@ -363,6 +366,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         lag,
         lag_limits,
         integrating: search.structure.integrating,
+        denominator: search.structure.denominator_in(&best.theta, h),
         settles: search.structure.settles(&best.theta) * h,
         sigma,
         echo,

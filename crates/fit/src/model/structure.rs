@@ -173,6 +173,17 @@ impl Structure {
         den
     }
 
+    /// The same in time, with cells of `h` seconds; behind an integrator, whose gain is a velocity, divided by `h`.
+    pub(crate) fn denominator_in(self, theta: &Theta, h: f64) -> [f64; 4] {
+        let den = self.denominator(theta);
+        let mut power = if self.integrating { 1.0 / h } else { 1.0 };
+        den.map(|coefficient| {
+            let scaled = coefficient * power;
+            power *= h;
+            scaled
+        })
+    }
+
     /// Lags together [cells]: the coefficient of s in the denominator, of s² behind an integrator.
     pub(crate) fn lag(self, theta: &Theta) -> f64 {
         self.denominator(theta)[1 + usize::from(self.integrating)]

@@ -1,0 +1,230 @@
+"""Promised power beside simulated power of `glapp.plan_test`: `python -m bench.plan --half B --loops 40`.
+
+Each loop has a twin without its gap: the same process of two lags, PI controller, noise and kind of load. A recording
+of one of the two is analysed, and a test by hand is planned for a gap as wide as that of the first, within limits that
+a person gives. Then the test is made 20 times in either twin, on other days. How often the twin with the gap shows it,
+and the other shows that it has none, is the simulated power. `--kind setpoint` does the same with setpoint steps.
+
+All distributions stand in `drawn`. Half A (even numbers) is for choosing the numbers in `glapp.plan`; half B judges.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
+
+import argparse
+import json
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+import glapp
+import glapp.plan as planning
+from glapp.controller import Controller
+from glapp.plan import decided, fit_decides, plan_test
+from glapp.plant import Plant
+from glapp.scenario import Gaussian, Manual, Scenario, Steps, Walk
+from glapp.simulate import run_many
+
+DAYS = 20
+"""Tests in each twin."""
+
+MINUTES = 120.0
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A loop: process, controller, gap [% of OP], what acts on it, and the limits of its person."""
+
+    number: int
+    kp: float
+    lag: float
+    dead_time: float
+    h: float
+    controller: tuple[float, float]
+    d: float
+    noise: float
+    walk: float
+    setpoint: tuple[tuple[float, float], ...]
+    t_end: float
+    op_room: float
+    pv_room: float
+
+    def scenario(self, fault: str, seed: int, t_end: float, manual: tuple[Manual, ...] = ()) -> Scenario:
+        """One day of it; PV and OP are 50 at rest."""
+        den = [self.lag * 0.2 * self.lag, 1.2 * self.lag, 1.0]
+        return Scenario(
+            plant=Plant([self.kp], den, self.dead_time),
+            controller=Controller(k=self.controller[0], ti=self.controller[1]),
+            d=self.d if fault == "gap" else 0.0,
+            noise=(Gaussian(sigma=self.noise),),
+            load=(Walk(rate=self.walk),),
+            setpoint=(Steps(steps=((0.0, 0.0), *(step for step in self.setpoint if step[0] < t_end))),),
+            manual=manual,
+            h=self.h,
+            t_end=t_end,
+            seed=seed,
+        )
+
+
+def drawn(number: int) -> Drawn:
+    """The loop of that number."""
+    random = Random(f"plan/{number}")
+
+    def log(low: float, high: float) -> float:
+        return math.exp(random.uniform(math.log(low), math.log(high)))
+
+    kp, lag, d = log(0.3, 3.0), log(3.0, 60.0), log(0.3, 3.0)
+    dead_time = lag * random.uniform(0.1, 0.6)
+    h = min(2.0, max(0.25, round(lag / 8 * 4) / 4))
+    t_end = h * round(lag * random.uniform(80.0, 300.0) / h)
+    controller = (lag / (kp * (random.uniform(1.0, 3.0) * lag + dead_time)), 1.2 * lag)
+    times = sorted(random.uniform(0.05, 0.95) * t_end for _ in range(random.randint(2, 8)))
+    setpoint = tuple({h * round(t / h): kp * d * random.uniform(-2.5, 2.5) for t in times}.items())
+    return Drawn(
+        number=number,
+        kp=kp,
+        lag=lag,
+        dead_time=dead_time,
+        h=h,
+        controller=controller,
+        d=d,
+        noise=kp * d * log(0.02, 0.4),
+        walk=d * log(0.01, 0.3) / math.sqrt(20 * lag),
+        setpoint=setpoint,
+        t_end=t_end,
+        op_room=d * log(3.0, 12.0),
+        pv_room=kp * d * log(4.0, 20.0),
+    )
+
+
+def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
+    """Plan one test, and make it."""
+    loop = drawn(number)
+    of = ("gap", "none")[number // 2 % 2]
+    [recorded] = run_many([loop.scenario(of, number, loop.t_end)], progress=False)
+    table = recorded.to_arrow().drop_columns(["POSITION", "LOAD"])
+    recording = glapp.recording_from(table, glapp.Loop(name=f"L{number}", op_unit="%", op_span=(-50, 50)))
+    result = glapp.analyze(recording)
+    told: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
+    op, pv = (float(np.median(x[-planning.LATE :])) for x in (recorded.op, recorded.pv))
+    began = monotonic()
+    try:
+        plan = plan_test(
+            recording,
+            result,
+            op_within=(op - loop.op_room, op + loop.op_room),
+            pv_within=(pv - loop.pv_room, pv + loop.pv_room),
+            minutes=MINUTES,
+            width=loop.d,
+            kinds=(kind,),
+        )
+    except glapp.InputError as error:
+        return told | {"refused": str(error)}
+    test = plan[kind]
+    told["seconds"] = monotonic() - began
+    if test.power is None or test.hold is None or test.pv is None:
+        return told | {"refused": test.reason}
+    moves = np.array(test.moves) - test.moves[0]
+    begin = loop.h * round(30 * loop.lag / loop.h)
+    t_end = begin + test.hold * len(moves)
+    first, share, wrong, passed = round(begin / loop.h), dict[str, float](), 0, 0
+    for fault in ("gap", "none"):
+        seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS)
+        if kind == "by_hand":
+            # Until the person begins, the loop runs in automatic; then OP goes on from where it stands.
+            before = run_many([loop.scenario(fault, seed, begin) for seed in seeds], progress=False)
+            days = [
+                loop.scenario(fault, seed, t_end, _by_hand(begin, test.hold, float(day.op[-1]) + moves, loop.h))
+                for seed, day in zip(seeds, before, strict=True)
+            ]
+        else:
+            steps = tuple((begin + i * test.hold, float(move)) for i, move in enumerate(moves))
+            days = [replace(loop, setpoint=steps).scenario(fault, seed, t_end) for seed in seeds]
+        found = []
+        for made in run_many(days, progress=False):
+            rows = slice(first, None)
+            stands = float(np.median(made.pv[first - planning.LATE : first]))
+            beyond = np.flatnonzero(np.abs(made.pv[rows] - stands) > loop.pv_room)
+            passed += bool(len(beyond))
+            signals: dict[str, Any] = {"t": made.t[rows], "pv": made.pv[rows], "op": made.op[rows]}
+            if kind == "by_hand":
+                found.append(decided(glapp.step_test(**signals, manual=True), loop.d))
+            else:
+                answer = glapp.fit(**signals, sp=made.sp[rows], loop=recording.loop)
+                found.append(fit_decides(answer, loop.d))
+        gaps, none = (sum(one == word for one in found) for word in ("gap", "no_gap"))
+        share[fault] = (gaps if fault == "gap" else none) / DAYS
+        wrong += none if fault == "gap" else gaps
+    return told | {
+        "minutes": test.minutes,
+        "three_moves": len(moves) == 4,
+        "promised": [test.with_gap, test.without],
+        "simulated": [share["gap"], share["none"]],
+        "wrong": wrong,
+        "passed": passed,
+    }
+
+
+def _by_hand(begin: float, hold: float, levels: Any, h: float) -> tuple[Manual, ...]:
+    ends = [begin + (i + 1) * hold + h * (i == len(levels) - 1) for i in range(len(levels))]
+    return tuple(
+        Manual(begin=begin + i * hold, end=end, op=float(op))
+        for i, (end, op) in enumerate(zip(ends, levels, strict=True))
+    )
+
+
+def table(lines: list[dict[str, Any]]) -> str:
+    """What is counted."""
+    made = [one for one in lines if "promised" in one]
+    text = [f"{len(lines)} loops, {len(made)} tests planned, {len(lines) - len(made)} refused"]
+    if not made:
+        return text[0]
+    promised, simulated = (np.array([one[key] for one in made]) for key in ("promised", "simulated"))
+    both = zip(("with the gap", "without"), promised.T, simulated.T, strict=True)
+    text += [f"{name}: promised {p.mean():.1%}, simulated {s.mean():.1%}" for name, p, s in both]
+    near = np.abs(promised.min(axis=1) - simulated.min(axis=1))
+    sure = promised.min(axis=1) >= planning.POWER
+    tests = 2 * DAYS * len(made)
+    text += [
+        f"power within 10 points in {np.sum(near <= 0.1)} of {len(made)} loops, within 20 in {np.sum(near <= 0.2)}",
+        f"promised 90 % or more: {sure.sum()} loops, promised {promised[sure].mean():.1%}, simulated "
+        f"{simulated[sure].mean():.1%}",
+        f"wrong: {sum(one['wrong'] for one in made)} of {tests} tests",
+        f"limits of PV passed: {sum(one['passed'] for one in made)} of {tests} tests, in "
+        f"{sum(one['passed'] > 0 for one in made)} loops",
+        f"median time {np.median([one['minutes'] for one in made]):.0f} min; three moves in "
+        f"{sum(one['three_moves'] for one in made)}; median time to plan "
+        f"{np.median([one['seconds'] for one in made]):.1f} s",
+    ]
+    return "\n".join(text)
+
+
+def main() -> None:
+    """Ask, and print what is counted."""
+    parser = argparse.ArgumentParser(prog="python -m bench.plan", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--half", choices=("A", "B"), default="B")
+    parser.add_argument("--loops", type=int, default=40)
+    parser.add_argument("--kind", choices=("by_hand", "setpoint"), default="by_hand")
+    parser.add_argument("--first", type=int, default=0, help="from this number on")
+    parser.add_argument("--out", type=Path, help="a line of JSON for each loop")
+    given = parser.parse_args()
+    lines = []
+    begin = given.first + (given.first % 2 != (given.half == "B"))
+    for number in range(begin, begin + 2 * given.loops, 2):
+        lines.append(ask(number, given.kind))
+        if given.out is not None:
+            with given.out.open("a", encoding="utf-8") as file:
+                print(json.dumps(lines[-1]), file=file)
+    print(table(lines))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,777 @@
+"""Which test would decide whether a valve has a gap, worked out before anybody moves OP.
+
+The fitted loop is simulated with the gap in question and without it, under the disturbance that the recording shows,
+and each simulated test is judged by what judges a real one: `glapp.step_test` for OP moved by hand, `glapp.fit` for
+setpoint steps. The share of simulations that end in the right answer is the power of the test.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from statistics import NormalDist
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _glapp
+from .controller import Ideal
+from .errors import InputError
+from .fit import Fit, fit
+from .loop import Loop
+from .plant import Plant
+from .progress import Progress
+from .recording import Recording, joined
+from .result import Result
+from .scenario import Manual, Samples, Scenario, Valve
+from .simulate import run, run_many
+from .step_test import StepTest, step_test
+
+__all__ = ["Kind", "Plan", "Planned", "plan_test"]
+
+Floats = NDArray[np.float64]
+Limits = tuple[float, float]
+Kind = Literal["by_hand", "setpoint", "more_hours"]
+Found = Literal["gap", "no_gap"]
+
+BEYOND = 1.5
+"""PV is kept within its limits with a process gain so many times its upper limit, before the fit widens that.
+
+The person stops where PV comes to a limit all the same.
+"""
+
+KNOWN = 2.0
+"""The process is known where the upper limit of its gain is so many times the lower one, before the fit widens them.
+
+Where a recording does not tell the gap, it often does not tell the process either: gains that it gives are then up to
+17 times too small, lags 7 times too long. What such a loop does in a test cannot be foreseen.
+"""
+
+WORTH = 0.5
+"""A test that decides less often is not proposed."""
+
+MARGIN = 0.2
+"""A step test decides where its interval begins so far above 0, or ends so far below the width [widths].
+
+Where the load wanders, the 95 % interval holds the width in 91 to 95 of 100 tests: at 0 and at the width itself one in
+twenty would decide wrongly.
+"""
+
+POWER = 0.9
+"""A test that decides so often is proposed; of those the shortest, and of these the one that moves PV least."""
+
+LATE = 60
+"""Where the loop stands is the median of so many rows at the end."""
+
+PILOTS, SIMULATIONS = 8, 64
+"""Tests simulated with the gap and as many without: to look for one, and to tell the power of the one that is found."""
+
+FITTED = 8
+"""The same of setpoint steps: a fit takes a second, where a step test takes milliseconds."""
+
+STEPS = (1.5, 2.0, 3.0, 5.0, 8.0)
+"""Steps of OP that are tried [widths]."""
+
+HOLDS = (1.3, 2.0, 4.0)
+"""Times for which OP is held [settling times]."""
+
+SETTLED_ROWS = 20
+"""Rows of a hold after PV has settled."""
+
+PATTERNS = ((0, 1, 2, 1), *((0, *(1, 2, 1, 0) * n) for n in (1, 2, 4)))
+"""OP by hand [steps from where it stands]: up, up, down, and up, up, down, down so many times."""
+
+TAIL = 5.0
+"""As in the step test: PV counts as settled t₁ + 5(t₂ − t₁) after a move."""
+
+SETPOINT_STEPS = (2.0, 3.0, 4.0)
+"""Setpoint steps that are tried [width of the gap, through the process gain]."""
+
+MOST_SETPOINT_STEPS = 10
+"""A setpoint is stepped so often at most: five times each way."""
+
+HOURS_POWER = 0.8
+"""More hours of the same are told as those that decide so often, …"""
+
+MOST_HOURS = 30 * 24.0
+"""… up to a month."""
+
+PER_TRAVERSAL = 0.5
+"""Likelihood ratio that the fit asks for each time OP goes through the width."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One kind of test.
+
+    Attributes
+    ----------
+    kind : "by_hand", "setpoint", "more_hours"
+        OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs.
+    reason : str or None
+        Why no such test can be proposed; None where it can, and all that follows is known.
+    moves : tuple of float
+        OP [OP unit], or SP [PV unit], one after the other, the first where the loop stood at the end of the recording.
+        Empty for more hours.
+    hold : float or None
+        Time at each of them [s].
+    minutes : float or None
+        Time for all of it, without that at the beginning that is recorded before the first move.
+    op, pv : (float, float) or None
+        Least and greatest OP and PV in any of the simulations, with the process gain 1.5 times its upper limit. None
+        for more hours.
+    power : float or None
+        Probability that it decides: the smaller of the next two.
+    with_gap, without : float or None
+        Share of the simulations with the gap that end in *gap*, and of those without it that end in *no gap* of that
+        width. `without` is None for more hours.
+    false : float or None
+        Share of all simulations that end in the wrong answer.
+    simulations : int
+        Simulations of either kind; 0 for more hours, whose power follows from the likelihood.
+    """
+
+    kind: Kind
+    reason: str | None = None
+    moves: tuple[float, ...] = ()
+    hold: float | None = None
+    minutes: float | None = None
+    op: Limits | None = None
+    pv: Limits | None = None
+    power: float | None = None
+    with_gap: float | None = None
+    without: float | None = None
+    false: float | None = None
+    simulations: int = 0
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Plan:
+    """What would decide.
+
+    Attributes
+    ----------
+    name, source, unit, pv_unit : str
+        Loop, file, units of OP and PV.
+    width : float
+        Total width of the gap in question [OP unit].
+    op_within, pv_within : (float, float)
+        Limits that no test passes [OP unit, PV unit].
+    within : float
+        Time that a test may take [min].
+    tests : tuple of Planned
+        By hand, by setpoint steps, by more hours.
+    """
+
+    name: str
+    source: str
+    unit: str
+    pv_unit: str
+    width: float
+    op_within: Limits
+    pv_within: Limits
+    within: float
+    tests: tuple[Planned, ...]
+
+    def __repr__(self) -> str:
+        told = ", ".join(
+            f"{one.kind} {'refused' if one.power is None else f'{one.power:.0%} in {one.minutes:.0f} min'}"
+            for one in self.tests
+        )
+        return f"<Plan {self.name}: a gap of {self.width:.3g} {self.unit}; {told}>"
+
+    def __getitem__(self, kind: Kind) -> Planned:
+        return next(one for one in self.tests if one.kind == kind)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same in plain types, as `glapp plan-test --json` writes it."""
+        return asdict(self)
+
+
+def plan_test(
+    recording: Recording,
+    result: Result,
+    *,
+    op_within: Limits | None = None,
+    pv_within: Limits | None = None,
+    minutes: float = 60.0,
+    width: float | None = None,
+    kinds: Sequence[Kind] = ("by_hand", "setpoint", "more_hours"),
+    progress: Progress | None = None,
+) -> Plan:
+    """Say which test would decide whether there is a gap, how long it takes, how far PV moves, how often it decides.
+
+    A test decides where it ends in *gap* with the gap, and in *no gap of this width* without. By hand: the 95 %
+    interval of the step test begins above a fifth of the width, or ends below four fifths. By setpoint steps: the
+    fit's *found*, or *none seen* above a limit below the width. PV is simulated as P·valve + w: P is the fitted
+    process, the valve follows OP with a gap of the width, or without, and w is what is left of the recorded PV, taken
+    from a place of the recording that is another one in each simulation. It is the same w with the gap and without:
+    that of the two which leaves less of the recording.
+
+    More hours: −2·Δln L of no gap grows in proportion to time, and has the variance of 4 times its growth. Told are the
+    hours after which it exceeds what the fit asks for in 80 %.
+
+    Known bias: valve, process and load are those of the fit. Where the true gain is smaller than the fitted one, or the
+    process slower, less is decided than promised. A valve that sticks is simulated as one with a gap.
+
+    Parameters
+    ----------
+    recording : Recording
+        The loop's recording.
+    result : Result
+        What `glapp.analyze` says of it.
+    op_within, pv_within : (float, float), optional
+        Limits of OP [OP unit] and PV [PV unit] for the test; the least and greatest value in the recording where not
+        given.
+    minutes : float
+        Longest test [min], > 0.
+    width : float, optional
+        Width in question [OP unit], > 0. Where not given it is the most likely one of a *likely* gap, else the widest
+        acceptable one, else the most likely one.
+    kinds : sequence of str
+        Kinds of test to work out.
+    progress : callable, optional
+        Told the share that is done.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    InputError
+        Where OP and PV were not fitted or do not tell the process, a limit is out of its bounds, or nobody knows which
+        width is asked for.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> steps = [(0, 40.0), (600, 42.0), (1500, 40.0), (2400, 43.0)]
+    >>> sim = glapp.simulate.closed_loop(([0.8], [20, 1], 5), (0.5, 20), d=1.0, noise=0.1, h=1.0, t_end=3600,
+    ...                                  setpoint=steps, seed=1)
+    >>> recording = glapp.recording_from(sim.to_arrow().drop_columns(["POSITION"]))
+    >>> plan = plan_test(recording, glapp.analyze(recording), width=1.0, op_within=(45, 65), pv_within=(35, 50),
+    ...                  kinds=("by_hand",))
+    >>> test = plan["by_hand"]
+    >>> test.power >= 0.9, test.pv[0] >= 35 and test.pv[1] <= 50
+    (True, True)
+    """
+    if not minutes > 0:
+        raise InputError(f"is {minutes:g}, must be > 0", parameter="minutes", value=minutes, bound="> 0 min")
+    if width is not None and not width > 0:
+        raise InputError(f"is {width:g}, must be > 0", parameter="width", value=width, bound="> 0")
+    if unknown := set(kinds) - {"by_hand", "setpoint", "more_hours"}:
+        raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
+    asked = _width(result) if width is None else width
+    loop = _Fitted.of(recording, result, asked, op_within, pv_within)
+    told = progress or (lambda _: None)
+    tests = []
+    for i, kind in enumerate(kinds):
+        told(i / len(kinds))
+        match kind:
+            case "by_hand":
+                tests.append(_by_hand(loop, minutes))
+            case "setpoint":
+                tests.append(_setpoint(loop, minutes))
+            case "more_hours":
+                tests.append(_more_hours(loop.fit))
+    told(1.0)
+    return Plan(
+        name=result.name,
+        source=result.source,
+        unit=result.unit,
+        pv_unit=result.loop.pv_unit or "PV unit",
+        width=asked,
+        op_within=loop.op_within,
+        pv_within=loop.pv_within,
+        within=minutes,
+        tests=tuple(tests),
+    )
+
+
+def _width(result: Result) -> float:
+    answer, found = result.answer, result.fit
+    likely = found.d if found is not None and answer.confidence in ("likely", "found") else None
+    acceptable = None if answer.limit is None else answer.limit.width
+    for width in (likely, acceptable, None if found is None else found.d):
+        if width is not None and width > 0:
+            return width
+    raise InputError(
+        "no width is known, neither a likely one nor an acceptable one",
+        loop=result.name,
+        parameter="width",
+        hint="say which width is asked for, or give OP's span",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """The fitted loop, as it stood at the end of its recording; OP and PV are counted from there."""
+
+    name: str
+    loop: Loop
+    fit: Fit
+    width: float
+    h: float
+    plant: Plant
+    strong: Plant
+    """The process with the largest gain that is planned for."""
+    integrating: bool
+    settling: float
+    left: _Left
+    """Of the valve with the gap or without, whichever leaves less: the load is the same for both."""
+    op: float
+    pv: float
+    sp: float
+    law: Ideal | None
+    op_within: Limits
+    pv_within: Limits
+
+    @classmethod
+    def of(
+        cls, recording: Recording, result: Result, width: float, op_within: Limits | None, pv_within: Limits | None
+    ) -> _Fitted:
+        found = result.fit
+        if found is not None and found.through_pv is not None:
+            found = found.through_pv
+        if found is None or found.process is None:
+            said = result.reason if found is None else found.reason
+            raise InputError(
+                f"OP and PV were not fitted: {said}", file=result.source, loop=result.name, hint="record OP and PV"
+            )
+        best, process = found.best, found.process
+        where: dict[str, Any] = {"file": result.source, "loop": result.name}
+        if process.integrating != (recording.loop.process.type == "integrating"):
+            kinds = ("integrating", "self-regulating")
+            told, said = kinds if process.integrating else kinds[::-1]
+            raise InputError(
+                f"the fit takes the process for {told}, and its settings say {said}",
+                **where,
+                hint=f'write process = {{ type = "{told}" }} in a loops.toml if that is so',
+            )
+        gains = _gains(process.kp, recording.loop.kp(), (found.judgement or {}).get("confidence") == "found")
+        if gains is None:
+            raise InputError(
+                f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g}",
+                **where,
+                hint="record the loop while OP or the setpoint is stepped once or twice",
+            )
+        h, loop = float(best["h"]), recording.loop
+        op, pv = _rows(recording, best["t_start"], best["t_end"], h)
+        plant, strong = (_plant(gain, best, h) for gain in gains)
+        settling = _settling(plant)
+        skip = min(len(pv) // 4, int(settling / h))
+        either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
+        left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
+        within = {"op": op_within, "pv": pv_within}
+        stands = _stands(recording)
+        for name, x in (("op", op), ("pv", pv)):
+            low, high = within[name] or (float(np.nanmin(x)), float(np.nanmax(x)))
+            within[name] = low, high
+            if not low < high:
+                bound = "the first below the second"
+                raise InputError(f"is {low:g} to {high:g}, must be {bound}", parameter=f"{name}_within", bound=bound)
+            if not low <= stands[name] <= high:
+                raise InputError(
+                    f"is {low:g} to {high:g}, and the recording ends at {stands[name]:.4g}", parameter=f"{name}_within"
+                )
+        s = result.settings
+        known = s.k is not None and s.ti is not None
+        return cls(
+            name=result.name,
+            loop=loop,
+            fit=found,
+            width=width,
+            h=h,
+            plant=plant,
+            strong=strong,
+            integrating=process.integrating,
+            settling=settling,
+            left=left,
+            op=stands["op"],
+            pv=stands["pv"],
+            sp=stands["sp"],
+            law=Ideal(s.k, s.ti, s.td or 0.0, 1.0 if s.b is None else s.b) if known else None,  # type: ignore[arg-type]
+            op_within=within["op"],  # type: ignore[arg-type]
+            pv_within=within["pv"],  # type: ignore[arg-type]
+        )
+
+    def disturbance(self, n: int, at: int, seed: int) -> Floats:
+        """So many values of what is left of PV, from another place with each seed, 0 at the sample `at`."""
+        return self.left.piece(n, at, np.random.default_rng(seed))
+
+    def swing(self, n: int) -> Limits:
+        """How far PV goes by itself from where it stands, within so many samples."""
+        pieces = [self.disturbance(n, 0, seed) for seed in range(SIMULATIONS)]
+        return min(float(x.min()) for x in pieces), max(float(x.max()) for x in pieces)
+
+
+def _gains(fitted: Sequence[float], given: float | None, found: bool) -> tuple[float, float] | None:
+    """Process gain, and the largest that is planned for; None where it is not known."""
+    kp, low, high = fitted
+    widened = _glapp.fit_thresholds()["PROCESS_OFF" if found else "PROCESS_OFF_IF_NOT_FOUND"][0]
+    most, least = max(abs(low), abs(high)) / widened, min(abs(low), abs(high)) * widened
+    if low * high <= 0 or most > KNOWN * least:
+        return None
+    kp = kp if given is None else given
+    return kp, math.copysign(BEYOND * max(abs(kp), most if given is None else 0.0), kp)
+
+
+def _stands(recording: Recording) -> dict[str, float]:
+    """OP, PV and SP at the end of the recording, PV in the place of an SP that is not recorded."""
+    last: dict[str, list[Floats]] = {"op": [], "pv": [], "sp": []}
+    for batch in recording.batches():
+        for name, kept in last.items():
+            values = getattr(batch, name)
+            if values is not None:
+                kept[:] = [np.concatenate([*kept, values[np.isfinite(values)][-LATE:]])[-LATE:]]
+    stands = {name: float(np.median(kept[0])) for name, kept in last.items() if kept and kept[0].size}
+    return {"sp": stands["pv"]} | stands
+
+
+def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Floats, Floats]:
+    """OP and PV of the window that was fitted, at even steps."""
+    rows = joined([part for b in recording.batches() if len(part := b[_inside(b.t, start, end)])])
+    assert rows.op is not None  # it was fitted
+    good = np.isfinite(rows.t) & np.isfinite(rows.op) & np.isfinite(rows.pv)
+    t, op, pv = rows.t[good], rows.op[good], rows.pv[good]
+    grid = t[0] + h * np.arange(int((t[-1] - t[0]) / h + 1e-9) + 1)
+    latest = np.searchsorted(t, grid + 1e-6 * h, side="right") - 1
+    return op[latest], pv[latest]
+
+
+def _inside(t: Floats, start: float, end: float) -> slice:
+    inside = np.flatnonzero((t >= start) & (t <= end))
+    return slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
+
+
+def _plant(kp: float, best: dict[str, Any], h: float) -> Plant:
+    """The fitted process; lags that a row does not show are left out."""
+    coefficients = list(best["denominator"])
+    while not coefficients[-1]:
+        coefficients.pop()
+    plant = Plant([kp], coefficients[::-1], best["dead_time"])
+    if np.abs(plant.poles).max() * h < 3.0:
+        return plant
+    integrator = int(best["integrating"])
+    lag = max(coefficients[1 + integrator], h / 3.0)
+    return Plant([kp], [lag, 1.0] + [0.0] * integrator, best["dead_time"])
+
+
+def _settling(plant: Plant) -> float:
+    """When the step test takes PV as settled [s]: t₁ + 5(t₂ − t₁) after a move; behind an integrator its lag's."""
+    if plant.gain is None:
+        plant = Plant([1.0], plant.den[:-1], plant.dead_time)
+    t, y = plant.step()
+    gone = np.maximum.accumulate(y / float(plant.gain or 1.0))
+    t1, t2 = (float(t[np.searchsorted(gone, 1.0 - math.exp(-k)).clip(0, len(t) - 1)]) for k in (1, 2))
+    return t1 + TAIL * (t2 - t1)
+
+
+def _at_rest(plant: Plant, h: float, t_end: float, **more: Any) -> Scenario:
+    """The process in manual, from rest at 0."""
+    sign = math.copysign(1.0, plant.num[-1])
+    manual = more.pop("manual", [Manual(begin=0.0, end=t_end + h, op=0.0)])
+    more |= {"controller": (sign, 10.0), "manual": manual}
+    return Scenario(plant=plant, h=h, t_end=t_end, **more)
+
+
+@dataclass(frozen=True, slots=True)
+class _Left:
+    """What the valve's moves do not explain of PV."""
+
+    w: Floats
+    """[PV unit]."""
+    due: Floats
+    """What PV will still do where OP is held from here on: a way [PV unit], behind an integrator a rate [PV unit/s]."""
+    shape: Floats
+    """How that comes about, from step to step: the step response to 1, behind an integrator time [s]."""
+    integrating: bool
+
+    @classmethod
+    def of(cls, plant: Plant, op: Floats, pv: Floats, d: float, h: float, skip: int) -> _Left:
+        """Of the recorded OP and PV, where the valve has a gap of width `d`; without the first `skip` steps."""
+        valve = Valve(d=d).positions(op, h) if d > 0 else op
+        moves = valve - valve[0]
+        moved = run(_at_rest(plant, h, h * (len(op) - 1), load=Samples(values=moves))).pv[: len(pv)]
+        t: Floats = h * np.arange(len(pv), dtype=np.float64)
+        if (gain := plant.gain) is None:
+            return cls((pv - moved)[skip:], (float(plant.velocity_gain or 0.0) * moves)[skip:], t, True)
+        return cls((pv - moved)[skip:], (gain * moves - moved)[skip:], np.asarray(plant.step_response(t) / gain), False)
+
+    def moves_by(self, steps: int) -> float:
+        """Mean square of what it moves by in so many steps."""
+        return float(np.mean((self.w[steps:] - self.w[:-steps]) ** 2)) if len(self.w) > steps else math.inf
+
+    def piece(self, n: int, at: int, random: np.random.Generator) -> Floats:
+        """So many steps from a place of its own, with OP held from the step `at` on, where it is 0.
+
+        A recording shorter than twice that is read forwards and backwards in turn.
+        """
+        w, due, turn = self.w, self.due, -1.0 if self.integrating else 1.0
+        while len(w) < 2 * n:
+            w, due = np.concatenate([w, w[::-1]]), np.concatenate([due, turn * due[::-1]])
+        rest = np.arange(1, max(0, n - len(self.shape)) + 1) * (self.shape[1] if self.integrating else 0.0)
+        shape = np.append(self.shape, self.shape[-1] + rest)
+        start = int(random.integers(0, len(w) - n + 1))
+        piece: Floats = w[start : start + n] - w[start + at]
+        piece[at:] += due[start + at] * shape[: n - at]
+        return piece
+
+
+def _by_hand(loop: _Fitted, minutes: float) -> Planned:
+    if loop.integrating:
+        return Planned("by_hand", "the process integrates: PV would run away while OP is held")
+    room = {+1: loop.op_within[1] - loop.op, -1: loop.op - loop.op_within[0]}
+    side = max(room, key=lambda side: room[side])
+    reach = room[side] / 2
+    if STEPS[0] * loop.width > reach:
+        return Planned(
+            "by_hand",
+            f"two steps of OP beyond a gap of {loop.width:.3g} take {2 * STEPS[0] * loop.width:.3g}, and OP may move "
+            f"from {loop.op:.4g} by {room[side]:.3g} at most",
+        )
+    refused: set[str] = set()
+    best: Planned | None = None
+    for hold, pattern in _shortest(loop, minutes, refused):
+        n = round(hold / loop.h) * len(pattern) + 1
+        low, high = loop.swing(n)
+        for size in STEPS:
+            if size * loop.width > reach:
+                break
+            levels = tuple(side * size * loop.width * level for level in pattern)
+            pv = _goes(loop, loop.strong, levels, hold, (low, high))
+            if not _within(pv, loop.pv_within):
+                refused.add(
+                    f"PV may go from {pv[0]:.4g} to {pv[1]:.4g} in two steps of OP by {size * loop.width:.3g}, and its "
+                    f"limits are {loop.pv_within[0]:.4g} and {loop.pv_within[1]:.4g}"
+                )
+                break
+            pilot = _tried(loop, levels, hold, range(PILOTS))
+            planned = _planned("by_hand", loop.op, levels, hold, pilot, pv)
+            if planned.power is not None and planned.power >= POWER - 0.1:  # others at the same loop will be as good
+                planned = _planned(
+                    "by_hand",
+                    loop.op,
+                    levels,
+                    hold,
+                    _tried(loop, levels, hold, range(PILOTS, PILOTS + SIMULATIONS)),
+                    pv,
+                )
+                if planned.power is not None and planned.power >= POWER:
+                    return planned
+            if best is None or (planned.power or 0.0) > (best.power or 0.0):
+                best = planned
+    if best is None:
+        return Planned("by_hand", sorted(refused)[0])
+    if best.simulations == PILOTS:  # the best of many looks better than it is
+        levels = tuple(op - loop.op for op in best.moves)
+        again = _tried(loop, levels, best.hold or 0.0, range(PILOTS, PILOTS + SIMULATIONS))
+        best = _planned("by_hand", loop.op, levels, best.hold or 0.0, again, best.pv)
+    if (best.power or 0.0) < WORTH:
+        why = f", and {sorted(refused)[0]}" if refused else ""
+        return Planned(
+            "by_hand",
+            f"the surest test of up to {minutes:g} min decides in {100 * (best.power or 0.0):.0f} % only{why}",
+        )
+    return best
+
+
+def _goes(loop: _Fitted, plant: Plant, levels: Sequence[float], hold: float, swing: Limits) -> Limits:
+    """Least and greatest PV of a test without a gap, wherever the load goes meanwhile."""
+    pv = run(_scenario(loop, plant, 0.0, levels, hold, None)).pv
+    return loop.pv + float(pv.min()) + swing[0], loop.pv + float(pv.max()) + swing[1]
+
+
+def _shortest(loop: _Fitted, minutes: float, refused: set[str]) -> Iterator[tuple[float, tuple[int, ...]]]:
+    """Holds and patterns that fit into the time, the shortest first."""
+    pairs = []
+    for share in HOLDS:
+        hold = _round(max(share * loop.settling, loop.settling + SETTLED_ROWS * loop.h), loop.h)
+        pairs += [(hold, pattern) for pattern in PATTERNS]
+    fitting = [pair for pair in pairs if _minutes(*pair) <= minutes]
+    if not fitting:
+        least = min(_minutes(*pair) for pair in pairs)
+        refused.add(f"the shortest test takes {least:.0f} min, and {minutes:g} are allowed")
+    yield from sorted(fitting, key=lambda pair: _minutes(*pair))
+
+
+def _minutes(hold: float, moves: Sequence[float]) -> float:
+    """Time from the first move on."""
+    return hold * (len(moves) - 1) / 60
+
+
+def _round(seconds: float, h: float) -> float:
+    """A time that a person can keep, and a multiple of the step."""
+    unit = 60.0 if seconds > 240 else 30.0 if seconds > 60 else 10.0 if seconds > 20 else 1.0
+    return h * math.ceil(unit * math.ceil(seconds / unit - 1e-9) / h - 1e-9)
+
+
+def _within(inner: Limits, outer: Limits) -> bool:
+    return outer[0] <= inner[0] and inner[1] <= outer[1]
+
+
+def _scenario(
+    loop: _Fitted, plant: Plant, d: float, levels: Sequence[float], hold: float, seed: int | None
+) -> Scenario:
+    """OP by hand, after a hold at which the valve was left anywhere in its gap; without a seed nothing disturbs PV."""
+    before = 0 if seed is None else 2
+    stands = 0.0 if seed is None else float(np.random.default_rng([seed, 1]).uniform(-1.0, 1.0)) * loop.width
+    held = [*([stands, 0.0] if before else []), *levels]
+    t_end = hold * len(held)
+    noise: Any = ()
+    if seed is not None:
+        n = round(t_end / loop.h) + 1
+        noise = Samples(values=loop.disturbance(n, round(before * hold / loop.h), seed))
+    manual = [Manual(begin=i * hold, end=(i + 1) * hold, op=op) for i, op in enumerate(held)]
+    manual[-1] = Manual(begin=manual[-1].begin, end=t_end + loop.h, op=held[-1])
+    return _at_rest(plant, loop.h, t_end, manual=manual, d=d, noise=noise)
+
+
+def _tried(
+    loop: _Fitted, levels: Sequence[float], hold: float, seeds: Sequence[int]
+) -> list[tuple[float, Found | None]]:
+    """What the step test says of simulated tests, with the gap and without."""
+    each = [(d, seed) for d in (loop.width, 0.0) for seed in seeds]
+    simulations = run_many([_scenario(loop, loop.plant, d, levels, hold, seed) for d, seed in each], progress=False)
+    first = round(2 * hold / loop.h)
+    judged = []
+    for (d, _), s in zip(each, simulations, strict=True):
+        read = step_test(t=s.t[first:], pv=s.pv[first:] + loop.pv, op=s.op[first:] + loop.op, manual=True)
+        judged.append((d, decided(read, loop.width)))
+    return judged
+
+
+def decided(test: StepTest, width: float) -> Found | None:
+    """What a step test says of a gap of that width: there is a gap, there is none so wide, or nothing."""
+    if test.low is not None and test.low > MARGIN * width:
+        return "gap"
+    return "no_gap" if test.high is not None and test.high < (1.0 - MARGIN) * width else None
+
+
+def _planned(
+    kind: Kind,
+    begins: float,
+    levels: Sequence[float],
+    hold: float,
+    judged: Sequence[tuple[float, Found | None]],
+    pv: Limits | None,
+    op: Limits | None = None,
+) -> Planned:
+    with_gap = [found == "gap" for d, found in judged if d > 0]
+    without = [found == "no_gap" for d, found in judged if d == 0]
+    false = [found == ("no_gap" if d > 0 else "gap") for d, found in judged]
+    moves = tuple(begins + level for level in levels)
+    return Planned(
+        kind,
+        moves=moves,
+        hold=hold,
+        minutes=_minutes(hold, moves),
+        op=op or (min(moves), max(moves)),
+        pv=pv,
+        power=float(min(np.mean(with_gap), np.mean(without))),
+        with_gap=float(np.mean(with_gap)),
+        without=float(np.mean(without)),
+        false=float(np.mean(false)),
+        simulations=len(with_gap),
+    )
+
+
+def _setpoint(loop: _Fitted, minutes: float) -> Planned:
+    law = loop.law
+    if law is None or not law.k:
+        return Planned("setpoint", "the controller's K and Ti are not known: give them, or record SP")
+    apart = _round(3.0 * loop.settling + 2.0 * law.ti, loop.h)
+    n = min(MOST_SETPOINT_STEPS, int(minutes * 60 / apart))
+    if n < 2:
+        return Planned("setpoint", f"two setpoint steps take {2 * apart / 60:.0f} min, and {minutes:g} are allowed")
+    # What OP moves in the end, or behind an integrator at once.
+    gain = 1.0 / abs(law.k) if loop.integrating else abs(loop.plant.gain or 0.0)
+    begins = loop.sp
+    side = 1.0 if loop.pv_within[1] - begins >= begins - loop.pv_within[0] else -1.0
+    passed = ""
+    for size in reversed(SETPOINT_STEPS):
+        step = side * size * loop.width * gain
+        levels = tuple(step * (i % 2) for i in range(n + 1))
+        pv, op = _reached(loop, law, levels, apart)
+        if _within(pv, loop.pv_within) and _within(op, loop.op_within):
+            return _planned("setpoint", begins, levels, apart, _fitted(loop, law, levels, apart, FITTED), pv, op)
+        passed = (
+            f"setpoint steps of {abs(step):.3g} take PV from {pv[0]:.4g} to {pv[1]:.4g} and OP from {op[0]:.4g} to "
+            f"{op[1]:.4g}, beyond the limits"
+        )
+    return Planned("setpoint", passed)
+
+
+def _stepped(
+    loop: _Fitted, law: Ideal, plant: Plant, d: float, levels: Sequence[float], apart: float, seed: int
+) -> Scenario:
+    t_end = apart * len(levels)
+    noise = Samples(values=loop.disturbance(round(t_end / loop.h) + 1, 0, seed))
+    more: dict[str, Any] = {"controller": tuple(law), "noise": noise}
+    more["setpoint"] = [(i * apart, level) for i, level in enumerate(levels)]
+    return Scenario(plant=plant, d=d, h=loop.h, t_end=t_end, **more)
+
+
+def _reached(loop: _Fitted, law: Ideal, levels: Sequence[float], apart: float) -> tuple[Limits, Limits]:
+    """Least and greatest PV and OP with either gain, with the gap and without."""
+    seeds = range(FITTED)
+    each = [
+        _stepped(loop, law, plant, d, levels, apart, seed)
+        for plant in (loop.plant, loop.strong)
+        for d in (loop.width, 0.0)
+        for seed in seeds
+    ]
+    try:
+        simulations = run_many(each, progress=False)
+    except InputError:  # it runs away with the greater gain
+        return (-math.inf, math.inf), (-math.inf, math.inf)
+    begins = loop.sp
+
+    def reach(of: str, zero: float) -> Limits:
+        values = [getattr(s, of) for s in simulations]
+        return zero + min(float(x.min()) for x in values), zero + max(float(x.max()) for x in values)
+
+    return reach("pv", begins), reach("op", loop.op)
+
+
+def _fitted(
+    loop: _Fitted, law: Ideal, levels: Sequence[float], apart: float, count: int
+) -> list[tuple[float, Found | None]]:
+    """What the fit says of simulated setpoint steps, with the gap and without."""
+    each = [(d, seed) for d in (loop.width, 0.0) for seed in range(100, 100 + count)]
+    simulations = run_many(
+        [_stepped(loop, law, loop.plant, d, levels, apart, seed) for d, seed in each], progress=False
+    )
+    judged: list[tuple[float, Found | None]] = []
+    for (d, _), s in zip(each, simulations, strict=True):
+        judged.append((d, fit_decides(fit(t=s.t, sp=s.sp, pv=s.pv, op=s.op, loop=loop.loop), loop.width)))
+    return judged
+
+
+def fit_decides(found: Fit, width: float) -> Found | None:
+    """The same of a fit."""
+    said = (found.judgement or {}).get("confidence")
+    if said == "found":
+        return "gap"
+    return "no_gap" if said in ("none_seen", "sound") and found.high is not None and found.high < width else None
+
+
+def _more_hours(found: Fit) -> Planned:
+    """By the growth of the likelihood ratio."""
+    best = found.best
+    if found.why in ("swings", "repeats"):
+        return Planned("more_hours", f"more hours of the same tell nothing new: {found.reason}")
+    ratio, needed = found.lr_no_gap or 0.0, found.lr_needed or math.inf
+    if not ratio > 0.0 or found.why not in ("may_be_a_gap", "windows_silent", "families_disagree"):
+        return Planned("more_hours", f"more hours of the same need not tell more: {found.reason}")
+    so_far = best["cells"] * best["cell"] / 3600 * max(1, len(found.windows))
+    sure = NormalDist().inv_cdf(HOURS_POWER)
+    times = PER_TRAVERSAL * sum(best["traversals"])
+    for more in np.geomspace(0.1, MOST_HOURS / so_far, 200):
+        grown = ratio * (1 + more)
+        if grown - max(needed, times * (1 + more)) >= sure * 2 * math.sqrt(ratio * more):
+            return Planned("more_hours", minutes=60 * so_far * more, power=HOURS_POWER, with_gap=HOURS_POWER)
+    return Planned("more_hours", "a month of the same would not decide")

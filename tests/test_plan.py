@@ -1,0 +1,234 @@
+"""The planned test: what it promises beside what it does on the simulated loop, and the limits that it keeps."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import glapp
+import glapp.plan
+from glapp import InputError, plan_test, recording_from
+from glapp.cli import app
+from glapp.fit import Fit
+from glapp.plan import HOURS_POWER, _more_hours, decided
+from glapp.simulate import Gaussian, Walk, closed_loop
+from glapp.step_test import StepTest
+
+PLANT = ([0.8], [20.0, 1.0], 5.0)
+TRUE_GAP = 1.0
+STEPS = [(0, 40.0), (600, 42.0), (1500, 40.0), (2400, 43.0), (3300, 41.0), (4200, 42.5)]
+LIMITS = {"op_within": (45.0, 65.0), "pv_within": (34.0, 52.0)}
+
+
+@pytest.fixture(autouse=True)
+def few_simulations(request, monkeypatch):
+    """What is no matter of power is looked at with few simulations."""
+    if "verify" not in request.keywords:
+        monkeypatch.setattr(glapp.plan, "PILOTS", 3)
+        monkeypatch.setattr(glapp.plan, "SIMULATIONS", 6)
+
+
+def loop_runs(*, d=TRUE_GAP, plant=PLANT, seed=1, manual=(), t_end=5000.0, noise=0.1):
+    return closed_loop(
+        plant,
+        (0.5, 20.0),
+        d=d,
+        noise=Gaussian(sigma=noise),
+        load=Walk(rate=0.005),
+        h=1.0,
+        t_end=t_end,
+        setpoint=STEPS,
+        manual=manual,
+        seed=seed,
+    )
+
+
+@cache
+def analysed(d=TRUE_GAP):
+    recording = recording_from(loop_runs(d=d).to_arrow().drop_columns(["POSITION"]), glapp.Loop(name="FIC1"))
+    return recording, glapp.analyze(recording)
+
+
+def by_hand(**more):
+    recording, result = analysed()
+    return plan_test(recording, result, **({"width": TRUE_GAP, "kinds": ("by_hand",)} | LIMITS | more))["by_hand"]
+
+
+def test_the_fit_hands_over_its_process():
+    _, result = analysed()
+    best = result.fit.best
+    assert best["denominator"][0] == 1.0
+    assert best["denominator"][1] == pytest.approx(best["lag"], rel=1e-12)
+    assert best["lag"] + best["dead_time"] == pytest.approx(25.0, rel=0.15)
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("planned_from", [TRUE_GAP, 0.0])
+def test_the_promised_power_is_that_of_the_loop_and_the_limits_hold(planned_from):
+    recording, result = analysed(planned_from)
+    test = plan_test(recording, result, width=TRUE_GAP, kinds=("by_hand",), **LIMITS)["by_hand"]
+    assert test.power >= 0.9
+    said = {TRUE_GAP: [], 0.0: []}
+    moves = np.array(test.moves) - test.moves[0]
+    for d, found in said.items():
+        for seed in range(30):
+            begin = 3000.0
+            stands = float(loop_runs(d=d, seed=seed).op[int(begin)])
+            manual = [
+                (begin + i * test.hold, begin + (i + 1) * test.hold, stands + move) for i, move in enumerate(moves)
+            ]
+            made = loop_runs(d=d, seed=seed, manual=manual, t_end=begin + test.hold * len(moves))
+            rows = slice(int(begin), -1)
+            read = glapp.step_test(t=made.t[rows], pv=made.pv[rows], op=made.op[rows], manual=True)
+            found.append(decided(read, TRUE_GAP))
+            assert made.op[rows].max() - stands <= LIMITS["op_within"][1] - test.moves[0]
+            assert np.ptp(made.pv[rows]) <= test.pv[1] - test.pv[0] + 1.0
+    assert np.mean([one == "gap" for one in said[TRUE_GAP]]) >= test.with_gap - 0.15
+    assert np.mean([one == "no_gap" for one in said[0.0]]) >= test.without - 0.15
+    assert sum(one == "no_gap" for one in said[TRUE_GAP]) + sum(one == "gap" for one in said[0.0]) <= 3
+
+
+def test_the_moves_stay_within_the_limits_and_the_time():
+    test = by_hand(minutes=40.0)
+    assert test.minutes <= 40.0
+    assert test.minutes == pytest.approx(test.hold * (len(test.moves) - 1) / 60)
+    assert all(45.0 <= op <= 65.0 for op in test.moves)
+    assert (test.pv[0] >= 34.0, test.pv[1] <= 52.0) == (True, True)
+    steps = np.diff(test.moves)
+    assert np.abs(steps).min() > TRUE_GAP
+    assert list(np.sign(steps[:3])) in ([1, 1, -1], [-1, -1, 1])
+    assert test.power == min(test.with_gap, test.without) >= 0.8
+    assert by_hand(minutes=40.0) == test  # the same bits again
+
+
+def test_op_moves_to_the_side_that_has_room():
+    stands = by_hand().moves[0]
+    assert np.diff(by_hand(op_within=(stands - 10, stands + 1)).moves)[0] < 0
+    assert np.diff(by_hand(op_within=(stands - 1, stands + 10)).moves)[0] > 0
+
+
+def test_where_nothing_fits_the_reason_is_told():
+    stands = by_hand().moves[0]
+    no_room = by_hand(op_within=(stands - 1.2, stands + 1.2))
+    assert no_room.power is None
+    assert "and OP may move from" in no_room.reason
+    no_time = by_hand(minutes=2.0)
+    assert no_time.moves == ()
+    assert "the shortest test takes" in no_time.reason
+    pv = float(np.median(analysed()[0].beginning(5001).pv[-60:]))
+    no_pv = by_hand(pv_within=(pv - 0.6, pv + 0.6))
+    assert no_pv.power is None
+    assert "PV may go from" in no_pv.reason
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"minutes": 0.0}, "minutes: is 0, must be > 0"),
+        ({"width": -1.0}, "width: is -1, must be > 0"),
+        ({"kinds": ("by_foot",)}, "'by_foot'"),
+        ({"op_within": (65.0, 45.0)}, "op_within: is 65 to 45"),
+        ({"pv_within": (0.0, 10.0)}, "pv_within: is 0 to 10, and the recording ends at"),
+    ],
+)
+def test_wrong_limits_are_refused(wrong, told):
+    with pytest.raises(InputError, match=told.replace("'", ".")):
+        by_hand(**wrong)
+
+
+def test_an_integrating_process_is_not_left_alone_with_op():
+    level = closed_loop(
+        ([0.02], [10.0, 1.0, 0.0], 2.0),
+        (1.5, 200.0),
+        d=1.0,
+        noise=Gaussian(sigma=0.05),
+        h=2.0,
+        t_end=8000.0,
+        setpoint=[(0, 50.0), (1000, 53.0), (3000, 49.0), (5000, 52.0)],
+        seed=3,
+    )
+    loop = glapp.Loop(name="LIC1", process={"type": "integrating"})
+    recording = recording_from(level.to_arrow().drop_columns(["POSITION"]), loop)
+    result = glapp.analyze(recording)
+    if not result.fit.process.integrating:
+        pytest.skip("the fit takes it for a lag")
+    test = plan_test(recording, result, width=1.0, kinds=("by_hand",))["by_hand"]
+    assert test.power is None
+    assert "integrates" in test.reason
+
+
+@pytest.mark.verify
+def test_setpoint_steps_are_judged_by_the_fit():
+    recording, result = analysed()
+    test = plan_test(recording, result, width=TRUE_GAP, kinds=("setpoint",), minutes=90.0, **LIMITS)["setpoint"]
+    assert test.reason is None
+    assert len(test.moves) >= 3
+    assert len(set(np.round(test.moves, 6))) == 2
+    assert test.op[0] >= 45.0 and test.op[1] <= 65.0
+    assert test.pv[0] >= 34.0 and test.pv[1] <= 52.0
+    assert test.power == min(test.with_gap, test.without)
+    assert test.with_gap >= 0.5
+
+
+def a_fit(ratio, why="may_be_a_gap", traversals=(6, 6)):
+    best = {"cells": 2400, "cell": 3.0, "traversals": traversals}
+    return Fit("cannot_tell", "a gap may be", "%", 1.0, 0.0, 2.0, lr_no_gap=ratio, lr_needed=45.0, best=best, why=why)
+
+
+def test_more_hours_follow_from_the_growth_of_the_likelihood():
+    hours = [_more_hours(a_fit(ratio)).minutes / 60 for ratio in (40.0, 30.0, 20.0)]
+    assert hours[0] < hours[1] < hours[2]
+    # Two hours gave 30 of 45. Simulated: each hour adds a normal number of mean 15 and variance 60.
+    grown = 30.0 + np.random.default_rng(1).normal(15 * hours[1], np.sqrt(4 * 15 * hours[1]), 200_000)
+    assert np.mean(grown > 45.0) == pytest.approx(HOURS_POWER, abs=0.02)
+    assert "nothing new" in _more_hours(a_fit(30.0, "swings")).reason
+    assert _more_hours(a_fit(0.0)).power is None
+    # A ratio that grows more slowly than what is asked of it never gets there.
+    assert _more_hours(a_fit(20.0, traversals=(100, 100))).power is None
+
+
+def test_what_a_step_test_decides():
+    def read(**limits):
+        return StepTest("FIC1", "", "%", "%", None, **limits)
+
+    assert decided(read(d=1.0, low=0.8, high=1.2), 1.0) == "gap"
+    assert decided(read(d=0.1, low=0.0, high=0.4), 1.0) == "no_gap"
+    assert decided(read(d=0.5, low=0.0, high=1.4), 1.0) is None
+    assert [decided(read(d=0.6, low=low, high=2.0), 1.0) for low in (0.21, 0.19)] == ["gap", None]
+    assert [decided(read(d=0.1, low=0.0, high=high), 1.0) for high in (0.79, 0.81)] == ["no_gap", None]
+    assert decided(read(low=0.7), 1.0) == "gap"
+    assert decided(read(), 1.0) is None
+
+
+def asked_of(tmp_path, *more):
+    file = tmp_path / "FIC1.csv"
+    loop_runs().write_csv(file)
+    return CliRunner().invoke(app, ["plan-test", str(file), "--width", "1", "--pv-within", "34", "52", *more])
+
+
+@pytest.mark.verify
+def test_the_command_tells_the_plan(tmp_path):
+    told = asked_of(tmp_path, "--op-within", "45", "65", "--json")
+    assert told.exit_code == 0, told.output
+    plan = json.loads(told.stdout)
+    assert [test["kind"] for test in plan["tests"]] == ["by_hand", "setpoint", "more_hours"]
+    assert plan["op_within"] == [45.0, 65.0]
+    assert plan["tests"][0]["power"] >= 0.9
+    shown = asked_of(tmp_path, "--op-within", "45", "65").stdout
+    assert "OP by hand" in shown
+    assert "It decides in" in shown
+
+
+def test_the_command_tells_why_nothing_fits(tmp_path):
+    told = asked_of(tmp_path, "--op-within", "45", "65", "--minutes", "2")
+    assert told.exit_code == 1
+    text = " ".join(told.stdout.split())
+    assert "OP within 45 to 65, PV within 34 to 52, at most 2 min" in text
+    assert "no: the shortest test takes" in text
+    refused = asked_of(tmp_path, "--op-within", "65", "45")
+    assert refused.exit_code == 1
+    assert "op_within" in refused.stderr

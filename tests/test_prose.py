@@ -77,8 +77,10 @@ def test_a_page_is_readable(page: Path) -> None:
 
 
 def said(text: str, *words: str) -> list[str]:
-    """Those of the words that a text has, but for code and links."""
-    plain = re.sub(r"```.*?```|`[^`]*`|\]\([^)]*\)|<!--.*?-->", " ", text, flags=re.DOTALL)
+    """Those of the words that a text has, but for code, links, and pins in the tables of Structured Text."""
+    plain = re.sub(
+        r"```.*?```|`[^`]*`|\]\([^)]*\)|<!--.*?-->|^\| \w+ \| [A-Z]+ \|.*?$", " ", text, flags=re.DOTALL | re.M
+    )
     return [word for word in words if re.search(rf"\b{word}\b", plain, re.IGNORECASE)]
 
 

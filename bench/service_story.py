@@ -28,9 +28,9 @@ from asyncua import Client, ua
 from bench.service_zero import LOOP, Service, until
 
 from glapp.service.connection import read_connection
-from glapp.service.memory import Reader
 from glapp.service.plant import NAMESPACE
 from glapp.service.recordings import Signals
+from glapp.service.store import Reader
 
 DAYS, SCAN, REPAIR = 90.0, 60.0, 42.0
 DRILL, TAKE_OVER, BEFORE = 20.0, 30.0, 4.2

@@ -24,10 +24,10 @@ from playwright.sync_api import Page, sync_playwright
 from glapp import Loop
 from glapp.service.door import Door as Server
 from glapp.service.door import app_of as service_app
-from glapp.service.memory import COLUMNS, Memory
+from glapp.service.monitor import Monitor
 from glapp.service.plant import free_port
+from glapp.service.store import COLUMNS, Store
 from glapp.service.users import Users
-from glapp.service.watch import Watch
 from glapp.station.lab import Lab
 
 LOOPS = 5000
@@ -39,23 +39,23 @@ PASSWORD = "only for the bench"
 
 async def _serve(folder: Path) -> None:
     """A service that shows 5000 loops; nothing happens in it."""
-    memory = Memory(folder)
+    store = Store(folder)
     known = [Loop(name=f"FIC{i}", controller={"k": 0.5, "ti": 5}, op_span=(0, 100)) for i in range(LOOPS)]
-    watch = Watch(known, memory)
+    monitor = Monitor(known, store)
     now = time.time()
     half = dict.fromkeys(COLUMNS, 1.0) | {"reason": 0, "mask": 0}
     halves = []
     for k in range(365 * A_DAY):
         at = now - 365 * 86400.0 + k * 86400.0 / A_DAY
         halves.append((1, k, *(half | {"t_start": at - 60.0, "t_end": at, "d": 1.0 + k % 17 / 50.0}).values(), 0))
-    memory.add([], halves, [])
-    Users(memory).put("eve", "engineer", PASSWORD, now)
-    door = Server(service_app(watch, Users(memory)), "127.0.0.1", 0)
+    store.add([], halves, [])
+    Users(store).put("eve", "engineer", PASSWORD, now)
+    door = Server(service_app(monitor, Users(store)), "127.0.0.1", 0)
     (folder / "door").write_text(door.url, encoding="utf-8")
     opened = asyncio.ensure_future(door.open())
     try:
         while not opened.done():
-            await asyncio.to_thread(memory.show, time.time(), json.dumps(watch.status()))
+            await asyncio.to_thread(store.show, time.time(), json.dumps(monitor.status()))
             await asyncio.sleep(5.0)
     finally:
         opened.cancel()

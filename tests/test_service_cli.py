@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from glapp.cli import app
 from glapp.cli.screen import CommandError
 from glapp.errors import InputError
-from glapp.service.memory import Lock, Memory, Reader
+from glapp.service.store import Lock, Reader, Store
 
 HERE = Path(__file__).parent
 
@@ -33,11 +33,11 @@ def glapp(*words: object) -> str:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     clock = Clock()
-    watch = service.watch(tmp_path / "data", loops(2), clock)
-    fed(watch, clock, values("FIC0", 200), pace=20.0)
-    watch.memory.show(clock.now, json.dumps(watch.status()))
-    watch.memory.command(clock.now, "eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0})
-    watch.memory.close()
+    monitor = service.monitor(tmp_path / "data", loops(2), clock)
+    fed(monitor, clock, values("FIC0", 200), pace=20.0)
+    monitor.store.show(clock.now, json.dumps(monitor.status()))
+    monitor.store.command(clock.now, "eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0})
+    monitor.store.close()
     return tmp_path / "data"
 
 
@@ -64,16 +64,16 @@ def test_status(folder: Path) -> None:
     assert "nobody writes this folder" in text and re.search(r"FIC0 .* 2\.\d+ % .* of ", text)
     body = json.loads(glapp("status", "--data", folder, "--json"))
     assert body["runs"] is None and body["loops"]["FIC0"]["detections"] == 3
-    memory = Memory(folder)
+    store = Store(folder)
     assert "process" in glapp("status", "--data", folder)
-    memory.close()
+    store.close()
 
 
 def test_events_and_commands(folder: Path) -> None:
     assert "eve (engineer) change FIC0: {'kp': 2.0}" in glapp("events", "--data", folder, "--commands")
-    memory = Memory(folder)
-    memory.tell([service.Event(BEGIN, "FIC0", "late", "with \x1b[31m colour")])
-    memory.close()
+    store = Store(folder)
+    store.tell([service.Event(BEGIN, "FIC0", "late", "with \x1b[31m colour")])
+    store.close()
     assert "\x1b" not in glapp("events", "--data", folder, "--loop", "FIC0")
 
 
@@ -181,14 +181,14 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
 
 def test_a_service_that_is_stopped_before_it_began(tmp_path: Path) -> None:
     """Cancelled at once, it still ends, and gives the folder back."""
-    watch = service.watch(tmp_path, loops(), Clock())
+    monitor = service.monitor(tmp_path, loops(), Clock())
 
     async def go() -> None:
-        task = asyncio.create_task(watch.run(service.Table()))
+        task = asyncio.create_task(monitor.run(service.Table()))
         await asyncio.sleep(0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
 
     asyncio.run(go())
-    watch.memory.close()
+    monitor.store.close()
     assert Lock.holder(tmp_path) is None

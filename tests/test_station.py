@@ -35,13 +35,13 @@ from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
 from glapp.service.compensation import TOLD, detection_beside
 from glapp.service.door import app_of as service_app
-from glapp.service.memory import Memory
+from glapp.service.monitor import Monitor
 from glapp.service.plant import SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
 from glapp.service.settable import SHARE
 from glapp.service.signal import Signal
+from glapp.service.store import Store
 from glapp.service.users import LOGIN_LASTS
-from glapp.service.watch import Watch
 from glapp.station import charts, step_test
 from glapp.station.app import app_of
 from glapp.station.client import Door, Gone, Refused, loop_path
@@ -56,19 +56,19 @@ CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json"
 
 
 @pytest.fixture(scope="module")
-def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Watch, FastAPI]]:
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Monitor, FastAPI]]:
     """A service; nothing is stepped any more."""
-    watch, users = made(tmp_path_factory.mktemp("plant"))
-    watch.users = users
-    yield watch, service_app(watch, users)
-    watch.memory.close()
+    monitor, users = made(tmp_path_factory.mktemp("plant"))
+    monitor.users = users
+    yield monitor, service_app(monitor, users)
+    monitor.store.close()
 
 
 @pytest.fixture
-def view(plant: tuple[Watch, FastAPI]) -> View:
-    watch, _ = plant
-    watch.memory.show(time.time(), json.dumps(watch.status()))
-    found = View(watch.memory.folder)
+def view(plant: tuple[Monitor, FastAPI]) -> View:
+    monitor, _ = plant
+    monitor.store.show(time.time(), json.dumps(monitor.status()))
+    found = View(monitor.store.folder)
     found.refresh()
     return found
 
@@ -93,10 +93,10 @@ def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
     assert "no value comes" in rows[1].todo
 
 
-def test_what_persons_have_set_counts(plant: tuple[Watch, FastAPI], view: View) -> None:
-    watch, _ = plant
-    asyncio.run(watch.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
-    watch.memory.show(time.time(), json.dumps(watch.status()))
+def test_what_persons_have_set_counts(plant: tuple[Monitor, FastAPI], view: View) -> None:
+    monitor, _ = plant
+    asyncio.run(monitor.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
+    monitor.store.show(time.time(), json.dumps(monitor.status()))
     view.refresh()
     assert view.loops["FIC2"].acceptable_dead_band == 1.5 and view.loops["FIC1"].acceptable_dead_band is None
 
@@ -166,23 +166,23 @@ def test_no_database_is_told_and_taken_up_when_it_comes(tmp_path: Path) -> None:
     view = View(tmp_path)
     view.refresh()
     assert view.why is not None and "holds no glapp.db" in view.why and view.rows() == []
-    memory = Memory(tmp_path)
-    memory.know(loops(1))
+    store = Store(tmp_path)
+    store.know(loops(1))
     view.refresh()
     assert "has not written anything yet" in (view.why or "")
     status = {"now": 1.0, "loops": {}}
-    memory.show(1.0, json.dumps(status))
+    store.show(1.0, json.dumps(status))
     view.refresh()
     assert view.why is None
-    memory.close()
+    store.close()
 
 
 def test_a_database_that_was_put_in_its_place_is_read(tmp_path: Path) -> None:
     """What the service sets aside is not what is shown."""
-    old, new = Memory(tmp_path / "old"), Memory(tmp_path / "new")
-    for memory, moment in ((old, 1.0), (new, 2.0)):
-        memory.show(moment, json.dumps({"now": moment, "loops": {}}))
-        memory.close()
+    old, new = Store(tmp_path / "old"), Store(tmp_path / "new")
+    for store, moment in ((old, 1.0), (new, 2.0)):
+        store.show(moment, json.dumps({"now": moment, "loops": {}}))
+        store.close()
     view = View(tmp_path / "old")
     view.refresh()
     assert view.at == 1.0
@@ -244,10 +244,10 @@ def test_an_export_holds_no_formula(view: View) -> None:
     assert as_csv(view.rows()).count("\r\n") == 4
 
 
-def test_events_and_commands_are_one_list(plant: tuple[Watch, FastAPI], view: View) -> None:
-    watch, _ = plant
-    asyncio.run(watch.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
-    asyncio.run(watch.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
+def test_events_and_commands_are_one_list(plant: tuple[Monitor, FastAPI], view: View) -> None:
+    monitor, _ = plant
+    asyncio.run(monitor.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
+    asyncio.run(monitor.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
     found = all_events(Station(view, Door(view.folder)), 100)
     assert [one["at"] for one in found] == sorted((one["at"] for one in found), reverse=True)
     texts = {(one["kind"], one["who"], one["text"]) for one in found}
@@ -491,12 +491,12 @@ def test_the_level_of_the_demonstration_is_calmer_by_its_medians() -> None:
 # The service's door
 
 
-def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Watch, FastAPI]) -> None:
-    watch, app = plant
+def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Monitor, FastAPI]) -> None:
+    monitor, app = plant
     path = loop_path("FIC0", "parameters")
 
     async def go() -> None:
-        door = door_to(app, watch.memory.folder)
+        door = door_to(app, monitor.store.folder)
         eve, vera = [
             (await door.asked("POST", "/login", None, {"user": name, "password": PASSWORDS[name]}))["token"]
             for name in ("eve", "vera")
@@ -518,7 +518,7 @@ def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Watch, FastAPI
         await door.close()
 
     asyncio.run(go())
-    assert watch.reader.commands("FIC0")[0]["person"] in ("eve", "vera")
+    assert monitor.reader.commands("FIC0")[0]["person"] in ("eve", "vera")
 
 
 def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
@@ -660,9 +660,9 @@ def test_no_request_is_longer_than_it_need_be(guarded: tuple[TestClient, Session
 
 
 @pytest.fixture(scope="module")
-def window(plant: tuple[Watch, FastAPI]) -> tuple[Station, FastAPI]:
-    watch, app = plant
-    station = Station(View(watch.memory.folder), door_to(app, watch.memory.folder))
+def window(plant: tuple[Monitor, FastAPI]) -> tuple[Station, FastAPI]:
+    monitor, app = plant
+    station = Station(View(monitor.store.folder), door_to(app, monitor.store.folder))
     return station, app_of(station, ("127.0.0.1",), secure=True)
 
 
@@ -688,7 +688,7 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
 
 @pytest.mark.slow
 def test_whoever_is_removed_reads_nothing_any_more(
-    window: tuple[Station, FastAPI], plant: tuple[Watch, FastAPI]
+    window: tuple[Station, FastAPI], plant: tuple[Monitor, FastAPI]
 ) -> None:
     """For up to twelve hours such a session read everything."""
     _, app = window
@@ -773,10 +773,10 @@ def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certi
 
 
 def test_a_demo_takes_no_folder_of_a_service_that_runs(tmp_path: Path) -> None:
-    memory = Memory(tmp_path)
+    store = Store(tmp_path)
     result = CliRunner().invoke(cli, ["station", "--demo", "--data", str(tmp_path)])
     assert isinstance(result.exception, InputError) and "a folder of its own" in str(result.exception)
-    memory.close()
+    store.close()
 
 
 def test_help_teaches() -> None:

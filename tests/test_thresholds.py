@@ -12,9 +12,9 @@ from glapp.fleet.lake import SIGNALS
 from glapp.fleet.windows import _outside, choose, look
 from glapp.loop import Loop
 from glapp.service.compensation import Compensator
-from glapp.service.memory import Memory
 from glapp.service.rows import CODES, Rows
 from glapp.service.signal import Signal, Value
+from glapp.service.store import Store
 from glapp.service.users import Tries, Users
 
 TOLD = {"k": 1.0, "ti": 60.0, "h": 1.0, "op": True}
@@ -142,10 +142,10 @@ def test_twenty_addresses_of_a_name_are_known() -> None:
 
 
 def test_a_login_lasts_for_twelve_hours(tmp_path: Path) -> None:
-    memory = Memory(tmp_path, 0.0)
-    users = Users(memory, PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
+    store = Store(tmp_path, 0.0)
+    users = Users(store, PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
     users.put("eve", "engineer", "engineer-password", 0.0)
     token, _ = users.log_in(users.attempt("eve", "10.0.0.1", 0.0), "engineer-password", 0.0)
     hours = 3600.0
     assert users.of(token, 11.9 * hours) is not None and users.of(token, 12.1 * hours) is None
-    memory.close()
+    store.close()

@@ -87,7 +87,7 @@ async def _serve(
 @contextlib.contextmanager
 def _demo(data: Path, loops: int | None, days: float | None, scan: float | None) -> Iterator[None]:
     """A simulated plant with the service beside it, in a process of its own, as long as the window is open."""
-    from ..service.memory import Lock
+    from ..service.store import Lock
 
     data.mkdir(parents=True, exist_ok=True)
     holder = Lock.holder(data)

@@ -25,9 +25,9 @@ from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, s
 
 if TYPE_CHECKING:
     from ..loop import Loop
+    from ..service.monitor import Bounds
     from ..service.plant import SimPlant
     from ..service.security import Security
-    from ..service.watch import Bounds
 
 __all__ = ["watch"]
 
@@ -136,7 +136,7 @@ def run(
     """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
     need("watch", "service", "argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is told as an event
-    from ..service.watch import Bounds
+    from ..service.monitor import Bounds
 
     if demo == (settings is not None):
         raise CommandError("name a loops.toml, or say --demo")
@@ -186,12 +186,12 @@ async def _serve(
     from ..service import demonstration
     from ..service.connection import Connection, read_connection
     from ..service.door import Door, app_of
-    from ..service.memory import Memory
+    from ..service.monitor import Monitor
     from ..service.opcua import OpcUa
     from ..service.plant import SimPlant
     from ..service.server import AnswerServer
+    from ..service.store import Store
     from ..service.users import Users, first_user
-    from ..service.watch import Watch
 
     async with AsyncExitStack() as stack:
         connection: Connection | None
@@ -216,11 +216,11 @@ async def _serve(
             data.mkdir(parents=True, exist_ok=True)
             fresh = not (data / "glapp.db").exists() and not (data / "signals").exists()
             if simulated is not None and fresh:  # before the plant goes on from there
-                memory = Memory(data)
+                store = Store(data)
                 try:
-                    demonstration.begin(memory, simulated, known, time.time())
+                    demonstration.begin(store, simulated, known, time.time())
                 finally:
-                    memory.close()
+                    store.close()
             await stack.enter_async_context(plant)
             text.write_text(plant.settings(), encoding="utf-8")
             connection = read_connection(text)
@@ -236,16 +236,16 @@ async def _serve(
             connection = read_connection(settings)
         if connection is None:
             raise InputError("has no table [opcua]", file=str(settings), hint="write its url: `glapp tags` does")
-        memory = Memory(data)
-        stack.callback(memory.close)
-        if memory.found is not None:
-            say_note(memory.found)
-        first_user(memory, time.time())
-        one = Watch(known, memory, bounds=bounds, compensable=_compensable(known), clock=clock, hurries=hurries)
+        store = Store(data)
+        stack.callback(store.close)
+        if store.found is not None:
+            say_note(store.found)
+        first_user(store, time.time())
+        one = Monitor(known, store, bounds=bounds, compensable=_compensable(known), clock=clock, hurries=hurries)
         if hurries:
             plant.follow = one.caught_up
         hosts = ("127.0.0.1", "localhost", "[::1]", door["host"])
-        opened = Door(app_of(one, Users(memory), hosts=hosts), **door)
+        opened = Door(app_of(one, Users(store), hosts=hosts), **door)
         source = OpcUa(connection, known, since=one.since())
         write_file(data / "door", opened.url)  # who waits for it reads the whole of it
         out.print(
@@ -289,7 +289,7 @@ def status(
     as_json: Annotated[bool, typer.Option("--json", metavar="", help="One JSON object, nothing else.")] = False,
 ) -> None:
     """Show what the service last saw of every loop; it need not run."""
-    from ..service.memory import Lock, Reader
+    from ..service.store import Lock, Reader
 
     with Reader(data) as reader:
         shown, holder = reader.shown(), Lock.holder(data)
@@ -305,7 +305,7 @@ def status(
     at, body = shown
     rows.append(("as of", f"{_moment(at)}, {_age(time.time() - at)} ago"))
     if body["failing"]:
-        rows.append(("memory", body["failing"]))
+        rows.append(("store", body["failing"]))
     if body.get("damaged"):
         rows.append(("database", body["damaged"]))
     out.print(key_values(rows))
@@ -348,7 +348,7 @@ def events(
     ] = False,
 ) -> None:
     """Show what happened, the newest last."""
-    from ..service.memory import Reader
+    from ..service.store import Reader
 
     with Reader(data) as reader:
         found = reader.commands(loop, most) if commands else reader.events(loop, most)
@@ -368,7 +368,7 @@ def backup(
     data: Data = Path("glapp-data"),
 ) -> None:
     """Copy the database, while the service runs or not; signals are files, in DIR/signals."""
-    from ..service.memory import backup as copy
+    from ..service.store import backup as copy
 
     copy(data, file)
     out.print(f"Copied the database of {data} to {file}.", soft_wrap=True)
@@ -380,7 +380,7 @@ def restore(
     data: Data = Path("glapp-data"),
 ) -> None:
     """Put a copy in the place of the database; the old one is set aside, and compensation is off."""
-    from ..service.memory import restore as put_back
+    from ..service.store import restore as put_back
 
     aside = put_back(data, file)
     out.print(f"Restored {file} into {data}.", soft_wrap=True)

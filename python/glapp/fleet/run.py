@@ -35,7 +35,7 @@ import pyarrow.compute as pc
 
 from ..errors import InputError
 from ..loop import Loop
-from ..service.memory import Lock
+from ..service.store import Lock
 from ..writing import write_file
 from .history import CROSSINGS, FOLLOWED, follow
 from .lake import DAY, File, Places, files_of, index_file, loop_of_path, places, rows_of, touched

@@ -1,4 +1,4 @@
-"""The joint fit over the recordings that are kept of a loop: in a process of its own, so that the watch goes on."""
+"""The joint fit over the recordings that are kept of a loop: in a process of its own, so that the monitor goes on."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def answer(to: Connection, folder: Path, settings: str, begin: float, end: float
             to.send(answered(folder, settings, begin, end))
         except InputError as error:
             to.send(str(error))
-        except Exception as error:  # it must not end the watch
+        except Exception as error:  # it must not end the monitor
             to.send(f"{type(error).__name__}: {error}")
         finally:
             faulthandler.cancel_dump_traceback_later()

@@ -37,7 +37,7 @@ from .signal import Signal
 __all__ = ["ALIVE", "CODES", "LOST", "Rows", "Sample"]
 
 CODES = {signal: code for code, signal in enumerate(Signal)}
-"""Number of each signal, as it is kept in the memory: its place in `Signal`."""
+"""Number of each signal, as it is kept in the store: its place in `Signal`."""
 
 ALIVE, LOST = 255, 254
 """Numbers of what is no value: the loop's connection lived at a time; it was lost."""

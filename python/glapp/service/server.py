@@ -1,4 +1,4 @@
-"""What the watch has to say of each loop, for other programs by OPC UA: a server of which nothing can be written.
+"""What the monitor has to say of each loop, for other programs by OPC UA: a server of which nothing can be written.
 
 One object a loop, in the folder Loops; `NODES` tells what is in each. A value changes when what it says does, with the
 time from which on it says so: of an answer, when it was given.
@@ -25,10 +25,10 @@ from asyncua.crypto.permission_rules import SimpleRoleRuleset, User, UserRole
 
 from ..errors import InputError
 from .door import loopback
+from .monitor import Health
 from .plant import free_port
 from .security import Security, secure
 from .users import SHORTEST, TRIES, TRIES_WITHIN
-from .watch import Health
 
 __all__ = ["DI", "NAMESPACE", "NODES", "AnswerServer", "Node", "said_of"]
 
@@ -116,7 +116,7 @@ def said_of(loop: Mapping[str, Any]) -> dict[str, Said]:
     Parameters
     ----------
     loop : mapping
-        The loop's part of `Watch.status`.
+        The loop's part of `Monitor.status`.
 
     Returns
     -------
@@ -212,7 +212,7 @@ class AnswerServer:
     Parameters
     ----------
     status : callable
-        What `Watch.status` gives; its loops must not change.
+        What `Monitor.status` gives; its loops must not change.
     port : int
         Where it listens; 0 for any free one.
     host : str

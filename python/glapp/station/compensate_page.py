@@ -12,8 +12,8 @@ from nicegui import ui
 
 from ..report.words import duration, quantity
 from ..service.compensation import TOLD
+from ..service.monitor import SEEN
 from ..service.settable import usual_of
-from ..service.watch import SEEN
 from . import charts
 from .client import loop_path
 from .compensate import calm, plan, why_off

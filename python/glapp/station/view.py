@@ -21,8 +21,8 @@ from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
 from ..report.words import URGENCIES, VERDICTS, count, number
-from ..service.memory import Reader
-from ..service.watch import with_settings
+from ..service.monitor import with_settings
+from ..service.store import Reader
 
 __all__ = ["Row", "Trend", "View", "age", "as_csv", "summary", "trend"]
 
@@ -56,7 +56,7 @@ HEALTH = {
     "CHECK_FUNCTION": "Check function",
     "FAILURE": "Failure",
 }
-"""NAMUR NE 107 in its own words; what `glapp.service.watch.Health` never says is not here."""
+"""NAMUR NE 107 in its own words; what `glapp.service.monitor.Health` never says is not here."""
 
 
 @dataclass(frozen=True, slots=True)

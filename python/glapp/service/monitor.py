@@ -1,4 +1,4 @@
-"""The watch: values from a source through the detectors into the memory, the fits at night, and the compensations.
+"""The monitor: values from a source through the detectors into the store, the fits at night, and the compensations.
 
 One step a second: what came since the last one is an entry, goes through the rows and the detectors of its loops, and
 is put down with what it led to. u_FF does not wait for that: it is made when a PV comes, and written.
@@ -27,13 +27,13 @@ from ..estimate import Estimator
 from ..loop import Loop
 from .compensation import Compensator
 from .fits import answer
-from .memory import COLUMNS, Entry, Half, Memory, MemoryFull, Reader
 from .recordings import Signals, table_of
 from .rows import ALIVE, CODES, LOST, OP, PV, Rows
 from .settable import DETECTOR, SETTINGS, Bound, bounds_of, check
 from .signal import Event, Signal, Source, Value, WriteRefused
+from .store import COLUMNS, Entry, Half, Reader, Store, StoreFull
 
-__all__ = ["Bounds", "Health", "Plant", "Watch"]
+__all__ = ["Bounds", "Health", "Monitor", "Plant"]
 
 T = TypeVar("T")
 
@@ -96,7 +96,7 @@ class Plant(Source, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Times and sizes that the watch goes by.
+    """Times and sizes that the monitor goes by.
 
     Attributes
     ----------
@@ -178,14 +178,14 @@ class _Watched:
     answer: dict[str, Any] | None = None
 
 
-class Watch:
-    """The watch over the loops of a plant.
+class Monitor:
+    """The monitor over the loops of a plant.
 
     Parameters
     ----------
     loops : sequence of Loop
         What is known of them.
-    memory : Memory
+    store : Store
         Where everything is put down.
     bounds : Bounds
         Times and sizes.
@@ -207,17 +207,17 @@ class Watch:
     def __init__(
         self,
         loops: Sequence[Loop],
-        memory: Memory,
+        store: Store,
         *,
         bounds: Bounds | None = None,
         compensable: Mapping[str, tuple[float, float]] | None = None,
         clock: Callable[[], float] = time.time,
         hurries: bool = False,
     ) -> None:
-        self.memory, self.bounds = memory, bounds or Bounds()
+        self.store, self.bounds = store, bounds or Bounds()
         self.source: Plant | None = None
-        self.reader = Reader(memory.folder)
-        self.signals = Signals(memory.folder)
+        self.reader = Reader(store.folder)
+        self.signals = Signals(store.folder)
         self.begun = clock()
         self.failing: str | None = None
         self._clock, self._hurries = clock, hurries
@@ -240,8 +240,8 @@ class Watch:
         self._started = self.begun, time.time()
         self._drilled: asyncio.Task[None] | None = None
         self._given = {loop.name: loop for loop in loops}
-        ids = memory.know(loops)
-        states = memory.states()
+        ids = store.know(loops)
+        states = store.states()
         self._loops = {
             loop.name: self._watched(
                 loop, ids[loop.name], states.get(ids[loop.name]), (compensable or {}).get(loop.name)
@@ -249,9 +249,9 @@ class Watch:
             for loop in loops
         }
         self._by_id = {watched.id: watched for watched in self._loops.values()}
-        self._position = memory.position()
-        if memory.found is not None:
-            self._tell(Event(self.begun, None, "database_damaged", memory.found))
+        self._position = store.position()
+        if store.found is not None:
+            self._tell(Event(self.begun, None, "database_damaged", store.found))
         self._replay()
         for watched in self._loops.values():
             self._hold(watched)
@@ -304,8 +304,8 @@ class Watch:
             text = f"what was saved is not used, and {', '.join(gone)} as by default: {'. '.join(said)}"
             self._tell(Event(self.begun, given.name, "setting_refused", text))
             none = dict.fromkeys(gone)
-            with suppress(MemoryFull):
-                self.memory.command(self.begun, "glapp", "", "change", given.name, gone, none, settings=none)
+            with suppress(StoreFull):
+                self.store.command(self.begun, "glapp", "", "change", given.name, gone, none, settings=none)
         return found
 
     def _of_rows(self) -> dict[str, float]:
@@ -314,7 +314,7 @@ class Watch:
     def _replay(self) -> None:
         """What came in since the states were saved, once more: its half-periods are in the database already."""
         count = 0
-        for entry in self.memory.entries():
+        for entry in self.store.entries():
             self._work(entry, tell=False)
             self._position = entry.id
             count += 1
@@ -490,8 +490,8 @@ class Watch:
             if self._gave_up:  # what is not among the entries must not be looked for there
                 await self._save()
                 self._gave_up = False
-            await asyncio.to_thread(self.memory.add, entries, halves, events)
-        except (MemoryFull, OSError) as error:
+            await asyncio.to_thread(self.store.add, entries, halves, events)
+        except (StoreFull, OSError) as error:
             self._failed(str(error), now)
             return
         del self._backlog[: len(backlog)]
@@ -510,16 +510,16 @@ class Watch:
             self._gave_up = True
             for watched in self._loops.values():
                 del watched.samples[:], watched.made_by[:]
-            text = f"{lost} values and {len(halves)} half-periods were given up: the memory could not be written"
+            text = f"{lost} values and {len(halves)} half-periods were given up: the store could not be written"
             self._events = self._events[-1000:]
             self._tell(Event(now, None, "given_up", text))
         if now - self._failing_since > 60.0:
             for watched in self._loops.values():
-                self._switch_off(watched, "what happens cannot be stored: the memory cannot be written")
+                self._switch_off(watched, "what happens cannot be stored: the store cannot be written")
 
     def _recovered(self, now: float) -> None:
         if self._failing_since is not None:
-            text = f"the memory is written again, after {now - self._failing_since:.0f} s"
+            text = f"the store is written again, after {now - self._failing_since:.0f} s"
             self._failing_since = self.failing = None
             self._tell(Event(now, None, "memory_again", text))
 
@@ -530,12 +530,12 @@ class Watch:
 
         Raises
         ------
-        MemoryFull, OSError
+        StoreFull, OSError
             Where it cannot be written; all of it waits for the next time.
         """
         await self.step()
         if self._backlog:
-            raise MemoryFull(self.failing or "the memory cannot be written")
+            raise StoreFull(self.failing or "the store cannot be written")
         await _whole(self._save())
 
     async def _save(self) -> None:
@@ -550,7 +550,7 @@ class Watch:
                     samples[name] = (made_by, np.array(watched.samples, np.float64).reshape(-1, _FIELDS))
                 states[watched.id] = _state(watched)
             await asyncio.to_thread(self.signals.save, samples, position)
-            await asyncio.to_thread(self.memory.save, position, states)
+            await asyncio.to_thread(self.store.save, position, states)
             for name, size in sizes.items():
                 watched = self._loops[name]
                 del watched.made_by[:size], watched.samples[: size * _FIELDS]
@@ -616,7 +616,7 @@ class Watch:
             for task in left:
                 task.cancel()
             _, left = await asyncio.wait(left, timeout=1.0)
-        with suppress(MemoryFull, OSError):
+        with suppress(StoreFull, OSError):
             await self.save()
 
     async def _steps(self) -> None:
@@ -630,7 +630,7 @@ class Watch:
                 try:
                     if not self._backlog:
                         await _whole(self._save())
-                except (MemoryFull, OSError) as error:
+                except (StoreFull, OSError) as error:
                     self._failed(f"the signals cannot be written: {error}", self._clock())
             if began - shown >= 5.0 or shown == saved:
                 shown = began
@@ -638,8 +638,8 @@ class Watch:
             await asyncio.sleep(max(0.0, self.bounds.step - (time.monotonic() - began)))
 
     async def _show(self) -> None:
-        with suppress(MemoryFull):
-            await asyncio.to_thread(self.memory.show, self._clock(), json.dumps(self.status()))
+        with suppress(StoreFull):
+            await asyncio.to_thread(self.store.show, self._clock(), json.dumps(self.status()))
 
     async def _keep(self) -> None:
         """Days that are over into their files, and what is too old away."""
@@ -648,11 +648,11 @@ class Watch:
             try:
                 closed = await asyncio.to_thread(self.signals.close_days, now - 3600.0)
                 gone = await asyncio.to_thread(self.signals.forget, now, self.bounds.keep)
-                await asyncio.to_thread(self.memory.forget, now - self.bounds.keep * 86400.0)
+                await asyncio.to_thread(self.store.forget, now - self.bounds.keep * 86400.0)
                 for what, days in (("closed", [str(day) for day in closed]), ("forgotten", gone)):
                     if days:
                         self._tell(Event(now, None, f"signals_{what}", f"signals of {', '.join(days)}: {what}"))
-            except (MemoryFull, OSError) as error:
+            except (StoreFull, OSError) as error:
                 self._tell(Event(now, None, "memory_full", f"signals of past days cannot be put in order: {error}"))
             await asyncio.sleep(3600.0)
 
@@ -673,7 +673,7 @@ class Watch:
                 self._fit_of = name, began
                 try:
                     await self._show()
-                    with suppress(MemoryFull, OSError):
+                    with suppress(StoreFull, OSError):
                         await self.save()
                     said = await self._fitted(name)
                     if isinstance(said, str):
@@ -681,7 +681,7 @@ class Watch:
                     else:
                         await self._answered(name, person, said)
                         self._took[name] = time.time() - began
-                except MemoryFull as error:
+                except StoreFull as error:
                     self._tell(Event(self._clock(), name, "not_fitted", str(error)))
                 finally:
                     self._fitting.discard(name)
@@ -695,7 +695,7 @@ class Watch:
         longest, end, began = self.bounds.fit_longest, self._clock(), time.monotonic()
         settings = self._loops[name].loop.model_dump_json(exclude_unset=True)
         receiver, sender = _SPAWN.Pipe(duplex=False)
-        asked = (sender, self.memory.folder, settings, end - self.bounds.fit_days * 86400.0, end, longest)
+        asked = (sender, self.store.folder, settings, end - self.bounds.fit_days * 86400.0, end, longest)
         process = _SPAWN.Process(target=answer, args=asked, daemon=True)
         process.start()
         sender.close()
@@ -711,7 +711,7 @@ class Watch:
 
     async def _answered(self, name: str, person: str, answer: dict[str, Any]) -> None:
         row = {"time": self._clock(), "asked_by": person, **answer}
-        await asyncio.to_thread(self.memory.answer, name, row)
+        await asyncio.to_thread(self.store.answer, name, row)
         self._loops[name].answer = (await asyncio.to_thread(self.reader.answers, name, 1))[0]
         self._tell(Event(row["time"], name, "answer", f"{answer['verdict']}: {answer['reason']}"))
 
@@ -902,7 +902,7 @@ class Watch:
         ------
         InputError
             For a name that is none, or a value out of its bounds.
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         watched = self._loops[loop]
@@ -928,7 +928,7 @@ class Watch:
             after = {name: self.settings(loop)[name] for name in values}
             try:
                 await self.log(person, role, "change", loop, shown, after, settings=values)
-            except MemoryFull:
+            except StoreFull:
                 watched.compensator.set_all(shown)
                 raise
             return self.settings(loop)
@@ -942,7 +942,7 @@ class Watch:
             await self.log(
                 person, role, "change", loop, shown, after, settings=values, states={watched.id: _state(watched)}
             )
-        except MemoryFull:
+        except StoreFull:
             watched.loop, watched.detector, watched.compensator = old
             raise
         return self.settings(loop)
@@ -954,12 +954,12 @@ class Watch:
         ------
         InputError
             Where the loop has no node for u_FF, no width, or is too slow.
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         compensator, source = self._compensator(loop), self.source
         if self.failing is not None:
-            raise MemoryFull(self.failing)
+            raise StoreFull(self.failing)
         if source is None:
             raise InputError("there is no connection", loop=loop)
         if SEEN not in self.reader.settings(loop):
@@ -1004,7 +1004,7 @@ class Watch:
         ------
         InputError
             Where something is compensated, or cannot be.
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         self._compensator(loop)
@@ -1052,7 +1052,7 @@ class Watch:
             await self.log(person, role, "drilled", loop, None, seen, settings={SEEN: seen})
             text = f"the plant took u_FF of {size:g} away by itself in {took:.0f} s"
             self._tell(Event(self._clock(), loop, "drilled", text))
-        except (WriteRefused, MemoryFull) as error:
+        except (WriteRefused, StoreFull) as error:
             self._tell(Event(self._clock(), loop, "drill_failed", str(error)))
         finally:
             self._no_more(loop)
@@ -1099,7 +1099,7 @@ class Watch:
 
         Raises
         ------
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         await self.log(person, role, "fit", loop, None, None)
@@ -1107,7 +1107,7 @@ class Watch:
 
     async def refused(self, person: str, role: str, command: str, loop: str | None, asked: Any, why: str) -> None:
         """Log what somebody asked for and did not get."""
-        with suppress(MemoryFull):
+        with suppress(StoreFull):
             await self.log(person, role, command, loop, None, asked, refused=why)
 
     async def log(
@@ -1116,7 +1116,7 @@ class Watch:
         """Log who did what, and what it was before and after."""
 
         def put() -> None:
-            self.memory.command(self._clock(), person, role, command, loop, before, after, **more)
+            self.store.command(self._clock(), person, role, command, loop, before, after, **more)
 
         await asyncio.to_thread(put)
 
@@ -1324,7 +1324,7 @@ async def _whole(work: Coroutine[Any, Any, None]) -> None:
     try:
         await asyncio.shield(task)
     except asyncio.CancelledError:
-        with suppress(MemoryFull, OSError):
+        with suppress(StoreFull, OSError):
             await task
         raise
 

@@ -1,7 +1,7 @@
 """Ninety days of a valve, as the service saw them: `python -m bench.service_story`, about a quarter of an hour.
 
 `glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42` runs as a process of its own. An engineer asks through
-its door, as `glapp watch drill`, `take-over`, `set` and `enable` do: a drill on day 20; the first fit after day 30 is
+its API, as `glapp watch drill`, `take-over`, `set` and `enable` do: a drill on day 20; the first fit after day 30 is
 taken over; four days later compensation is enabled, and again a day after it was withdrawn. On day 42 the valve is
 repaired, and nobody tells the compensation. u_FF is looked at in the plant's own node, by a client of its own. Ended
 by SIGTERM it tells what was until then.

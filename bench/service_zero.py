@@ -33,7 +33,7 @@ LONGEST = 300.0
 
 
 class Service:
-    """The service, by the command line, and its door."""
+    """The service, by the command line, and its API."""
 
     def __init__(self, data: Path, *words: str) -> None:
         self.data, self.words = data, words
@@ -43,29 +43,29 @@ class Service:
 
     async def begin(self) -> None:
         """Start it, and log in."""
-        (self.data / "door").unlink(missing_ok=True)
+        (self.data / "api-url").unlink(missing_ok=True)
         words = ["watch", *self.words, "--data", str(self.data), "--port", "0"]
         command = [sys.executable, "-c", "from glapp.cli import main; main()", *words]
         self.child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        await until(lambda: (self.data / "door").exists(), "it did not begin")
-        self._door = (self.data / "door").read_text()
+        await until(lambda: (self.data / "api-url").exists(), "it did not begin")
+        self._api_url = (self.data / "api-url").read_text()
         first = (self.data / "first-login.txt").read_text()
         name, password = re.findall(r"^\w+ (\S+)$", first, re.MULTILINE)
         for _ in range(200):
             with contextlib.suppress(httpx.TransportError):
                 body = {"user": name, "password": password}
-                reply = await self._client.post(f"{self._door}/login", json=body)
+                reply = await self._client.post(f"{self._api_url}/login", json=body)
                 self._headers = {"Authorization": f"Bearer {reply.json()['token']}"}
                 return
             await asyncio.sleep(0.1)
 
     async def asked(self, command: str, loop: str = LOOP, **body: Any) -> httpx.Response:
         """A command for a loop."""
-        return await self._client.post(f"{self._door}/loops/{loop}/{command}", headers=self._headers, json=body)
+        return await self._client.post(f"{self._api_url}/loops/{loop}/{command}", headers=self._headers, json=body)
 
     async def seen(self, path: str) -> Any:
         """What is shown at a path."""
-        return (await self._client.get(f"{self._door}{path}", headers=self._headers)).json()
+        return (await self._client.get(f"{self._api_url}{path}", headers=self._headers)).json()
 
     async def status(self, loop: str = LOOP) -> dict[str, Any]:
         """What is shown of a loop, and `now`."""

@@ -13,14 +13,14 @@ from service import loops, values
 
 from glapp import Loop
 from glapp.fit import Fit, Verdict
-from glapp.service.door import Door as Server
-from glapp.service.door import app_of as service_app
+from glapp.service.api import ApiServer
+from glapp.service.api import app_of as service_app
 from glapp.service.monitor import Bounds, Monitor
 from glapp.service.signal import Event
 from glapp.service.store import COLUMNS, Store
 from glapp.service.users import Users
 from glapp.station.app import app_of
-from glapp.station.client import Door
+from glapp.station.client import ApiClient
 from glapp.station.pages import Station
 from glapp.station.view import View
 
@@ -79,11 +79,11 @@ def with_evil(told: dict[str, Any]) -> dict[str, Any]:
 
 async def main(folder: Path, port: int) -> None:
     monitor, users = await asyncio.to_thread(again if (folder / "glapp.db").exists() else made, folder)
-    door = Server(service_app(monitor, users), "127.0.0.1", 0)
-    (folder / "door").write_text(door.url, encoding="utf-8")
-    station = Station(View(folder), Door(folder))
-    window = Server(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", port)
-    opened = asyncio.ensure_future(door.open())
+    api = ApiServer(service_app(monitor, users), "127.0.0.1", 0)
+    (folder / "api-url").write_text(api.url, encoding="utf-8")
+    station = Station(View(folder), ApiClient(folder))
+    window = ApiServer(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", port)
+    opened = asyncio.ensure_future(api.open())
     pages = asyncio.ensure_future(window.open())
 
     async def shown() -> None:

@@ -1,4 +1,4 @@
-"""The door, asked anything that its own description allows and much that it does not: it answers, and never fails."""
+"""The API, asked anything that its own description allows and much that it does not: it answers, and never fails."""
 
 from pathlib import Path
 from typing import Any
@@ -8,13 +8,13 @@ import service
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from service import BEGIN, Clock, fed, loops, values
-from test_service_door import CHEAP, PASSWORDS, ROLES
+from test_service_api import CHEAP, PASSWORDS, ROLES
 
 schemathesis = pytest.importorskip("schemathesis")
 
 from fastapi.testclient import TestClient  # noqa: E402
 
-from glapp.service.door import app_of  # noqa: E402
+from glapp.service.api import app_of  # noqa: E402
 from glapp.service.users import Users  # noqa: E402
 
 EXAMPLES = 12
@@ -49,7 +49,7 @@ def test_a_method_that_is_not_described_is_not_answered(tmp_path: Path) -> None:
 
 
 def asked(operation: Any, headers: dict[str, str]) -> set[int]:
-    """Statuses of what a door answers to requests that are as described, and to others."""
+    """Statuses of what a API answers to requests that are as described, and to others."""
     statuses = set()
     negative = operation.as_strategy(generation_mode=schemathesis.GenerationMode.NEGATIVE)
 

@@ -116,7 +116,7 @@ def test_without_a_service_or_a_login(tmp_path: Path, monkeypatch: pytest.Monkey
         glapp("disable", "FIC0")
     monkeypatch.setenv("GLAPP_TOKEN", "x")
     with pytest.raises(InputError, match="does not answer"):
-        glapp("disable", "FIC0", "--door", "http://127.0.0.1:9")
+        glapp("disable", "FIC0", "--api-url", "http://127.0.0.1:9")
 
 
 @pytest.mark.verify
@@ -131,30 +131,30 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         deadline = time.monotonic() + 180
         while time.monotonic() < deadline:
             time.sleep(0.2)
-            if (folder / "glapp.db").exists() and (folder / "door").exists():
+            if (folder / "glapp.db").exists() and (folder / "api-url").exists():
                 with Reader(folder) as reader:
                     if reader.one("SELECT id FROM entries LIMIT 1"):
                         break
         else:
             raise AssertionError("no value came")
-        door = (folder / "door").read_text()
+        api_url = (folder / "api-url").read_text()
         user, password = re.findall(r"^\w+ (\S+)$", (folder / "first-login.txt").read_text(), re.MULTILINE)
-        logged_in = CliRunner().invoke(app, ["watch", "login", user, "--door", door], input=f"{password}\n")
+        logged_in = CliRunner().invoke(app, ["watch", "login", user, "--api-url", api_url], input=f"{password}\n")
         assert "Logged in as engineer" in logged_in.output and password not in logged_in.output
         assert (tmp_path / "glapp" / "token").stat().st_mode & 0o077 == 0
-        assert re.search(r"comp_share\s+0\.8", glapp("set", "FIC101", "--door", door))
-        assert re.search(r"comp_size\s+1\.5", glapp("set", "PIC102", "comp_size=1.5", "--door", door))
+        assert re.search(r"comp_share\s+0\.8", glapp("set", "FIC101", "--api-url", api_url))
+        assert re.search(r"comp_size\s+1\.5", glapp("set", "PIC102", "comp_size=1.5", "--api-url", api_url))
         with pytest.raises(InputError, match="must be"):
-            glapp("set", "PIC102", "comp_share=1.5", "--door", door)
+            glapp("set", "PIC102", "comp_share=1.5", "--api-url", api_url)
         with pytest.raises(InputError, match="glapp watch drill PIC102"):
-            glapp("enable", "PIC102", "--door", door)
-        glapp("drill", "PIC102", "--door", door)
+            glapp("enable", "PIC102", "--api-url", api_url)
+        glapp("drill", "PIC102", "--api-url", api_url)
         while "drill" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
             time.sleep(0.2)
         assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in told
-        assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--door", door))
-        assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--door", door))
-        assert "engineer  engineer" in glapp("users", "list", "--door", door)
+        assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--api-url", api_url))
+        assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--api-url", api_url))
+        assert "engineer  engineer" in glapp("users", "list", "--api-url", api_url)
         with pytest.raises(InputError, match="is written by process"):
             Lock(folder)
     finally:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from glapp.cli.monitor import _clock_of
+from glapp.cli.watch import _clock_of
 from service import Clock, Table
 
 from glapp import Loop

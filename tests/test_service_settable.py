@@ -21,8 +21,8 @@ from glapp import Loop, _glapp
 from glapp.errors import InputError
 from glapp.loop import Tags
 from glapp.modules import BacklashDetection, Graph
+from glapp.service.api import app_of
 from glapp.service.compensation import Compensator, detection_beside
-from glapp.service.door import app_of
 from glapp.service.monitor import Monitor
 from glapp.service.settable import DETECTOR, SETTINGS, Bound, bounds_of
 from glapp.service.store import backup, restore

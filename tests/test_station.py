@@ -33,8 +33,8 @@ from glapp.fit import Fit
 from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
+from glapp.service.api import app_of as service_app
 from glapp.service.compensation import TOLD, detection_beside
-from glapp.service.door import app_of as service_app
 from glapp.service.monitor import Monitor
 from glapp.service.plant import SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
@@ -44,7 +44,7 @@ from glapp.service.store import Store
 from glapp.service.users import LOGIN_LASTS
 from glapp.station import charts, step_test
 from glapp.station.app import app_of
-from glapp.station.client import Door, Gone, Refused, loop_path
+from glapp.station.client import ApiClient, Gone, Refused, loop_path
 from glapp.station.compensate import calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import changed, field
@@ -73,11 +73,11 @@ def view(plant: tuple[Monitor, FastAPI]) -> View:
     return found
 
 
-def door_to(app: FastAPI, folder: Path) -> Door:
+def client_of(app: FastAPI, folder: Path) -> ApiClient:
     """The station's way to a service that is in this process."""
-    door = Door(folder, "http://127.0.0.1")
-    door._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=app))
-    return door
+    api = ApiClient(folder, "http://127.0.0.1")
+    api._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=app))
+    return api
 
 
 # What is shown
@@ -248,7 +248,7 @@ def test_events_and_commands_are_one_list(plant: tuple[Monitor, FastAPI], view: 
     monitor, _ = plant
     asyncio.run(monitor.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
     asyncio.run(monitor.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
-    found = all_events(Station(view, Door(view.folder)), 100)
+    found = all_events(Station(view, ApiClient(view.folder)), 100)
     assert [one["at"] for one in found] == sorted((one["at"] for one in found), reverse=True)
     texts = {(one["kind"], one["who"], one["text"]) for one in found}
     assert ("change", "eve (engineer)", "kp 2 → 3") in texts
@@ -488,34 +488,34 @@ def test_the_level_of_the_demonstration_is_calmer_by_its_medians() -> None:
     assert 1.0 < without.std() / with_it.std() < 2.0 < np.median(abs(without)) / np.median(abs(with_it)) < 4.0
 
 
-# The service's door
+# The service's API
 
 
-def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Monitor, FastAPI]) -> None:
+def test_commands_go_by_the_api_in_the_persons_name(plant: tuple[Monitor, FastAPI]) -> None:
     monitor, app = plant
     path = loop_path("FIC0", "parameters")
 
     async def go() -> None:
-        door = door_to(app, monitor.store.folder)
+        api = client_of(app, monitor.store.folder)
         eve, vera = [
-            (await door.asked("POST", "/login", None, {"user": name, "password": PASSWORDS[name]}))["token"]
+            (await api.asked("POST", "/login", None, {"user": name, "password": PASSWORDS[name]}))["token"]
             for name in ("eve", "vera")
         ]
-        seen = await door.asked("GET", path, vera)
+        seen = await api.asked("GET", path, vera)
         fields = {name: field(value) for name, value in seen.items()}
         with pytest.raises(Refused, match="needs the role engineer"):
-            await door.command(path, vera, changed(seen, fields | {"kp": 3.0}))
-        assert (await door.command(path, eve, changed(seen, fields | {"kp": 3.0})))["kp"] == 3.0
+            await api.command(path, vera, changed(seen, fields | {"kp": 3.0}))
+        assert (await api.command(path, eve, changed(seen, fields | {"kp": 3.0})))["kp"] == 3.0
         with pytest.raises(Refused, match="somebody else has changed it"):
-            await door.command(path, eve, changed(seen, fields | {"kp": 4.0}))
+            await api.command(path, eve, changed(seen, fields | {"kp": 4.0}))
         with pytest.raises(Refused, match="must be odd"):
-            await door.command(path, eve, {"values": {"n": 4}})
-        assert (await door.live("FIC0", vera))["pv"]["good"]
-        await door.asked("POST", "/logout", eve)
+            await api.command(path, eve, {"values": {"n": 4}})
+        assert (await api.live("FIC0", vera))["pv"]["good"]
+        await api.asked("POST", "/logout", eve)
         with pytest.raises(Refused) as refused:
-            await door.asked("GET", "/status", eve)
+            await api.asked("GET", "/status", eve)
         assert refused.value.status == 401
-        await door.close()
+        await api.close()
 
     asyncio.run(go())
     assert monitor.reader.commands("FIC0")[0]["person"] in ("eve", "vera")
@@ -523,13 +523,13 @@ def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Monitor, FastA
 
 def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
     async def go() -> None:
-        door = Door(tmp_path)
-        with pytest.raises(Gone, match="door is not there"):
-            await door.asked("GET", "/status", "x")
-        (tmp_path / "door").write_text("http://127.0.0.1:9")
+        api = ApiClient(tmp_path)
+        with pytest.raises(Gone, match="api-url is not there"):
+            await api.asked("GET", "/status", "x")
+        (tmp_path / "api-url").write_text("http://127.0.0.1:9")
         with pytest.raises(Gone, match="does not answer"):
-            await door.asked("GET", "/status", "x")
-        await door.close()
+            await api.asked("GET", "/status", "x")
+        await api.close()
 
     asyncio.run(go())
 
@@ -662,7 +662,7 @@ def test_no_request_is_longer_than_it_need_be(guarded: tuple[TestClient, Session
 @pytest.fixture(scope="module")
 def window(plant: tuple[Monitor, FastAPI]) -> tuple[Station, FastAPI]:
     monitor, app = plant
-    station = Station(View(monitor.store.folder), door_to(app, monitor.store.folder))
+    station = Station(View(monitor.store.folder), client_of(app, monitor.store.folder))
     return station, app_of(station, ("127.0.0.1",), secure=True)
 
 
@@ -762,7 +762,7 @@ def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certi
             assert client.get(f"{url}/login").status_code == 200
             assert client.post(f"{url}/login", headers={"Origin": url.replace("https", "http")}).status_code == 403
             told = client.post(f"{url}/login", headers={"Origin": url}, data={"user": "eve", "password": "x"})
-            assert told.status_code == 401 and "The service has not told where its door is" in told.text
+            assert told.status_code == 401 and "The service has not told where its API is" in told.text
             with pytest.raises(httpx.HTTPError):
                 client.get(f"{url.replace('https', 'http')}/login")
         with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):

@@ -18,11 +18,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from station_child import PASSWORDS, made
 
-from glapp.service.door import app_of as service_app
+from glapp.service.api import app_of as service_app
 from glapp.service.monitor import Monitor
 from glapp.service.users import TRIES_OF_ADDRESS
 from glapp.station.api import api_of
-from glapp.station.client import Door
+from glapp.station.client import ApiClient
 from glapp.station.pages import Station
 from glapp.station.sessions import COOKIE, Guard
 from glapp.station.view import View
@@ -36,9 +36,9 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Monitor, S
     monitor, users = made(tmp_path_factory.mktemp("plant"))
     monitor.users = users
     monitor.store.show(time.time(), json.dumps(monitor.status()))
-    door = Door(monitor.store.folder, HERE)
-    door._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=service_app(monitor, users)))
-    station = Station(View(monitor.store.folder), door)
+    api = ApiClient(monitor.store.folder, HERE)
+    api._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=service_app(monitor, users)))
+    station = Station(View(monitor.store.folder), api)
     station._look()
     app = FastAPI()
     app.mount("/api", api_of(station))
@@ -170,12 +170,12 @@ def test_a_token_reads_nothing_when_its_user_is_removed(
 
 
 def test_what_stands_behind_it_may_be_gone(tmp_path: Path) -> None:
-    station = Station(View(tmp_path), Door(tmp_path))
+    station = Station(View(tmp_path), ApiClient(tmp_path))
     client = TestClient(api_of(station), base_url=HERE)
     said = client.get("/overview", headers={"Authorization": "Bearer x"})
     assert said.status_code == 503 and "holds no glapp.db" in said.json()["detail"]
     said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]})
-    assert said.status_code == 503 and "door is not there" in said.json()["detail"]
+    assert said.status_code == 503 and "api-url is not there" in said.json()["detail"]
     session = station.sessions.begin("t", "eve", "engineer", dark=False)
     client.cookies.set(COOKIE, session.id)
     station._look()

@@ -631,7 +631,7 @@ def identified(
     setpoint_weight: float | None,
     limits: tuple[float, float] | None,
 ) -> dict[str, Any]:
-    """Find K, Ti and Td of the controller; `glapp.identify` is the door for people."""
+    """Find K, Ti and Td of the controller; `glapp.identify` is the public function."""
 
 class Graph:
     """A loop of control modules; `modules` are (name, module) with its kind, parameters, plant and schedule."""

@@ -24,7 +24,7 @@ from asyncua.common.node import Node as UaNode
 from asyncua.crypto.permission_rules import SimpleRoleRuleset, User, UserRole
 
 from ..errors import InputError
-from .door import loopback
+from .api import loopback
 from .monitor import Health
 from .plant import free_port
 from .security import Security, secure

@@ -1,7 +1,7 @@
 """What the window shows, for programs and for its own pages: HTTP that only reads.
 
 Whoever asks shows a token of the service (`Authorization: Bearer …`) or, as the pages do, the session of a person who
-is logged in. There is no request here that changes anything: commands go through the service's own door.
+is logged in. There is no request here that changes anything: commands go through the service's own API.
 """
 
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
@@ -159,7 +159,7 @@ def api_of(station: Station) -> FastAPI:
         """A token of the service for a user. It opens no page: this sets no cookie."""
         address = request.client.host if request.client is not None else ""
         try:
-            found = await station.door.log_in(wanted.user, wanted.password, address)
+            found = await station.api.log_in(wanted.user, wanted.password, address)
         except Refused as refused:
             headers = {"WWW-Authenticate": "Bearer"} if refused.status == 401 else None
             raise HTTPException(refused.status if refused.status < 500 else 503, str(refused), headers) from None

@@ -61,7 +61,7 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
     Parameters
     ----------
     parameters : mapping
-        As the door gives them.
+        As the API gives them.
     unit : str
         Of OP.
 

@@ -45,7 +45,7 @@ class CompensationPage:
     loop : str
         Which loop.
     ask : callable
-        Something from the door, by its path; None where it does not say.
+        Something from the API, by its path; None where it does not say.
     signals : callable
         Samples from when to when [s since 1970 UTC].
     """
@@ -58,7 +58,7 @@ class CompensationPage:
         self._engineer, self._operator = session.may("engineer"), session.may("operator")
 
     async def known(self) -> tuple[dict[str, Any], dict[str, Any]] | None:
-        """Parameters and status of the loop; None where the door does not say."""
+        """Parameters and status of the loop; None where the API does not say."""
         seen = await self._ask(loop_path(self.loop, "parameters"))
         status = None if seen is None else await self._ask("/status")
         return None if seen is None or status is None else (seen, status["loops"][self.loop])
@@ -104,7 +104,7 @@ class CompensationPage:
     async def _go(self, what: str, body: dict[str, Any], said: str) -> bool:
         """A command; whatever comes of it, the dialog shows what is so afterwards."""
         path, token = loop_path(self.loop, what), self.session.token
-        asking = lambda: self.station.door.command(path, token, body)  # noqa: E731
+        asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
         return await command(self.station, self.session, asking, said) is not None
 
     async def _look(self) -> None:

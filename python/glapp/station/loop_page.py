@@ -52,7 +52,7 @@ async def signals(station: Station, session: Session, loop: str, begin: float, e
     """Samples of a loop: from the service, and where that does not answer those on disk."""
     path = loop_path(loop, f"signals?begin={begin}&end={end}&most={MOST}")
     try:
-        found: dict[str, Any] = await station.door.asked("GET", path, session.token)
+        found: dict[str, Any] = await station.api.asked("GET", path, session.token)
         return found
     except (Gone, Refused):
         return await asyncio.to_thread(_from_disk, station, loop, begin, end)
@@ -300,7 +300,7 @@ class _Page:
     async def often(self) -> None:
         """The newest values, from the service."""
         try:
-            values = await self.station.door.live(self.name, self.session.token, self.seen)
+            values = await self.station.api.live(self.name, self.session.token, self.seen)
         except (Gone, Refused) as error:
             if isinstance(error, Refused) and error.status == 401:
                 self.station.sessions.end(self.session.id)  # the frame leads to the login
@@ -570,9 +570,9 @@ class _Page:
             await Wizard(loop, width, WINDOWS, self.window, last, self.session.dark).build()
 
     async def _ask(self, path: str) -> Any:
-        """Something from the door; None where it does not say."""
+        """Something from the API; None where it does not say."""
         try:
-            return await self.station.door.asked("GET", path, self.session.token)
+            return await self.station.api.asked("GET", path, self.session.token)
         except (Gone, Refused) as error:
             ui.notify(str(error), type="warning", timeout=0, close_button="Close", multi_line=True)
             return None
@@ -637,7 +637,7 @@ class _Page:
                     return
                 path = loop_path(self.name, "parameters")
                 what = ", ".join(body["values"])
-                asking = lambda: self.station.door.command(path, self.session.token, body)  # noqa: E731
+                asking = lambda: self.station.api.command(path, self.session.token, body)  # noqa: E731
                 if await command(self.station, self.session, asking, f"Set: {what}.") is not None:
                     dialog.close()
 
@@ -664,7 +664,7 @@ class _Page:
     async def fit(self) -> None:
         """Have it fitted now."""
         path = loop_path(self.name, "fit")
-        asking = lambda: self.station.door.command(path, self.session.token)  # noqa: E731
+        asking = lambda: self.station.api.command(path, self.session.token)  # noqa: E731
         await command(
             self.station, self.session, asking, f"{self.name} is fitted as soon as the fit before it is done."
         )

@@ -16,7 +16,7 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from ..report.words import duration
-from .client import Door, Gone, Refused
+from .client import ApiClient, Gone, Refused
 from .listed import Listed
 from .sessions import Session, Sessions, Tokens
 from .view import View, age
@@ -46,7 +46,7 @@ class Station:
     ----------
     view : View
         The database.
-    door : Door
+    api : ApiClient
         The service.
     sessions : Sessions
         Who is logged in.
@@ -55,7 +55,7 @@ class Station:
     """
 
     view: View
-    door: Door
+    api: ApiClient
     sessions: Sessions = field(init=False)
     listed: Listed = field(default_factory=Listed)
     _of: tuple[float | None, float] = (None, 0.0)

@@ -30,7 +30,7 @@ def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
     Parameters
     ----------
     values : mapping
-        Columns as the door gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
+        Columns as the API gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
     loop : Loop
         Settings that go with them.
     """

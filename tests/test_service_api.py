@@ -1,4 +1,4 @@
-"""The one door: who may what, what is refused, and that all of it is put down."""
+"""The API: who may what, what is refused, and that all of it is put down."""
 
 import asyncio
 import json
@@ -19,7 +19,7 @@ from fastapi.testclient import TestClient
 from service import BEGIN, Clock, fed, loops, values
 
 from glapp.errors import InputError
-from glapp.service.door import Door, app_of
+from glapp.service.api import ApiServer, app_of
 from glapp.service.monitor import Monitor
 from glapp.service.signal import Signal, Value
 from glapp.service.store import Reader, Store, backup, restore
@@ -120,7 +120,7 @@ def test_a_loop_may_have_any_name(tmp_path: Path) -> None:
 
 
 def test_live_values_may_be_waited_for(client: TestClient, monitor: Monitor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("glapp.service.door.LONGEST", 0.1)
+    monkeypatch.setattr("glapp.service.api.LONGEST", 0.1)
     vera = header(client, "vera")
     pv = client.get("/live?loop=FIC0", headers=vera).json()["FIC0"]["pv"]["time"]
     assert monitor.newer("FIC0", pv - 1.0) and not monitor.newer("FIC0", pv) and not monitor.newer("FIC1", 0.0)
@@ -129,7 +129,7 @@ def test_live_values_may_be_waited_for(client: TestClient, monitor: Monitor, mon
     assert time.monotonic() - began >= 0.1  # nothing newer came
     assert client.get(f"/live?after={pv}", headers=vera).status_code == 200  # who names no loop does not wait
 
-    monkeypatch.setattr("glapp.service.door.LONGEST", 60.0)
+    monkeypatch.setattr("glapp.service.api.LONGEST", 60.0)
 
     async def comes() -> float:
         transport = httpx.ASGITransport(app=client.app)
@@ -483,29 +483,29 @@ def test_metrics(client: TestClient, monitor: Monitor) -> None:
     assert away.get("/metrics").status_code == 401
 
 
-def test_the_door_is_on_this_computer_unless_there_is_tls(monitor: Monitor) -> None:
+def test_the_api_is_on_this_computer_unless_there_is_tls(monitor: Monitor) -> None:
     app = app_of(monitor, Users(monitor.store, CHEAP))
     for host in ("0.0.0.0", "::", "192.168.1.5", "plant.example"):
         with pytest.raises(InputError, match="passwords would be readable"):
-            Door(app, host, 0)
+            ApiServer(app, host, 0)
     with pytest.raises(InputError, match="given together"):
-        Door(app, "127.0.0.1", 0, certificate=Path("x.pem"))
+        ApiServer(app, "127.0.0.1", 0, certificate=Path("x.pem"))
     with pytest.raises(InputError, match=r"x.pem: cannot be used"):
-        Door(app, "127.0.0.1", 0, certificate=Path("x.pem"), key=Path("x.key"))
-    door = Door(app, "127.0.0.1", 0)
+        ApiServer(app, "127.0.0.1", 0, certificate=Path("x.pem"), key=Path("x.key"))
+    api = ApiServer(app, "127.0.0.1", 0)
     with pytest.raises(InputError, match="cannot be listened at"):
-        Door(app, "127.0.0.1", door.port)
-    door._socket.close()
+        ApiServer(app, "127.0.0.1", api.port)
+    api._socket.close()
 
 
 def test_served_and_closed(monitor: Monitor) -> None:
     import httpx
 
     async def go() -> None:
-        door = Door(app_of(monitor, Users(monitor.store, CHEAP)), "127.0.0.1", 0)
-        serving = asyncio.create_task(door.open())
+        api = ApiServer(app_of(monitor, Users(monitor.store, CHEAP)), "127.0.0.1", 0)
+        serving = asyncio.create_task(api.open())
         async with httpx.AsyncClient(trust_env=False) as client:
-            reply = await client.get(f"{door.url}/status")
+            reply = await client.get(f"{api.url}/status")
             assert reply.status_code == 401
         serving.cancel()
         assert isinstance((await asyncio.gather(serving, return_exceptions=True))[0], asyncio.CancelledError)

@@ -1,4 +1,4 @@
-"""The one door for commands, and for all that wants to look: HTTP on this computer.
+"""The HTTP API of the service: commands and everything that programs read, on this computer only unless TLS is set up.
 
 Nothing but this changes what the service does. Everybody who asks has a name and a role; every command is checked here
 and put down with who, when, before and after, also where it is refused. The token goes in the header `Authorization:
@@ -39,7 +39,7 @@ from .signal import Event
 from .store import StoreFull
 from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, listed, station_key
 
-__all__ = ["Door", "app_of", "loopback"]
+__all__ = ["ApiServer", "app_of", "loopback"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -116,7 +116,7 @@ class User(_Asked):
 
 
 def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "localhost", "[::1]")) -> FastAPI:
-    """The door of a monitor.
+    """The API of a monitor.
 
     Parameters
     ----------
@@ -514,8 +514,8 @@ def _gauge(name: str, text: str, value: float) -> GaugeMetricFamily:
     return GaugeMetricFamily(name, text, value=value)
 
 
-class Door:
-    """The door, open: served beside the monitor, in the same loop.
+class ApiServer:
+    """The API, open: served beside the monitor, in the same loop.
 
     Parameters
     ----------

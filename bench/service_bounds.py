@@ -149,7 +149,7 @@ async def _all(only: list[str]) -> int:
             loops = read_settings(settings)
             store = Store(folder / "data")
             store.know(loops)
-            for loop in plant.names:  # `bench.service_zero` has the drill itself
+            for loop in plant.names:  # `bench.service_zero` has the watchdog test itself
                 store.command(time.time(), "bench", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
             store.close()
             service, look = Service(folder / "data", str(settings)), await Look.begin(plant)

@@ -73,16 +73,16 @@ class Service:
         return {"now": shown["now"], **shown["loops"][loop]}
 
     async def compensated(self, plant: SimPlant) -> None:
-        """Start it where it does not run; drill once; enable; and wait until u_FF is there."""
+        """Start it where it does not run; test the watchdog once; enable; and wait until u_FF is there."""
         if self.child is None or self.child.poll() is not None:
             await self.begin()
             await self.asked("parameters", values={"comp_size": 1.5})
-        began, moved, sp, drilled = time.monotonic(), 0.0, 47.0, False
+        began, moved, sp, tested = time.monotonic(), 0.0, 47.0, False
         while abs(plant.u_ff(LOOP)) < 0.3:
             if not (await self.status())["compensation"]["enabled"]:
                 reply = await self.asked("enable")
-                if "glapp watch drill" in reply.text and not drilled:
-                    drilled = (await self.asked("drill")).is_success
+                if "glapp watch watchdog-test" in reply.text and not tested:
+                    tested = (await self.asked("watchdog-test")).is_success
             if time.monotonic() - began > LONGEST:
                 raise SystemExit(f"u_FF never came: {await self.status()}")
             if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn

@@ -1,7 +1,7 @@
 """A tour of `glapp station --demo` in Chromium: `python -m bench.station_tour FOLDER [story | laboratory | wear]`.
 
 story: an engineer at a plant five times as fast as usual (`--scan 0.2`). The level cycles by its gap. Its width is
-typed, the watchdog drilled, Compensate pressed; what the window says of how calm PV is then. After that the valve is
+typed, the watchdog tested, Compensate pressed; what the window says of how calm PV is then. After that the valve is
 repaired, which nobody tells the compensation, until it is withdrawn. Then every page and dialog as a picture: laptop,
 tablet held upright, laptop at 200 %, light and dark. laboratory: the loop of 6.5, and every variable of it changed
 while it runs. wear: forty days behind the plant, of a valve that wears. FOLDER gets the pictures; what the window

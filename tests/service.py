@@ -69,7 +69,7 @@ class Table:
     heard: float | None = None
     u_ff: dict[str, float] = field(default_factory=dict)
     writes: list[tuple[str, float]] = field(default_factory=list)
-    beats: int = 0
+    heartbeats: int = 0
     may: set[str] = field(default_factory=set)
     refuse: str | None = None
     clock: Callable[[], float] = lambda: BEGIN
@@ -105,8 +105,8 @@ class Table:
     def disable(self, loop: str) -> None:
         self.may.discard(loop)
 
-    async def beat(self) -> None:
-        self.beats += 1
+    async def heartbeat(self) -> None:
+        self.heartbeats += 1
 
 
 class Clock:

@@ -56,7 +56,7 @@ def header(client: TestClient, name: str) -> dict[str, str]:
 COMMANDS = [
     ("POST", "/loops/FIC0/parameters", {"values": {"kp": 3.0}}, "engineer"),
     ("POST", "/loops/FIC0/enable", {}, "engineer"),
-    ("POST", "/loops/FIC0/drill", {}, "engineer"),
+    ("POST", "/loops/FIC0/watchdog-test", {}, "engineer"),
     ("POST", "/loops/FIC0/disable", {}, "operator"),
     ("POST", "/loops/FIC0/fit", {}, "operator"),
     ("POST", "/loops/FIC0/take_over", {"answer": 1}, "engineer"),

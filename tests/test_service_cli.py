@@ -146,10 +146,10 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         assert re.search(r"comp_size\s+1\.5", glapp("set", "PIC102", "comp_size=1.5", "--api-url", api_url))
         with pytest.raises(InputError, match="must be"):
             glapp("set", "PIC102", "comp_share=1.5", "--api-url", api_url)
-        with pytest.raises(InputError, match="glapp watch drill PIC102"):
+        with pytest.raises(InputError, match="glapp watch watchdog-test PIC102"):
             glapp("enable", "PIC102", "--api-url", api_url)
-        glapp("drill", "PIC102", "--api-url", api_url)
-        while "drill" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
+        glapp("watchdog-test", "PIC102", "--api-url", api_url)
+        while "drilled" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
             time.sleep(0.2)
         assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in told
         assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--api-url", api_url))

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from glapp.cli.watch import _clock_of
 from service import Clock, Table
 
 from glapp import Loop
+from glapp.cli.watch import _clock_of
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
 from glapp.service.monitor import SEEN, Bounds, Monitor
@@ -26,7 +26,7 @@ BOUNDS = Bounds(period=SCAN, lost=10.0 * SCAN, wait=0.0)
 
 
 async def seen(monitor: Monitor, loop: str, **settings: float) -> None:
-    """As after a drill, and a width that is typed."""
+    """As after a watchdog test, and a width that is typed."""
     await monitor.log("eve", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
     await monitor.change(loop, settings, "eve", "engineer")
 

@@ -117,7 +117,7 @@ def test_our_client_and_their_server(stack):
             await watch.until(lambda: any(v.note == "BadSensorFailure" for v in watch.of("FIC101")))
             await watch.heard("FIC101", 5)
             for _ in range(3):
-                await watch.source.beat()
+                await watch.source.heartbeat()
             watch.source.enable("FIC101")
             await asyncio.sleep(0.1)
             await watch.source.write("FIC101", 0.1)

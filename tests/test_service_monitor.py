@@ -14,7 +14,7 @@ from service import BEGIN, Clock, Table, fed, loops, values
 from glapp import Loop
 from glapp.errors import InputError
 from glapp.service import compensation as of_compensation
-from glapp.service import monitor as of_watch
+from glapp.service import monitor as of_monitor
 from glapp.service.monitor import SEEN, Bounds, Monitor, with_settings
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import Reader, Store, backup, restore
@@ -25,8 +25,8 @@ SIZED = {"comp_size": WIDTH, "comp_release": 0.5}
 MOST = (3.0, 50.0)
 
 
-async def drilled(monitor: Monitor) -> None:
-    """As after a drill."""
+async def tested(monitor: Monitor) -> None:
+    """As after a watchdog test."""
     await monitor.log("eve", "engineer", "drilled", "FIC0", None, None, settings={SEEN: {}})
 
 
@@ -98,7 +98,7 @@ def beside(
         try:
             await until(lambda: Signal.PV in monitor._loops["FIC0"].latest, "no value came")
             if seen:
-                await drilled(monitor)
+                await tested(monitor)
             await asyncio.wait_for(what(monitor, source), 300)
         finally:
             task.cancel()
@@ -308,19 +308,19 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        await until(lambda: plant.beats >= 1, "no beat without compensation")
+        await until(lambda: plant.heartbeats >= 1, "no heartbeat without compensation")
         await in_force(monitor, plant)
-        before = plant.beats
-        await until(lambda: plant.beats > before, "no beat with it")
+        before = plant.heartbeats
+        await until(lambda: plant.heartbeats > before, "no heartbeat with it")
         await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
         plant.refuse = "not_connected"  # u_FF stands in the plant, and cannot be taken away
         await asyncio.sleep(0.3)
-        before = plant.beats
+        before = plant.heartbeats
         await asyncio.sleep(0.5)
-        assert plant.beats == before, "the plant has to take it away by itself"
+        assert plant.heartbeats == before, "the plant has to take it away by itself"
         plant.refuse = None
 
     beside(tmp_path, look)
@@ -330,7 +330,7 @@ def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monke
 def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
     monkeypatch.setattr(of_compensation, "LATE", 0.3)
 
     class Keeps(Swinging):
@@ -344,20 +344,20 @@ def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
         await in_force(monitor, plant)
         plant.keeps = True  # it confirms every write, and does none of them
         await monitor.disable("FIC0", "olaf", "operator")
-        before = plant.beats
+        before = plant.heartbeats
         await until(lambda: monitor.status()["loops"]["FIC0"]["health"] == "FAILURE", "nobody saw it")
-        assert plant.beats > before, "so long the watchdog heard of us"
-        before = plant.beats
+        assert plant.heartbeats > before, "so long the watchdog heard of us"
+        before = plant.heartbeats
         await asyncio.sleep(0.5)
-        assert plant.beats == before, "the plant has to take it away by itself"
+        assert plant.heartbeats == before, "the plant has to take it away by itself"
         with pytest.raises(
             InputError, match=r"u_FF of FIC0 is not 0 in the plant, .* set it to 0 in the control system"
         ):
             await monitor.enable("FIC0", "eve", "engineer")
-        assert plant.beats == before, "nor does who tries to enable count it up"
+        assert plant.heartbeats == before, "nor does who tries to enable count it up"
         plant.u_ff["FIC0"] = 0.0
         await until(lambda: monitor.status()["loops"]["FIC0"]["health"] == "NORMAL", "it is 0 by now")
-        await until(lambda: plant.beats > before, "the watchdog hears of us again")
+        await until(lambda: plant.heartbeats > before, "the watchdog hears of us again")
 
     monitor = beside(tmp_path, look, Keeps())
     with Reader(tmp_path) as reader:
@@ -388,7 +388,7 @@ def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
     one.take(Value("FIC0", Signal.U_FF, 1.0, 0.5, True), 1.0)
     one.scan(0.0, True)
     monitor._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE - 0.1)
-    assert other.enabled and not monitor._standing(), "it is on its way"
+    assert other.enabled and not monitor._not_taken_away(), "it is on its way"
     monitor._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE + 0.1)
     assert not other.enabled and other.why_off == "the watchdog is not counted up: u_FF of FIC0 is not 0"
     assert [monitor.status()["loops"][name]["health"] for name in ("FIC0", "FIC1")] == ["FAILURE", "CHECK_FUNCTION"]
@@ -415,7 +415,7 @@ def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
     class Deaf(Swinging):
-        async def beat(self) -> None:
+        async def heartbeat(self) -> None:
             from glapp.service.signal import WriteRefused
 
             raise WriteRefused("not_named", "no watchdog is named")
@@ -438,7 +438,7 @@ class Wired(Swinging):
     wired = True
     beaten = math.inf
 
-    async def beat(self) -> None:
+    async def heartbeat(self) -> None:
         self.beaten = time.monotonic()
 
     def scan(self, k: int, t: float) -> list[Value]:
@@ -451,14 +451,14 @@ class Wired(Swinging):
 def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path: Path) -> None:
     async def look(monitor: Monitor, plant: Swinging) -> None:
         await monitor.change("FIC0", SIZED, "eve", "engineer")
-        with pytest.raises(InputError, match=r"never seen .* glapp watch drill FIC0"):
+        with pytest.raises(InputError, match=r"never seen .* glapp watch watchdog-test FIC0"):
             await monitor.enable("FIC0", "eve", "engineer")
-        await monitor.drill("FIC0", "eve", "engineer")
-        for going in (monitor.drill, monitor.enable):
-            with pytest.raises(InputError, match="drill"):
+        await monitor.watchdog_test("FIC0", "eve", "engineer")
+        for going in (monitor.watchdog_test, monitor.enable):
+            with pytest.raises(InputError, match="watchdog test"):
                 await going("FIC0", "eve", "engineer")
         await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.25), "nothing was written")
-        await until(lambda: not monitor._drilling(), "it does not end")
+        await until(lambda: not monitor._watchdog_test_runs(), "it does not end")
         assert plant.u_ff["FIC0"] == 0.0 and len(plant.writes) == 1
         assert not plant.may
         await in_force(monitor, plant)
@@ -469,18 +469,18 @@ def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path
 
 
 @pytest.mark.slow
-def test_a_drill_that_fails(tmp_path: Path) -> None:
+def test_a_watchdog_test_that_fails(tmp_path: Path) -> None:
     async def look(monitor: Monitor, plant: Swinging) -> None:
         await monitor.change("FIC0", SIZED, "eve", "engineer")
-        await monitor.drill("FIC0", "eve", "engineer")
-        await until(lambda: not monitor._drilling(), "it does not end")
+        await monitor.watchdog_test("FIC0", "eve", "engineer")
+        await until(lambda: not monitor._watchdog_test_runs(), "it does not end")
         assert plant.u_ff["FIC0"] == 0.0, "we took it away ourselves"
         with pytest.raises(InputError, match="never seen"):
             await monitor.enable("FIC0", "eve", "engineer")
 
     plant = Wired()
     plant.wired = False
-    monitor = beside(tmp_path, look, plant, seen=False, drill=1.0)
+    monitor = beside(tmp_path, look, plant, seen=False, watchdog_test=1.0)
     assert "drill_failed" in [event["kind"] for event in monitor.reader.events("FIC0")]
 
 
@@ -489,7 +489,7 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A client that loses its connection cancels all that waits for an answer: that is not meant for us."""
-    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
 
     class Broken(Swinging):
         runs = 0
@@ -500,13 +500,13 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
                 raise asyncio.CancelledError
             await super().run(take, tell)
 
-        async def beat(self) -> None:
-            self.beats += 1
-            if self.beats < 3:
+        async def heartbeat(self) -> None:
+            self.heartbeats += 1
+            if self.heartbeats < 3:
                 raise asyncio.CancelledError
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        await until(lambda: plant.beats >= 4 and monitor.live("FIC0") != {}, "it has ended")
+        await until(lambda: plant.heartbeats >= 4 and monitor.live("FIC0") != {}, "it has ended")
 
     beside(tmp_path, look, Broken())
 

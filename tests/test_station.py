@@ -306,7 +306,7 @@ def test_only_what_is_changed_is_asked_for() -> None:
     }
 
 
-def test_every_standing_has_its_sentence() -> None:
+def test_every_compensation_state_has_its_sentence() -> None:
     assert set(TOLD) == set(CATALOGUE["standings"])
 
 

@@ -407,13 +407,15 @@ def login(
     out.print(f"Logged in as {user}.", soft_wrap=True)
 
 
-@watch.command(epilog=examples("glapp watch drill FIC101"))
-def drill(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
+@watch.command(epilog=examples("glapp watch watchdog-test FIC101"))
+def watchdog_test(
+    loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None
+) -> None:
     """See once that the plant takes a small u_FF away when its watchdog stands still; only then is a loop enabled.
 
     There is one watchdog for all loops: where it stands still, the plant takes u_FF of every loop away.
     """
-    _asked(api_url, user, "POST", f"/loops/{_part(loop)}/drill")
+    _asked(api_url, user, "POST", f"/loops/{_part(loop)}/watchdog-test")
     text = (
         f"{loop}: `glapp watch events` tells how it ended, in five minutes at the latest. There is one watchdog for "
         "all loops: where u_FF of one cannot be taken away, the plant takes it away from every loop."

@@ -383,10 +383,10 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         found: dict[str, Any] = await done(person, "enable", known(name), None, go())
         return found
 
-    @app.post("/loops/{name:path}/drill")
-    async def drill(person: engineer, name: Name) -> dict[str, Any]:
+    @app.post("/loops/{name:path}/watchdog-test")
+    async def watchdog_test(person: engineer, name: Name) -> dict[str, Any]:
         """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
-        await done(person, "drill", name, None, monitor.drill(known(name), *_who(person)))
+        await done(person, "drill", name, None, monitor.watchdog_test(known(name), *_who(person)))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/disable")

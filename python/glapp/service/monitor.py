@@ -38,11 +38,11 @@ __all__ = ["Bounds", "Health", "Monitor", "Plant"]
 T = TypeVar("T")
 
 SEEN = "watchdog_seen"
-"""The setting that holds when a drill of the loop was passed."""
+"""The setting that holds when a watchdog test of the loop was passed."""
 
 _FIELDS = 7
 _SPAWN = get_context("spawn")
-_BEAT = 1.0
+_HEARTBEAT = 1.0
 """Time between two counts of the plant's watchdog [s]."""
 
 _FOLLOWED = 2.0
@@ -122,8 +122,8 @@ class Bounds:
         How long a fit may take, > 0 [s]; then it is ended.
     backlog : int
         So many entries wait in memory for a disk that is full; then they are given up.
-    drill : float
-        How long a drill waits for the plant to take u_FF away, > 0 [s].
+    watchdog_test : float
+        How long a watchdog test waits for the plant to take u_FF away, > 0 [s].
     """
 
     period: float = 1.0
@@ -137,10 +137,10 @@ class Bounds:
     fit_hour: int = 2
     fit_longest: float = 600.0
     backlog: int = 600
-    drill: float = 300.0
+    watchdog_test: float = 300.0
 
     def __post_init__(self) -> None:
-        for name in ("period", "step", "save", "lost", "ahead", "fit_longest", "drill"):
+        for name in ("period", "step", "save", "lost", "ahead", "fit_longest", "watchdog_test"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"is {value}, must be > 0 s", parameter=name, value=value, bound="> 0 s")
@@ -238,7 +238,7 @@ class Monitor:
         self._fit_of: tuple[str, float] | None = None  # the loop that is fitted now, and since when on the wall
         self._took: dict[str, float] = {}  # how long the last fit of a loop took [s]
         self._started = self.begun, time.time()
-        self._drilled: asyncio.Task[None] | None = None
+        self._watchdog_test_task: asyncio.Task[None] | None = None
         self._given = {loop.name: loop for loop in loops}
         ids = store.know(loops)
         states = store.states()
@@ -567,7 +567,7 @@ class Monitor:
                 "steps": self._steps(),
                 "keep": self._keep(),
                 "fits": self._fits(),
-                "beat": self._beats(source),
+                "heartbeat": self._heartbeats(source),
             }.items()
         ]
         tasks += [
@@ -609,8 +609,8 @@ class Monitor:
                 if any(task.done() for task in tasks):
                     break
                 await asyncio.sleep(0.1)
-        if self._drilled is not None:
-            tasks = [*tasks, self._drilled]
+        if self._watchdog_test_task is not None:
+            tasks = [*tasks, self._watchdog_test_task]
         left = {task for task in tasks if not task.done()}
         while left:  # once more where a task has not heard it: one that waited for something may have got just that
             for task in left:
@@ -758,7 +758,7 @@ class Monitor:
             if was and not compensator.enabled:
                 self._no_more(name)
                 self._tell(Event(self._clock(), name, "withdrawn", compensator.told_off))
-            if self._drilling(name):
+            if self._watchdog_test_runs(name):
                 continue  # what stands there is for the plant to take away
             if compensator.at_work or (compensator.written is not None and compensator.written != u_ff):
                 await self._hand_over(watched, source, u_ff)
@@ -769,7 +769,7 @@ class Monitor:
     def _followed(self, watched: _Watched) -> bool:
         """Whether a plant that hurries waits for this loop's u_FF: there is a width, or something to take away."""
         compensator = watched.compensator
-        if compensator is None or self._drilling(watched.loop.name):
+        if compensator is None or self._watchdog_test_runs(watched.loop.name):
             return False
         return compensator.at_work or compensator.sized
 
@@ -816,7 +816,7 @@ class Monitor:
             with suppress(WriteRefused):
                 self.source.disable(name)
 
-    async def _beats(self, source: Plant) -> None:
+    async def _heartbeats(self, source: Plant) -> None:
         """The plant's watchdog hears of us only while u_FF of every loop that is compensated is fresh.
 
         And while none stands that had to be 0 by now: then the plant takes it away, and that of every other loop.
@@ -826,20 +826,20 @@ class Monitor:
             self._look(now)
             working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
             fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
-            if fresh and not self._standing():
+            if fresh and not self._not_taken_away():
                 try:
-                    await _asking(source.beat(), 1.0)
+                    await _asking(source.heartbeat(), 1.0)
                 except WriteRefused as refused:
                     # Without one nothing can be enabled, and without a connection nothing is.
                     if refused.reason not in ("not_named", "not_connected"):
                         self._tell(Event(self._clock(), None, "no_beat", f"the watchdog was not counted up: {refused}"))
-            await asyncio.sleep(_BEAT)
+            await asyncio.sleep(_HEARTBEAT)
 
     def _look(self, now: float) -> None:
         """Whether any u_FF stands in the plant though it had to be 0 by now."""
         for name, watched in self._loops.items():
             compensator = watched.compensator
-            if compensator is None or self._drilling(name):
+            if compensator is None or self._watchdog_test_runs(name):
                 continue
             value = compensator.stands(now)
             if value is None and watched.stands:
@@ -855,12 +855,12 @@ class Monitor:
                     self._switch_off(other, f"the watchdog is not counted up: u_FF of {name} is not 0")
             watched.stands = value is not None
 
-    def _standing(self) -> list[str]:
+    def _not_taken_away(self) -> list[str]:
         """Names of the loops whose u_FF stands in the plant though it had to be 0 by now."""
         return [name for name, watched in self._loops.items() if watched.stands]
 
-    def _none_stands(self, loop: str) -> None:
-        if names := self._standing():
+    def _require_none_left(self, loop: str) -> None:
+        if names := self._not_taken_away():
             raise InputError(
                 f"u_FF of {', '.join(names)} is not 0 in the plant, and the watchdog is not counted up",
                 loop=loop,
@@ -966,14 +966,14 @@ class Monitor:
             raise InputError(
                 "it was never seen that the plant takes u_FF away by itself when nobody counts its watchdog up",
                 loop=loop,
-                hint=f"glapp watch drill {loop}",
+                hint=f"glapp watch watchdog-test {loop}",
             )
-        if self._drilling():
-            raise InputError("a drill is under way: wait until it is over", loop=loop)
-        self._none_stands(loop)
+        if self._watchdog_test_runs():
+            raise InputError("a watchdog test is under way: wait until it is over", loop=loop)
+        self._require_none_left(loop)
         before = compensator.status()
         try:
-            await _asking(source.beat())
+            await _asking(source.heartbeat())
             source.enable(loop)
             # What stands there is written once more: that takes as long as any other u_FF.
             began = time.monotonic()
@@ -995,8 +995,8 @@ class Monitor:
         watched.due.set()
         return compensator.status()
 
-    async def drill(self, loop: str, person: str, role: str) -> None:
-        """Begin a drill: a small u_FF is written, the watchdog is left alone, and the plant must take it away.
+    async def watchdog_test(self, loop: str, person: str, role: str) -> None:
+        """Begin a watchdog test: a small u_FF is written, the watchdog is left alone, and the plant must take it away.
 
         A loop is only enabled after that was seen. Its end is told as an event.
 
@@ -1011,26 +1011,28 @@ class Monitor:
         source = self.source
         if source is None:
             raise InputError("there is no connection", loop=loop)
-        if self._drilling():
-            raise InputError("a drill is under way: wait until it is over", loop=loop)
+        if self._watchdog_test_runs():
+            raise InputError("a watchdog test is under way: wait until it is over", loop=loop)
         if working := [n for n, w in self._loops.items() if w.compensator is not None and w.compensator.at_work]:
             names = ", ".join(working)
-            raise InputError(f"the watchdog stands still in a drill, and {names} would lose u_FF", loop=loop)
-        self._none_stands(loop)
+            raise InputError(f"the watchdog stands still in a watchdog test, and {names} would lose u_FF", loop=loop)
+        self._require_none_left(loop)
         try:
-            await _asking(source.beat())
+            await _asking(source.heartbeat())
             source.enable(loop)
         except WriteRefused as refused:
-            raise InputError(f"cannot be drilled: {refused}", loop=loop) from None
+            raise InputError(f"its watchdog cannot be tested: {refused}", loop=loop) from None
         await self.log(person, role, "drill", loop, None, None)
-        self._drilled = asyncio.create_task(self._drill(loop, source, person, role), name=f"drill {loop}")
+        self._watchdog_test_task = asyncio.create_task(
+            self._watchdog_test(loop, source, person, role), name=f"watchdog test {loop}"
+        )
 
-    def _drilling(self, loop: str | None = None) -> bool:
-        """Whether a drill is under way, of a loop where it is named."""
-        task = self._drilled
-        return task is not None and not task.done() and loop in (None, task.get_name().removeprefix("drill "))
+    def _watchdog_test_runs(self, loop: str | None = None) -> bool:
+        """Whether a watchdog test is under way, of a loop where it is named."""
+        task = self._watchdog_test_task
+        return task is not None and not task.done() and loop in (None, task.get_name().removeprefix("watchdog test "))
 
-    async def _drill(self, loop: str, source: Plant, person: str, role: str) -> None:
+    async def _watchdog_test(self, loop: str, source: Plant, person: str, role: str) -> None:
         watched = self._loops[loop]
         assert watched.most is not None
         size = min(0.1 * watched.most[0], 0.25 * watched.most[1] * watched.period)
@@ -1040,10 +1042,11 @@ class Monitor:
             began = time.monotonic()
             await _asking(source.write(loop, size))
             while (found := await _asking(source.read_back(loop))).value != 0.0 or not found.good:
-                if time.monotonic() - began > self.bounds.drill:
+                if time.monotonic() - began > self.bounds.watchdog_test:
                     source.disable(loop)
                     await _asking(source.write(loop, 0.0))
-                    text = f"the plant left u_FF at {size:g} for {self.bounds.drill:g} s: its watchdog is not wired"
+                    longest = self.bounds.watchdog_test
+                    text = f"the plant left u_FF at {size:g} for {longest:g} s: its watchdog is not wired"
                     self._tell(Event(self._clock(), loop, "drill_failed", text))
                     return
                 await asyncio.sleep(0.25)

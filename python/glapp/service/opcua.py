@@ -283,7 +283,7 @@ class OpcUa:
         # While values wait to be handed on, nothing is known to have stood still.
         return newest if link is None or link.waiting or not link.caught_up else max(newest, link.heard)
 
-    async def beat(self) -> None:
+    async def heartbeat(self) -> None:
         """Count the plant's watchdog up.
 
         Raises
@@ -294,22 +294,22 @@ class OpcUa:
         if self._connection.watchdog is None:
             raise WriteRefused("not_named", "opcua.watchdog is not given: the plant would not notice that we end")
         link = self._link
-        if link is None or link.beat is None:
-            raise WriteRefused("not_connected", "the watchdog cannot be beaten: there is no connection")
-        node, kind, count = link.beat
+        if link is None or link.heartbeat is None:
+            raise WriteRefused("not_connected", "the watchdog cannot be counted up: there is no connection")
+        node, kind, count = link.heartbeat
         count = (count + 1) % 30_000
         value: object = bool(count % 2) if kind is ua.VariantType.Boolean else count
         if kind in (ua.VariantType.Float, ua.VariantType.Double):
             value = float(count)
         elif kind in (ua.VariantType.Byte, ua.VariantType.SByte):
             value = count % 100
-        link.beat = (node, kind, count)
+        link.heartbeat = (node, kind, count)
         try:
             [status] = await link.client.uaclient.write_attributes(
                 [node], [ua.DataValue(ua.Variant(value, kind))], ua.AttributeIds.Value
             )
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"the watchdog cannot be beaten: {reason(error)}") from None
+            raise WriteRefused("not_connected", f"the watchdog cannot be counted up: {reason(error)}") from None
         if not status.is_good():
             raise WriteRefused("by_server", f"the server refuses the watchdog: {status.name}")
 
@@ -424,7 +424,7 @@ class OpcUa:
                 if seen.Value is None or not isinstance(seen.Value.Value, _NUMBERS):
                     self._event("tag_missing", None, f"opcua.watchdog: {self._connection.watchdog} is no number")
                 else:
-                    link.beat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
+                    link.heartbeat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
 
     async def _limits(self, link: _Link) -> None:
         """How many tags the server takes in one request."""
@@ -828,7 +828,7 @@ class _Link:
         self.without: set[int] = set()
         self.retried = time.monotonic()
         self.subscription: int | None = None
-        self.beat: tuple[ua.NodeId, ua.VariantType, int] | None = None
+        self.heartbeat: tuple[ua.NodeId, ua.VariantType, int] | None = None
         self.queue: deque[list[Any]] = deque()
         self.waiting, self._most = 0, connection.queue
         self.wake = asyncio.Event()

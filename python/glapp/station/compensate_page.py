@@ -86,7 +86,7 @@ class CompensationPage:
     async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
         made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
-        self._drilled, self._set = settings.get(SEEN), settings
+        self._tested, self._set = settings.get(SEEN), settings
         self.body.clear()
         with self.body:
             if made is None:
@@ -112,7 +112,7 @@ class CompensationPage:
         status = self.station.view.shown["loops"].get(self.loop, {})
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
-        if settings.get(SEEN) != self._drilled or bool(made and made["enabled"]) != self._enabled:
+        if settings.get(SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
             await self._anew()
         elif self._enabled:
             await self._effect()
@@ -148,9 +148,9 @@ class CompensationPage:
         self.why_not = ui.label()
         heading("3. Test that the plant switches it off if glapp stops", 2)
         with ui.element("div").classes("bar"):
-            drill = quiet("Test switching off", self._drill)
-            drill.props("" if self._engineer else "disable")
-            done = self._drilled
+            test = quiet("Test switching off", self._test_watchdog)
+            test.props("" if self._engineer else "disable")
+            done = self._tested
             self.test = ui.label(
                 "glapp writes a small u_FF and stops its heartbeat; the plant must take u_FF to 0 by itself."
                 if done is None
@@ -219,7 +219,7 @@ class CompensationPage:
         self.on.props(remove="disable")
         if why:
             self.on.props("disable")
-        elif self._drilled is None:  # the service refuses it
+        elif self._tested is None:  # the service refuses it
             why = "First test switching off: nothing is enabled before that was seen."
         self.not_yet.set_text(why)
         self.why_not.set_visibility(bool(found.why_not))
@@ -241,8 +241,8 @@ class CompensationPage:
             await self._go("parameters", body, f"Set: {', '.join(names)}.")
         await self._anew()
 
-    async def _drill(self) -> None:
-        if await self._go("drill", {}, "The test is under way: it takes some seconds."):
+    async def _test_watchdog(self) -> None:
+        if await self._go("watchdog-test", {}, "The test is under way: it takes some seconds."):
             self.test.set_text("The test is under way. Events tell how it ends.")
 
     async def _enable(self) -> None:

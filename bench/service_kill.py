@@ -45,7 +45,7 @@ from glapp.service.connection import Connection
 from glapp.service.fits import answered
 from glapp.service.monitor import Bounds, Monitor
 from glapp.service.plant import SimPlant
-from glapp.service.recordings import Signals
+from glapp.service.recordings import SignalStore
 from glapp.service.rows import CODES, LOST
 from glapp.service.signal import Signal
 from glapp.service.store import COLUMNS, Entry, Reader, Store
@@ -132,7 +132,7 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
         raise SystemExit(f"a monitor ended with {child.returncode}")
 
 
-class _Told(SimPlant):
+class _EventCount(SimPlant):
     """A plant that remembers what it told of each tag: time and value."""
 
     def __init__(self, loops: int, history: float) -> None:
@@ -144,7 +144,7 @@ class _Told(SimPlant):
         await super()._write(key, t, value, *more)
 
 
-async def _killed(root: Path, plant: _Told, count: int, chance: random.Random, *, beside: bool) -> float:
+async def _killed(root: Path, plant: _EventCount, count: int, chance: random.Random, *, beside: bool) -> float:
     """Kill a monitor so often in `root/killed`; gives the plant's time up to which one beside can have everything."""
     straight, killed = root / "straight", root / "killed"
     async with plant:
@@ -177,7 +177,7 @@ async def _killed(root: Path, plant: _Told, count: int, chance: random.Random, *
 
 def _kills(count: int, loops: int, seed: int, history: float) -> None:
     with tempfile.TemporaryDirectory() as name:
-        root, chance, plant = Path(name), random.Random(seed), _Told(loops, history)
+        root, chance, plant = Path(name), random.Random(seed), _EventCount(loops, history)
         ended = asyncio.run(_killed(root, plant, count, chance, beside=history > 0.0))
         known = parse_settings(plant.settings(), "loops.toml", root)
         if history:
@@ -225,7 +225,7 @@ def _breaks(killed: Path, told: dict[tuple[str, Signal], dict[float, float]], ki
             gone = [t for t in told[name, Signal.PV] if min(of_pv) < t < max(of_pv) and t not in of_pv]
             breaks, missing = breaks + len(gaps), missing + len(gone)
             unexplained += sum(not any(a < t < b for a, b in gaps) for t in gone)
-            samples = Signals(killed).read(name, 0.0, math.inf)["time"].to_pylist()
+            samples = SignalStore(killed).read(name, 0.0, math.inf)["time"].to_pylist()
             invented += sum(at.timestamp() not in of_pv for at in samples)
             halves = reader.half_periods(name)
             across += sum(row["t_start"] < b and row["t_end"] > a for row in halves for a, b in gaps if b - a > GAP)
@@ -276,7 +276,9 @@ def _compare(known: list[Loop], straight: Path, killed: Path, ended: float) -> N
                 at = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
                 print(f"{name} differs: {len(a)} and {len(b)} half-periods, from number {at + 1} on")
                 print("  ", a[at : at + 1], b[at : at + 1], sep="\n  ")
-            tables = [Signals(folder).read(name, 0.0, ended).drop_columns(["U_FF"]) for folder in (straight, killed)]
+            tables = [
+                SignalStore(folder).read(name, 0.0, ended).drop_columns(["U_FF"]) for folder in (straight, killed)
+            ]
             samples += len(tables[0])
             other_samples += not tables[0].equals(tables[1])
         print(f"{halves} half-periods, {differ} loops differ; {samples} samples, {other_samples} loops differ")

@@ -29,7 +29,7 @@ from bench.service_zero import LOOP, Service, until
 
 from glapp.service.connection import read_connection
 from glapp.service.plant import NAMESPACE
-from glapp.service.recordings import Signals
+from glapp.service.recordings import SignalStore
 from glapp.service.store import Reader
 
 DAYS, SCAN, REPAIR = 90.0, 60.0, 42.0
@@ -109,7 +109,7 @@ def _interval(answer: dict[str, Any]) -> str:
 
 def _table(folder: Path, begin: float, told: list[tuple[float, str]], node: _Node) -> None:
     """What was told, and between the lines how PV was."""
-    signals = Signals(folder)
+    signals = SignalStore(folder)
     print("\n| day | what | true gap, % | PV − SP since, % (standard deviation) | mean of its magnitude |")
     print("|---|---|---|---|---|")
     for (day, text), (after, _) in itertools.pairwise([*told, (DAYS, "")]):

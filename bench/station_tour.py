@@ -25,7 +25,7 @@ from typing import Any
 from asyncua import Client, ua
 from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
 
-from glapp.service.compensation import TOLD
+from glapp.service.compensation import TEXT_OF_STATE
 from glapp.service.connection import read_connection
 from glapp.service.plant import NAMESPACE
 
@@ -38,7 +38,7 @@ PAGES = {"overview": "/", "loop": "/loop?name=LIC104", "events": "/events", "lab
 DIALOGS = ("Graph", "Parameters", "Compensate", "Phase plot", "Step test")
 LEVEL = "LIC104"
 CALM = "of SP half of the time"
-TOO_MUCH = [f"It is off. {TOLD[why]}" for why in ("over_compensated", "worse")]
+TOO_MUCH = [f"It is off. {TEXT_OF_STATE[why]}" for why in ("over_compensated", "worse")]
 LONGEST = 900.0
 """So long anything may take on a machine that is busy [s]."""
 

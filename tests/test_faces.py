@@ -140,7 +140,7 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
     """What every face says of a recording, where it is not what the core decided."""
     from glapp.service.fits import row_of
     from glapp.service.monitor import Bounds, Monitor
-    from glapp.service.server import said_of
+    from glapp.service.server import node_values
     from glapp.service.store import Store
     from glapp.station.view import LIKELY, View
 
@@ -166,7 +166,7 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
         monitor = Monitor([result.loop], store, bounds=Bounds(), clock=clock)
         status = monitor.status()["loops"][result.name]
         store.show(clock(), json.dumps(monitor.status()))
-        nodes = {name: said.value for name, said in said_of(status).items()}
+        nodes = {name: said.value for name, said in node_values(status).items()}
         found += columns_of(core, nodes, OPC_UA, "OPC UA")
         station = View(folder, clock)
         station.refresh()

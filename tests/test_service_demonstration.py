@@ -15,7 +15,7 @@ from glapp.reading.settings import parse_settings
 from glapp.service import demonstration
 from glapp.service.monitor import Bounds, Monitor
 from glapp.service.plant import SimLoop, SimPlant
-from glapp.service.recordings import Signals
+from glapp.service.recordings import SignalStore
 from glapp.service.signal import Signal
 from glapp.service.store import Reader, Store
 from glapp.station.view import View
@@ -134,7 +134,7 @@ def test_the_service_goes_on_from_what_is_there(begun: tuple[Path, list[SimLoop]
 
 def test_what_was_recorded_is_what_the_answers_say(begun: tuple[Path, list[SimLoop]]) -> None:
     folder, loops = begun
-    signals = Signals(folder)
+    signals = SignalStore(folder)
     for loop in loops:
         days = demonstration.DAYS if loop.kind.wear else 1
         rows = signals.read(loop.name, NOW - 8 * 86400.0, NOW)

@@ -25,7 +25,7 @@ SIZED = {"comp_size": WIDTH, "comp_release": 0.5}
 MOST = (3.0, 50.0)
 
 
-async def tested(monitor: Monitor) -> None:
+async def after_watchdog_test(monitor: Monitor) -> None:
     """As after a watchdog test."""
     await monitor.log("eve", "engineer", "drilled", "FIC0", None, None, settings={SEEN: {}})
 
@@ -98,7 +98,7 @@ def beside(
         try:
             await until(lambda: Signal.PV in monitor._loops["FIC0"].latest, "no value came")
             if seen:
-                await tested(monitor)
+                await after_watchdog_test(monitor)
             await asyncio.wait_for(what(monitor, source), 300)
         finally:
             task.cancel()
@@ -455,7 +455,7 @@ def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path
             await monitor.enable("FIC0", "eve", "engineer")
         await monitor.watchdog_test("FIC0", "eve", "engineer")
         for going in (monitor.watchdog_test, monitor.enable):
-            with pytest.raises(InputError, match="watchdog test"):
+            with pytest.raises(InputError, match=r"watchdog.test"):
                 await going("FIC0", "eve", "engineer")
         await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.25), "nothing was written")
         await until(lambda: not monitor._watchdog_test_runs(), "it does not end")

@@ -21,7 +21,7 @@ from glapp.fit import Fit, Verdict
 from glapp.service.monitor import Bounds, Health, Monitor
 from glapp.service.plant import free_port
 from glapp.service.security import Security
-from glapp.service.server import DI, NAMESPACE, NODES, AnswerServer, said_of
+from glapp.service.server import DI, NAMESPACE, NODES, AnswerServer, node_values
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import Store
 
@@ -242,7 +242,7 @@ def test_health_is_that_of_the_answer(
     said = Fit(verdict, "seen", "mA", 0.3, low, high)
     asyncio.run(monitor._answered("FIC0", "olaf", service.answered(said, loop)))
     assert monitor.status()["loops"]["FIC0"]["health"] == health.name
-    assert said_of(monitor.status()["loops"]["FIC0"])["DeviceHealth"].value == health
+    assert node_values(monitor.status()["loops"]["FIC0"])["DeviceHealth"].value == health
 
 
 def test_an_answer_is_the_same_after_a_restart(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from service import BEGIN, Clock, detections, fed, loops, values
 import glapp
 from glapp.errors import InputError
 from glapp.service import store as of_memory
-from glapp.service.recordings import Signals, loop_of
+from glapp.service.recordings import SignalStore, loop_of
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import Entry, Lock, Reader, Store, StoreFull, backup, restore
 
@@ -53,7 +53,7 @@ def test_detections_are_those_of_the_estimator(tmp_path: Path) -> None:
     monitor = service.monitor(tmp_path, [loop], clock)
     fed(monitor, clock, values("FIC0", 400))
     asyncio.run(monitor.save())
-    table = Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)
+    table = SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)
     t = table["time"].cast("int64").to_numpy() / 1e6
     columns = {name: table[name.upper()].to_numpy() for name in ("sp", "pv", "op")}
     estimator = glapp.Estimator(loop, 1.0)
@@ -87,7 +87,7 @@ def test_begun_anew_in_the_middle_it_goes_on_with_the_same_bits(tmp_path: Path, 
     asyncio.run(last.save())
     asyncio.run(straight.save())
     for loop in ("FIC0", "FIC1"):
-        tables = [Signals(tmp_path / name).read(loop, BEGIN, BEGIN + 1e6) for name in ("broken", "straight")]
+        tables = [SignalStore(tmp_path / name).read(loop, BEGIN, BEGIN + 1e6) for name in ("broken", "straight")]
         assert tables[0].equals(tables[1]) and len(tables[0]) == 298
     assert last.status()["loops"]["FIC0"]["estimate"] == straight.status()["loops"]["FIC0"]["estimate"] is not None
 
@@ -103,7 +103,9 @@ def test_a_break_that_no_history_fills_is_a_gap_however_short(tmp_path: Path) ->
     again = service.monitor(tmp_path, loops(), clock)
     fed(again, clock, [value for value in given if value.time >= BEGIN + 70], pace=1.0)
     asyncio.run(again.save())
-    times = [at.timestamp() - BEGIN for at in Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()]
+    times = [
+        at.timestamp() - BEGIN for at in SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()
+    ]
     assert times == [*range(60), *range(70, 118)]
     ended = [row for row in detections(tmp_path, "FIC0") if row[1] < BEGIN + 60 <= row[2] + 10]
     assert [row[of_memory.COLUMNS.index("mask") + 1] & 1 for row in ended] == [1], "it ended as a gap"
@@ -171,7 +173,7 @@ def test_killed_at_random_moments(tmp_path: Path) -> None:
     for loop in ("FIC0", "FIC1"):
         assert len(detections(folder, loop)) > 3
         assert detections(folder, loop) == detections(tmp_path / "straight", loop)
-        tables = [Signals(path).read(loop, BEGIN, BEGIN + 1e6) for path in (folder, tmp_path / "straight")]
+        tables = [SignalStore(path).read(loop, BEGIN, BEGIN + 1e6) for path in (folder, tmp_path / "straight")]
         assert tables[0].equals(tables[1])
 
 
@@ -246,7 +248,7 @@ def test_a_damaged_database_is_set_aside_and_not_written(tmp_path: Path, how: st
     assert aside.name in event["text"]
     fed(again, clock, [value for value in values("FIC0", 200) if value.time >= clock.now])
     asyncio.run(again.save())
-    assert len(Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) > 150, "signals are files of their own"
+    assert len(SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) > 150, "signals are files of their own"
 
 
 def foreign(statements: str) -> bytes:
@@ -354,7 +356,7 @@ def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     fed(again, clock, [value for value in given if value.time > since])
     asyncio.run(again.save())
     assert detections(folder, "FIC0") == after
-    times = Signals(folder).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()
+    times = SignalStore(folder).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()
     assert len(times) == len(set(times)) == 298
 
 
@@ -455,7 +457,7 @@ def test_a_disk_without_room_for_signals(tmp_path: Path, monkeypatch: pytest.Mon
     assert not [*tmp_path.rglob("*.part")] and not [*tmp_path.rglob("*.parquet")]
     monkeypatch.undo()
     asyncio.run(monitor.save())
-    assert len(Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) == 58
+    assert len(SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) == 58
 
 
 def _full(*_: object) -> None:
@@ -479,7 +481,7 @@ def test_days_become_files_that_analyze_reads(tmp_path: Path) -> None:
     assert signals.close_days(begin + 301) == signals.days("FIC0")[:1]
     assert signals.close_days(begin + 301) == []
     for name, table in whole.items():
-        assert Signals(tmp_path).read(name, begin, begin + 300).equals(table)
+        assert SignalStore(tmp_path).read(name, begin, begin + 300).equals(table)
     first = tmp_path / "signals" / str(signals.days("FIC0")[0]) / "FIC0.parquet"
     [recording] = glapp.open_recordings(first)
     assert recording.columns.keys() >= {"time", "SP", "PV", "OP", "MODE"} and recording.zone == "UTC"

@@ -34,7 +34,7 @@ from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
 from glapp.service.api import app_of as service_app
-from glapp.service.compensation import TOLD, detection_beside
+from glapp.service.compensation import TEXT_OF_STATE, detection_beside
 from glapp.service.monitor import Monitor
 from glapp.service.plant import SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
@@ -307,7 +307,7 @@ def test_only_what_is_changed_is_asked_for() -> None:
 
 
 def test_every_compensation_state_has_its_sentence() -> None:
-    assert set(TOLD) == set(CATALOGUE["standings"])
+    assert set(TEXT_OF_STATE) == set(CATALOGUE["standings"])
 
 
 SETTINGS: dict[str, Any] = {
@@ -425,7 +425,7 @@ def test_a_step_test_is_read_as_it_goes_on() -> None:
         at.append(step_test.place(step_test.read(part, loops()[0]), True))
     assert at == [1, 2, 3, 4] and step_test.place(None, False) == 0
     found = step_test.read(values, loops()[0])
-    assert found is not None and "The gap is 1.98" in " ".join(step_test.told(found, "%"))
+    assert found is not None and "The gap is 1.98" in " ".join(step_test.lines_of(found, "%"))
     drawn = charts.step_test(found, dark=False)
     assert drawn is not None and drawn["xAxis"][1]["type"] == "time"
     assert drawn["series"][0]["data"][0][0] == 1000.0 * values["time"][0] and len(drawn["series"][1]["data"]) == n

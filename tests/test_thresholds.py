@@ -12,7 +12,7 @@ from glapp.fleet.lake import SIGNALS
 from glapp.fleet.windows import _outside, choose, look
 from glapp.loop import Loop
 from glapp.service.compensation import Compensator
-from glapp.service.rows import CODES, Rows
+from glapp.service.rows import CODES, Resampler
 from glapp.service.signal import Signal, Value
 from glapp.service.store import Store
 from glapp.service.users import Tries, Users
@@ -78,9 +78,9 @@ def test_eight_windows_of_a_history_are_fitted() -> None:
 PV = CODES[Signal.PV]
 
 
-def late(count: int) -> Rows:
+def late(count: int) -> Resampler:
     """Rows up to 3609 s, and after them so many of a clock that goes an hour behind."""
-    rows = Rows(1.0, wait=2.0)
+    rows = Resampler(1.0, wait=2.0)
     for k in range(10):
         rows.take(PV, 3600.0 + k, 1.0, True, 3600.0 + k)
     rows.release()
@@ -95,7 +95,7 @@ def test_five_values_in_a_row_are_a_clock_set_back() -> None:
 
 
 def test_a_thousand_late_values_are_kept_at_most() -> None:
-    rows = Rows(1.0, wait=2.0)
+    rows = Resampler(1.0, wait=2.0)
     for k in range(10):
         rows.take(PV, 3600.0 + k, 1.0, True, 3600.0 + k)
     rows.release()

@@ -88,7 +88,7 @@ Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[n
 """A piece or several, whose sum it is; (time [s], value from then on) in ascending order, 0 before the first; or an
 array with one value a sample."""
 
-COMPENSATION_STATES = tuple(_glapp.standings())
+COMPENSATION_STATES = tuple(_glapp.compensation_states())
 """What the numbers in `Simulation.standing` mean."""
 
 

@@ -107,7 +107,7 @@ impl Memory {
             Request::Join { alone, reader } => {
                 self.recording.as_ref().ok_or("no recording was begun")?.join(&alone, &reader)
             }
-            Request::Words(asked) => words::told(asked),
+            Request::Words(asked) => words::texts_of(asked),
             Request::StepTest { manual, settings } => {
                 recording::step_test(manual, &settings, std::mem::take(&mut self.columns))
             }

@@ -426,13 +426,13 @@ def watchdog_test(
 @watch.command(epilog=examples("glapp watch enable FIC101"))
 def enable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """Let a loop be compensated, in your name; an engineer may."""
-    _told(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/enable"))
+    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/enable"))
 
 
 @watch.command(epilog=examples("glapp watch disable FIC101"))
 def disable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """End the compensation of a loop; an operator may."""
-    _told(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/disable"))
+    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/disable"))
 
 
 @watch.command(epilog=examples("glapp watch fit FIC101"))
@@ -455,7 +455,7 @@ def set_(
     """Show the parameters of a loop's detector and compensation, or change some; an engineer may."""
     path = f"/loops/{_part(loop)}/parameters"
     if not values:
-        _told(_asked(api_url, user, "GET", path))
+        _print_values(_asked(api_url, user, "GET", path))
         return
     wanted: dict[str, float | None] = {}
     for one in values:
@@ -466,7 +466,7 @@ def set_(
             raise CommandError(f"{one}: {value!r} is not a number") from None
         if not equals or not math.isfinite(wanted[name] or 0.0):
             raise CommandError(f"{one}: write NAME=VALUE, with a number")
-    _told(_asked(api_url, user, "POST", path, {"values": wanted}))
+    _print_values(_asked(api_url, user, "POST", path, {"values": wanted}))
 
 
 @watch.command(name="take-over", epilog=examples("glapp watch take-over FIC101"))
@@ -482,7 +482,7 @@ def take_over(
         if not found:
             raise InputError("has no answer yet", loop=loop, hint=f"glapp watch fit {loop}")
         answer = found[0]["id"]
-    _told(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/take_over", {"answer": answer}))
+    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/take_over", {"answer": answer}))
 
 
 users = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Who may do what: viewer, operator, engineer.")
@@ -572,7 +572,7 @@ def _part(name: str) -> str:
     return quote(name, safe="")
 
 
-def _told(values: dict[str, Any]) -> None:
+def _print_values(values: dict[str, Any]) -> None:
     out.print(key_values([(name, "" if value is None else str(value)) for name, value in values.items()]))
 
 

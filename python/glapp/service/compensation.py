@@ -21,12 +21,12 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from .settable import check, of_plant, usual_of
 from .signal import Signal, Value
 
-__all__ = ["TOLD", "Compensator", "detection_beside"]
+__all__ = ["TEXT_OF_STATE", "Compensator", "detection_beside"]
 
-COMPENSATION_STATES: list[str] = _glapp.standings()
+COMPENSATION_STATES: list[str] = _glapp.compensation_states()
 """Names of the numbers of `standing`."""
 
-TOLD = {
+TEXT_OF_STATE = {
     "active": "It compensates.",
     "not_enabled": "Nobody enabled it.",
     "not_auto": "The controller is in manual: u_FF is 0.",
@@ -357,9 +357,9 @@ class Compensator:
             self.why_off, self.withdrawn = why, withdrawn
 
     @property
-    def told_off(self) -> str:
+    def why_off_text(self) -> str:
         """Why it is off, in a sentence."""
-        return f"{self.why_off}." if self.withdrawn is None else TOLD[self.withdrawn]
+        return f"{self.why_off}." if self.withdrawn is None else TEXT_OF_STATE[self.withdrawn]
 
     def lost(self, why: str) -> None:
         """The connection is gone: it is off, and what is found afterwards is ramped to 0.

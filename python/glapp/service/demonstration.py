@@ -37,8 +37,8 @@ from ..modules import Plant, ProcessSim
 from ..writing import write_file
 from .fits import answered
 from .plant import Kind, SimLoop
-from .recordings import Signals
-from .rows import Rows
+from .recordings import SignalStore
+from .rows import Resampler
 from .signal import Event
 from .store import COLUMNS, Half, Store
 
@@ -147,7 +147,7 @@ def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now
     recorded = _recorded(simulated, today, now)
     position = int(1000.0 * now)
     ids = store.know(known)
-    Signals(store.folder).save(
+    SignalStore(store.folder).save(
         {name: (np.full(len(rows), position, np.int64), rows) for name, rows in recorded.items()}, position
     )
     halves: list[Half] = []
@@ -161,7 +161,7 @@ def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now
         columns = [getattr(table, name).tolist() for name in COLUMNS]
         ended = [(id, number, *row, 0) for number, row in enumerate(zip(*columns, strict=True), 1)]
         halves += ended
-        state = {"rows": Rows(SCAN).save(), "number": len(ended), "detector": detector.save()}
+        state = {"rows": Resampler(SCAN).save(), "number": len(ended), "detector": detector.save()}
         states[id] = json.dumps(state)
     events = [Event(now, None, "demonstration", "a simulated plant: what is older than this was simulated in advance")]
     for name, answer in answers(today).items():
@@ -205,7 +205,7 @@ def made(loop: str | None = None) -> dict[str, dict[str, Any]]:
         simulated = loops()
         known = parse_settings(SimPlant(simulated, scan=SCAN).settings(), "the demonstration", Path())
         recorded = _recorded(simulated, _EPOCH, now)
-        Signals(Path(folder)).save({name: (np.ones(len(x), np.int64), x) for name, x in recorded.items()}, 1)
+        SignalStore(Path(folder)).save({name: (np.ones(len(x), np.int64), x) for name, x in recorded.items()}, 1)
         first, last = (_EPOCH - timedelta(days=DAYS)).timestamp(), _EPOCH.timestamp()
         for i, one in enumerate(known):
             if loop in (None, one.name):

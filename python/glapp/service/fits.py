@@ -16,7 +16,7 @@ from ..estimate import analyze
 from ..loop import Loop
 from ..many import analyze_recordings
 from ..result import Result
-from .recordings import Signals
+from .recordings import SignalStore
 
 __all__ = ["answer", "answered", "row_of"]
 
@@ -69,7 +69,7 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
         Where there is no recording, or it cannot be read.
     """
     loop = Loop(**json.loads(settings))
-    recordings = Signals(folder).recordings(loop, begin, end)
+    recordings = SignalStore(folder).recordings(loop, begin, end)
     if not recordings:
         raise InputError("has no recording to fit yet", loop=loop.name)
     result = analyze(recordings[0]) if len(recordings) == 1 else analyze_recordings(recordings)

@@ -27,8 +27,8 @@ from ..estimate import Estimator
 from ..loop import Loop
 from .compensation import Compensator
 from .fits import answer
-from .recordings import Signals, table_of
-from .rows import ALIVE, CODES, LOST, OP, PV, Rows
+from .recordings import SignalStore, table_of
+from .rows import ALIVE, CODES, LOST, OP, PV, Resampler
 from .settable import DETECTOR, SETTINGS, Bound, bounds_of, check
 from .signal import Event, Signal, Source, Value, WriteRefused
 from .store import COLUMNS, Entry, Half, Reader, Store, StoreFull
@@ -162,7 +162,7 @@ class _Watched:
     loop: Loop
     id: int
     period: float
-    rows: Rows
+    rows: Resampler
     detector: Estimator | None
     most: tuple[float, float] | None = None
     number: int = 0
@@ -217,7 +217,7 @@ class Monitor:
         self.store, self.bounds = store, bounds or Bounds()
         self.source: Plant | None = None
         self.reader = Reader(store.folder)
-        self.signals = Signals(store.folder)
+        self.signals = SignalStore(store.folder)
         self.begun = clock()
         self.failing: str | None = None
         self._clock, self._hurries = clock, hurries
@@ -265,10 +265,10 @@ class Monitor:
         loop = with_settings(given, settings)
         period = loop.sample_time or self.bounds.period
         detector = None if loop.controller is None else Estimator(loop, period)
-        watched = _Watched(loop, id, period, Rows(period, **self._of_rows()), detector, most)
+        watched = _Watched(loop, id, period, Resampler(period, **self._of_rows()), detector, most)
         if state is not None:
             saved = json.loads(state)
-            watched.rows = Rows.load(saved["rows"], period, **self._of_rows())
+            watched.rows = Resampler.load(saved["rows"], period, **self._of_rows())
             watched.number = saved["number"]
             kept = saved["detector"]
             if kept is not None and detector is not None:
@@ -757,7 +757,7 @@ class Monitor:
             u_ff = compensator.to_write
             if was and not compensator.enabled:
                 self._no_more(name)
-                self._tell(Event(self._clock(), name, "withdrawn", compensator.told_off))
+                self._tell(Event(self._clock(), name, "withdrawn", compensator.why_off_text))
             if self._watchdog_test_runs(name):
                 continue  # what stands there is for the plant to take away
             if compensator.at_work or (compensator.written is not None and compensator.written != u_ff):
@@ -1138,7 +1138,7 @@ class Monitor:
         Returns
         -------
         pyarrow.Table
-            As `Signals.read`.
+            As `SignalStore.read`.
         """
         # A copy, made at once: nothing may be added to an array at which another thread looks.
         rows = np.frombuffer(self._loops[loop].samples[:], np.float64).reshape(-1, _FIELDS)

@@ -105,7 +105,7 @@ class _Feed:
 
 
 @dataclass(slots=True)
-class _Told:
+class _EventCount:
     """How often something happened since it was told last."""
 
     loop: str | None
@@ -176,7 +176,7 @@ class OpcUa:
         for tag in self._tags:
             self._newest[tag.loop] = max(self._newest[tag.loop], tag.last)
         self._tell_to: Tell | None = None
-        self._told: dict[tuple[str, str | None], _Told] = {}
+        self._told: dict[tuple[str, str | None], _EventCount] = {}
         self._rushes: dict[str, _Rush] = {}
         self._uris: dict[int, str] = {}
         self._clock = _Clock()
@@ -645,7 +645,7 @@ class OpcUa:
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
-            self._say("type_changed", _Told(tag.loop, text))
+            self._say("type_changed", _EventCount(tag.loop, text))
         tag.kind = kind
 
     # ----------------------------------------------------------------- history
@@ -681,7 +681,7 @@ class OpcUa:
             begins[loop] = max(newest - _MARGIN - 2.0 * interval, until - self._connection.history)
             if begins[loop] > newest:
                 text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
-                self._say("not_backfilled", _Told(loop, text))
+                self._say("not_backfilled", _EventCount(loop, text))
         waiting = deque(sorted(begins, key=lambda loop: begins[loop]))
         while waiting and not link.no_history:
             begin = begins[waiting[0]]
@@ -783,13 +783,13 @@ class OpcUa:
         key = (kind, None if about is None else about.name)
         told = self._told.get(key)
         if told is None:
-            told = self._told[key] = _Told(None if about is None else about.loop)
+            told = self._told[key] = _EventCount(None if about is None else about.loop)
         told.text, told.many = text, many
         told.count += count
         if time.monotonic() - told.at >= _AGAIN:
             self._say(kind, told)
 
-    def _say(self, kind: str, told: _Told) -> None:
+    def _say(self, kind: str, told: _EventCount) -> None:
         """Tell it, but for what is one of very many: they are counted together."""
         now = time.monotonic()
         more = f" ({told.count} {told.many})" if told.count > 1 and told.many else ""

@@ -215,7 +215,7 @@ class Lock:
         self._file = self._path.open("a+", encoding="utf-8")
         if not _locked(self._file.fileno()):
             self._file.close()
-            other = _told(self._path)
+            other = _owner_of(self._path)
             raise InputError(
                 "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
                 file=str(folder),
@@ -241,13 +241,13 @@ class Lock:
         with path.open("a+", encoding="utf-8") as file:
             if _locked(file.fileno()):
                 return None
-        return _told(path)
+        return _owner_of(path)
 
 
 _NOBODY = {"pid": "?", "host": "?", "since": "?"}
 
 
-def _told(path: Path) -> dict[str, Any]:
+def _owner_of(path: Path) -> dict[str, Any]:
     """What the holder of a lock wrote into it."""
     try:
         said = json.loads(path.read_text(encoding="utf-8"))

@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..service.listener import logged_in
 from .client import Gone, Refused
 from .pages import Station, all_events
-from .view import Row
+from .view import LoopRow
 
 __all__ = ["api_of"]
 
@@ -69,7 +69,7 @@ class Overview(BaseModel):
     why: str | None = Field(description="Why the database cannot be read; what was last known stays.")
     version: int = Field(description="For `since` of the next request.")
     whole: bool = Field(description="Whether these are all loops, and not only those that have changed.")
-    loops: list[Row]
+    loops: list[LoopRow]
     gone: list[str] = Field(description="Loops that are not watched any more.")
 
 
@@ -87,7 +87,7 @@ class Detections(BaseModel):
 class One(BaseModel):
     """A loop."""
 
-    row: Row = Field(description="As in the overview.")
+    row: LoopRow = Field(description="As in the overview.")
     answer: dict[str, Any] | None = Field(description="The one answer of `glapp analyze --json`; null before a fit.")
     slope: float | None = Field(description="How the width moves [OP unit per 30 days]; null where that is not known.")
     spread: float | None = Field(description="Half of the slope's 95 % interval [the same].")

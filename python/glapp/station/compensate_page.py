@@ -11,7 +11,7 @@ from typing import Any
 from nicegui import ui
 
 from ..report.words import duration, quantity
-from ..service.compensation import TOLD
+from ..service.compensation import TEXT_OF_STATE
 from ..service.monitor import SEEN
 from ..service.settable import usual_of
 from . import charts
@@ -136,7 +136,7 @@ class CompensationPage:
             3: "by zero crossings: " + ("none yet" if estimate is None else f"{quantity(estimate, unit)} now"),
         }
         with ui.element("div").classes("bar"):
-            self.source = ui.radio(options, value=source or None, on_change=self._told).props("dense")
+            self.source = ui.radio(options, value=source or None, on_change=self._describe).props("dense")
             self.size = (
                 ui.number(f"typed width [{unit}]", value=field(seen["comp_size"]), min=0, on_change=self._typed)
                 .props('dense outlined aria-label="typed width"')
@@ -162,7 +162,7 @@ class CompensationPage:
                 "no-caps unelevated color=primary"
             )
             self.not_yet = ui.label().classes("small muted")
-        self._told()
+        self._describe()
 
     def _wanted(self) -> dict[str, Any]:
         """The parameters as they would be with the width that is chosen."""
@@ -194,9 +194,9 @@ class CompensationPage:
     def _typed(self) -> None:
         if self.source.value != 1 and self.size.value:
             self.source.set_value(1)
-        self._told()
+        self._describe()
 
-    def _told(self) -> None:
+    def _describe(self) -> None:
         chosen, seen = self._wanted(), self._seen
         used = not self._differs()
         found = plan(seen if used else chosen, self.op_unit)
@@ -253,7 +253,7 @@ class CompensationPage:
 
     async def _in_force(self, made: dict[str, Any]) -> None:
         unit = self.op_unit
-        ui.label(TOLD[made["standing"]]).style("font-weight: 600")
+        ui.label(TEXT_OF_STATE[made["standing"]]).style("font-weight: 600")
         if made["over"]:
             ui.label("Warning: the loop swings as if too much was compensated.").classes("high")
         ui.label(

@@ -303,7 +303,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
     InputError
         Where the database cannot be read.
     """
-    from .parameters import told
+    from .parameters import command_text
 
     found = [
         {
@@ -324,7 +324,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
                 "loop": row["loop"] or "",
                 "kind": row["command"],
                 "who": f"{row['person']} ({row['role']})" if row["role"] else row["person"],
-                "text": told(row),
+                "text": command_text(row),
             }
         )
     found.sort(key=lambda one: -one["at"])

@@ -114,10 +114,10 @@ def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[
     return {"values": values, "seen": {name: seen.get(name) for name in values}}
 
 
-def told(command: Mapping[str, Any]) -> str:
+def command_text(command: Mapping[str, Any]) -> str:
     """A command on parameters in a line: what was before, and what is after.
 
-    >>> told({"before": {"kp": 2.0}, "after": {"kp": 3.0}, "refused": None})
+    >>> command_text({"before": {"kp": 2.0}, "after": {"kp": 3.0}, "refused": None})
     'kp 2 → 3'
     """
     if command["refused"] is not None:

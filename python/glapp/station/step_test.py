@@ -18,7 +18,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
 from ..step_test import StepTest, step_test
 
-__all__ = ["FORMS", "place", "read", "read_apart", "read_file", "steps", "told"]
+__all__ = ["FORMS", "lines_of", "place", "read", "read_apart", "read_file", "steps"]
 
 FORMS = ("CSV", "Excel", "Parquet", "Arrow")
 """What a recording may be written as."""
@@ -144,7 +144,7 @@ def place(found: StepTest | None, manual: bool) -> int:
     return 3 if any(a == b for a, b in pairwise(moves)) else 2
 
 
-def told(found: StepTest, unit: str) -> list[str]:
+def lines_of(found: StepTest, unit: str) -> list[str]:
     """What a test gives, in sentences: the gap, the process gain, what each move tells, or why it tells nothing."""
     lines = []
     if found.d is not None:

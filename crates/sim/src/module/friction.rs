@@ -1,6 +1,6 @@
 //! A valve that sticks and slips.
 
-use super::{Inputs, Is, Kind, Module, Place, Required, Told, Unknown, Work, passed};
+use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Unknown, Work, passed};
 use crate::SimError;
 use glapp_core::status::BAD;
 use glapp_core::{Backward, Forward, FrictionState, Model};
@@ -36,7 +36,7 @@ impl Work for Friction {
         }
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 

@@ -29,7 +29,7 @@ CALM_AFTER = 20.0
 AGAIN = 3.0
 """What goes on is looked at again after so long [s]."""
 
-Signals = Callable[[float, float], Awaitable[dict[str, Any]]]
+ReadSignals = Callable[[float, float], Awaitable[dict[str, Any]]]
 Ask = Callable[[str], Awaitable[Any]]
 
 
@@ -50,7 +50,7 @@ class CompensationPage:
         Samples from when to when [s since 1970 UTC].
     """
 
-    def __init__(self, station: Station, session: Session, loop: str, ask: Ask, signals: Signals) -> None:
+    def __init__(self, station: Station, session: Session, loop: str, ask: Ask, signals: ReadSignals) -> None:
         self.station, self.session, self.loop = station, session, loop
         self._ask, self._signals = ask, signals
         known = station.view.loops[loop]

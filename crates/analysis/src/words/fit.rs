@@ -192,14 +192,14 @@ const SENTENCES: &[(&str, &str)] = &[
         "the valve's position and PV contradict each other. The position: {position}. PV: {pv}. Is the sensor coupled firmly to \
          the valve, and the valve to what it moves?",
     ),
-    ("changed", "{facts}; {trend}"),
+    ("changed", "{said}; {trend}"),
     // Of several recordings.
-    ("recordings all", "by {counted} recordings together: {facts}"),
-    ("recordings alone", "by {alone} alone, of {all} recordings: {facts}"),
-    ("recordings", "by {counted} of {all} recordings together: {facts}"),
+    ("recordings all", "by {counted} recordings together: {said}"),
+    ("recordings alone", "by {alone} alone, of {all} recordings: {said}"),
+    ("recordings", "by {counted} of {all} recordings together: {said}"),
     ("not_counted", "Not counted, since {why}: {names}"),
     ("repeated", "{share:.0%} of {name} stands in an earlier one, and counts there"),
-    ("no_recording", "none of {all} recordings tells: {facts}"),
+    ("no_recording", "none of {all} recordings tells: {said}"),
     ("more", "Where the valve turns, PV strays from what a gap alone would do: the valve may stick as well."),
 ];
 

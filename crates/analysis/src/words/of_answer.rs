@@ -139,7 +139,7 @@ pub fn of_fitted(answer: &Answer, fitted: &Fitted) -> Option<Message> {
 fn changed(facts: Message, trend: Option<Message>) -> Message {
     match trend {
         None => facts,
-        Some(trend) => Message::new("fit.changed").with("facts", facts).with("trend", trend),
+        Some(trend) => Message::new("fit.changed").with("said", facts).with("trend", trend),
     }
 }
 

@@ -171,7 +171,7 @@ fn what_cannot_be_told_says_what_is_probable() {
     });
     let refused = texts_for(refused);
     assert_eq!(refused.so, "FIC1 was not analysed: OP stays at 20 % over the whole recording.");
-    assert!(refused.why.is_empty(), "it is facts already");
+    assert!(refused.why.is_empty(), "it is said already");
     assert_eq!(refused.doing, "Correct what is named, then analyse again.");
 }
 

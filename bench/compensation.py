@@ -31,7 +31,7 @@ from glapp.errors import InputError
 from glapp.plant import PLANTS, Plant
 from glapp.recording import BAD, NOT_AUTO
 from glapp.simulate import (
-    STANDINGS,
+    COMPENSATION_STATES,
     Coloured,
     Compensation,
     Scenario,
@@ -47,7 +47,7 @@ from .page import write
 
 Floats = npt.NDArray[np.float64]
 WAYS = ("error", "derivative", "inverse")
-WITHDRAWN = [STANDINGS.index(name) for name in ("worse", "over_compensated")]
+WITHDRAWN = [COMPENSATION_STATES.index(name) for name in ("worse", "over_compensated")]
 GAP = 0.05
 HELPS = 0.95
 """PV's standard deviation, by that without compensation, from which on it counts as a help."""
@@ -414,7 +414,7 @@ def _harm(with_it: Scenario, compensated: Simulation, without: Simulation) -> Ha
         pv=pv,
         turns=turns,
         turns_without=turns_without,
-        standing=STANDINGS[int(compensated.standing[-1])],
+        standing=COMPENSATION_STATES[int(compensated.standing[-1])],
         active=float(np.mean(compensated.standing[late] == 0)),
         absent=not compensated.u_ff[late].any(),
         broken=_broken(compensated, with_it, size, 10 * size / ti if given.way == "inverse" else size / with_it.h),

@@ -107,10 +107,10 @@ def measured(seconds: float, count: int, target: str) -> dict[str, list[float]]:
         stack.enter_context(running(*COMMAND, "watch", "run", "--demo", "--data", folder, "--port", "0"))
         station = stack.enter_context(running(*COMMAND, "station", "--data", folder, "--port", "0"))
         assert station.stdout is not None
-        while not (data / "door").exists() or not (data / "first-login.txt").exists():
+        while not (data / "api-url").exists() or not (data / "first-login.txt").exists():
             time.sleep(0.1)
         window = station.stdout.readline().removeprefix("The window is at ").strip().rstrip(".")
-        door = (data / "door").read_text()
+        api_url = (data / "api-url").read_text()
         password = re.findall(r"^password (\S+)$", (data / "first-login.txt").read_text(), re.MULTILINE)[0]
         body = {"user": "engineer", "password": password}
 
@@ -131,16 +131,16 @@ def measured(seconds: float, count: int, target: str) -> dict[str, list[float]]:
         token = ""
         while not token:  # until it has begun
             with contextlib.suppress(httpx.TransportError):
-                token = httpx.post(f"{door}/login", json=body, trust_env=False).json()["token"]
-        port = int((door if target == "service" else window).rpartition(":")[2])
+                token = httpx.post(f"{api_url}/login", json=body, trust_env=False).json()["token"]
+        port = int((api_url if target == "service" else window).rpartition(":")[2])
         attacker = stack.enter_context(running("-m", "bench.half_open", "attack", str(port), str(count)))
         assert attacker.stdout is not None
         attacker.stdout.readline()
         until = time.monotonic() + seconds
         while time.monotonic() < until:
-            asked("service login", "POST", f"{door}/login", 200, json=body)
+            asked("service login", "POST", f"{api_url}/login", 200, json=body)
             headers = {"Authorization": f"Bearer {token}"}
-            asked("disable", "POST", f"{door}/loops/{LOOP}/disable", 200, headers=headers, json={})
+            asked("disable", "POST", f"{api_url}/loops/{LOOP}/disable", 200, headers=headers, json={})
             form = {"data": body, "headers": {"Origin": window}}
             asked("station login", "POST", f"{window}/login", 303, **form)
             time.sleep(0.5)

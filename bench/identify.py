@@ -126,7 +126,7 @@ def _steps(random: Random, t_end: float, apart: float, size: float, rest: float)
 
 
 @dataclass(frozen=True)
-class Answer:
+class IdentifyAnswer:
     """What was said of a record; the errors are relative to the truth, the width is that of the interval."""
 
     kind: str
@@ -146,23 +146,23 @@ class Answer:
         return self.usable and self.holds
 
 
-def answer(made: Record) -> Answer:
+def answer(made: Record) -> IdentifyAnswer:
     """Ask, and compare with the truth."""
     return compared(made, identified(made.t, made.sp, made.pv, made.op))
 
 
-def compared(made: Record, found: Identification) -> Answer:
+def compared(made: Record, found: Identification) -> IdentifyAnswer:
     """Hold an identification against what is true."""
     kind, seen, _ = made.name.split("/")
     ratio = made.h / made.ti
     if found.k is None or found.ti is None:
-        return Answer(kind, seen, ratio, False, False, *[math.nan] * 5)
+        return IdentifyAnswer(kind, seen, ratio, False, False, *[math.nan] * 5)
     ends = found.k_low, found.k_high, found.ti_low, found.ti_high
     k_low, k_high, ti_low, ti_high = (math.nan if end is None else end for end in ends)
     holds = k_low <= made.k <= k_high and ti_low <= made.ti <= ti_high
     if made.td > 0 or found.td:
         holds &= found.td_low <= made.td <= found.td_high
-    return Answer(
+    return IdentifyAnswer(
         kind,
         seen,
         ratio,
@@ -184,7 +184,7 @@ def records(kind: str, seen: str, first: int = 0) -> Iterator[Record]:
             yield made
 
 
-def asked(kind: str, seen: str, first: int, each: int) -> list[Answer]:
+def asked(kind: str, seen: str, first: int, each: int) -> list[IdentifyAnswer]:
     """The answers to so many records of a kind."""
     return [answer(made) for made in islice(records(kind, seen, first), each)]
 
@@ -195,7 +195,7 @@ HEAD = (
 )
 
 
-def row(name: str, answers: list[Answer]) -> str:
+def row(name: str, answers: list[IdentifyAnswer]) -> str:
     """A line of the table: shares, and the medians over what was used."""
     used = [a for a in answers if a.usable]
     right = sum(a.right for a in answers)
@@ -221,7 +221,7 @@ def row(name: str, answers: list[Answer]) -> str:
 def main(each: int, first: int = 0) -> None:
     """Print the table."""
     print(HEAD)
-    everything: list[Answer] = []
+    everything: list[IdentifyAnswer] = []
     with ProcessPoolExecutor() as pool:
         cells = [(kind, seen) for kind in KINDS for seen in SEEN]
         jobs = [pool.submit(asked, kind, seen, first, each) for kind, seen in cells]

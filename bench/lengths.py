@@ -34,7 +34,7 @@ from glapp.errors import InputError
 from glapp.scenario import Coloured, Gaussian, Piece, Samples, Scenario, Sine, Steps
 from glapp.simulate import Simulation, closed_loop, run
 
-from .loads.answer import Answer, against, read
+from .loads.answer import LoadsAnswer, against, read
 from .loads.records import ROWS, Floats, Record, record
 from .page import write
 from .truth.design import INSIDE, base_plant, filter_time, log_uniform, scaled, time_scale, tuned_for
@@ -199,13 +199,13 @@ def _ramps(random: Random, size: float, t: Floats) -> Floats:
     return np.interp(t, times, values)
 
 
-def asked(name: str, lengths: Sequence[int]) -> list[Answer]:
+def asked(name: str, lengths: Sequence[int]) -> list[LoadsAnswer]:
     """What is said of the beginnings of one record, the shortest first."""
     whole = made(name, max(lengths))
-    return [Answer.to(whole, samples) for samples in sorted(lengths)]
+    return [LoadsAnswer.to(whole, samples) for samples in sorted(lengths)]
 
 
-def lost(answers: Iterable[Answer]) -> Iterator[tuple[Answer, Answer]]:
+def lost(answers: Iterable[LoadsAnswer]) -> Iterator[tuple[LoadsAnswer, LoadsAnswer]]:
     """Answers of one record that were right with fewer rows and are no more: the one before, and the one now.
 
     They are in ascending length.
@@ -217,16 +217,16 @@ class Length(NamedTuple):
     """A line of the table, and the answers that belong to it."""
 
     title: str
-    answers: list[Answer]
+    answers: list[LoadsAnswer]
 
 
-def by_rows(answers: Sequence[Answer]) -> list[Length]:
+def by_rows(answers: Sequence[LoadsAnswer]) -> list[Length]:
     """A line for each number of rows."""
     lengths = sorted({answer.truth.samples for answer in answers})
     return [Length(f"{n}", [a for a in answers if a.truth.samples == n]) for n in lengths]
 
 
-def by_time(answers: Sequence[Answer]) -> list[Length]:
+def by_time(answers: Sequence[LoadsAnswer]) -> list[Length]:
     """A line for each length of time, and time between samples."""
     return [
         Length(f"{title} at {h:g} s", [a for a in answers if (a.truth.h, a.truth.samples) == (h, round(seconds / h))])
@@ -235,16 +235,16 @@ def by_time(answers: Sequence[Answer]) -> list[Length]:
     ]
 
 
-def table(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list[Length]]) -> str:
+def table(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnswer]], list[Length]]) -> str:
     """A line a length; what is lost, and how the width grew, is against the next shorter one of the same record."""
     head = ["length", "gap", "width", "bound", "silent", "claims hold", "error", "interval/d", "against shorter"]
     head += ["cause right", "lost", "no gap", "claimed", "sound", "sound is true", "lost", "limits below 0", "seconds"]
-    shorter: dict[tuple[str, int], Answer] = {}
+    shorter: dict[tuple[str, int], LoadsAnswer] = {}
     for name in dict.fromkeys(a.truth.name for a in answers):
         of = sorted((a for a in answers if a.truth.name == name), key=lambda a: a.truth.samples)
         shorter |= {now.key: before for before, now in pairwise(of)}
 
-    def line(title: str, of: list[Answer]) -> list[str]:
+    def line(title: str, of: list[LoadsAnswer]) -> list[str]:
         gap, none = ([a for a in of if (a.truth.d > 0) == there] for there in (True, False))
         sided = [a for a in gap if a.sided]
         claims, sound = [a for a in gap if a.claims], [a for a in of if a.verdict == "sound"]
@@ -270,7 +270,7 @@ def table(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list[
     return markdown(head, [line(*length) for length in lengths(answers) if length.answers])
 
 
-def longer(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list[Length]]) -> str:
+def longer(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnswer]], list[Length]]) -> str:
     """Each length against the next shorter one, over the records that have both: whether it is worse beyond chance.
 
     Worse is wrong against right or silent, and silent against right. By chance as many get worse as better: p is the
@@ -292,7 +292,7 @@ def longer(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list
     return markdown(head, body)
 
 
-def _width(answer: Answer) -> float:
+def _width(answer: LoadsAnswer) -> float:
     """Width of the interval."""
     return (np.inf if answer.high is None else answer.high) - (answer.low or 0.0)
 
@@ -301,7 +301,7 @@ def _median(of: Sequence[float], form: str) -> str:
     return form.format(float(np.median(of))) if of else ""
 
 
-def _ask(task: tuple[str, Sequence[int], bool]) -> list[Answer]:
+def _ask(task: tuple[str, Sequence[int], bool]) -> list[LoadsAnswer]:
     name, lengths, times = task
     if times:
         h = made(name, 2).truth(2).h
@@ -336,7 +336,7 @@ def main() -> None:
     ]
     before = [] if given.against is None else read(given.against)
     given.out.parent.mkdir(exist_ok=True)
-    answers: list[Answer] = []
+    answers: list[LoadsAnswer] = []
     tasks = [(name, given.lengths, given.times) for name in names]
     with ProcessPoolExecutor(given.jobs) as pool, given.out.open("w", encoding="utf-8") as file:
         for of_record in track(pool.map(_ask, tasks), "asking", len(tasks), disable=not sys.stderr.isatty()):

@@ -41,7 +41,7 @@ SAMPLES = 750
 
 
 @dataclass(frozen=True)
-class Answer:
+class RecordingAnswer:
     """What `glapp.fit` said of so many days of a loop.
 
     Attributes
@@ -117,17 +117,17 @@ class Answer:
         )
 
 
-def ask(asked: tuple[str, int]) -> Answer:
-    """See `Answer.to`."""
-    return Answer.to(*asked)
+def ask(asked: tuple[str, int]) -> RecordingAnswer:
+    """See `RecordingAnswer.to`."""
+    return RecordingAnswer.to(*asked)
 
 
-def read(path: Path) -> list[Answer]:
+def read(path: Path) -> list[RecordingAnswer]:
     """Answers from a file that has one a line."""
-    return [Answer(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [RecordingAnswer(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
-def table(answers: Sequence[Answer]) -> str:
+def table(answers: Sequence[RecordingAnswer]) -> str:
     """A line a row and number of recordings."""
     head = ["row", "recordings", "no gap", "width", "bound", "sound", "gap", "width", "bound", "wrong", "silent"]
     head += ["median error", "interval holds", "median of its length", "seconds"]

@@ -82,7 +82,9 @@ def one_loop(n: int) -> Iterator[Row]:
             ours.run(s.t, s.sp, s.pv, op, None)
             out = np.empty((len(ours.table()["d"]) + 1, loop_pass.COLUMNS))
 
-            def in_numba(op: signals.Floats | None = op, out: signals.Floats = out, s: signals.Signals = s) -> object:
+            def in_numba(
+                op: signals.Floats | None = op, out: signals.Floats = out, s: signals.BenchSignals = s
+            ) -> object:
                 reasons = np.zeros(10, np.int64)
                 work = (np.zeros(N), np.zeros(N), np.zeros(N))
                 return reasons, compiled(s.t, s.sp, s.pv, op, None, SETTINGS, work, reasons, out)

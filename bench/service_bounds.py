@@ -30,9 +30,9 @@ from pathlib import Path
 from glapp.reading.settings import read_settings
 from glapp.service import plant as of_plant
 from glapp.service.compensation import LATE
-from glapp.service.memory import Memory
+from glapp.service.monitor import SEEN, Bounds
 from glapp.service.plant import NAMESPACE, SimPlant
-from glapp.service.watch import SEEN, Bounds
+from glapp.service.store import Store
 
 from .service_zero import LONGEST, RAMP, SCAN, WATCHDOG, Service, until
 
@@ -147,11 +147,11 @@ async def _all(only: list[str]) -> int:
             settings = folder / "loops.toml"
             settings.write_text(plant.settings().replace("[opcua]", f"[opcua]\ninterval = {SCAN / 2}", 1))
             loops = read_settings(settings)
-            memory = Memory(folder / "data")
-            memory.know(loops)
-            for loop in plant.names:  # `bench.service_zero` has the drill itself
-                memory.command(time.time(), "bench", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
-            memory.close()
+            store = Store(folder / "data")
+            store.know(loops)
+            for loop in plant.names:  # `bench.service_zero` has the watchdog test itself
+                store.command(time.time(), "bench", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
+            store.close()
             service, look = Service(folder / "data", str(settings)), await Look.begin(plant)
             reading = asyncio.create_task(look.read())
             await service.begin()

@@ -1,20 +1,20 @@
-"""A watch beside a plant, killed again and again: what it has is what a watch has that nobody kills.
+"""A monitor beside a plant, killed again and again: what it has is what a monitor has that nobody kills.
 
 Whatever it took in is kept beside by the database itself, in the transaction in which it was put down. After the last
-kill all of that is handed to one watch more, cut into other pieces, which runs through and is never ended: both must
+kill all of that is handed to one monitor more, cut into other pieces, which runs through and is never ended: both must
 have the same half-periods, samples and answers, bit for bit. Half of the kills wait until it writes, so that enough of
 them fall within a transaction.
 
     python -m bench.service_kill --kills 100
 
-The plant's server has history. So another watch stands beside, from the same folder on, which nobody kills: it must
+The plant's server has history. So another service stands beside, from the same folder on, which nobody kills: it must
 have the same, too, up to the moment at which the first of the two was stopped.
 
     python -m bench.service_kill --without-history --kills 20
 
 Nothing can be read afterwards: what was told in a break is missing. So what was taken in is held against what the
 plant told: no other value, none twice, and none missing but between a kill, or a connection that was lost, and the
-first value after it. That one watch more is then the uninterrupted one with this signal and these gaps.
+first value after it. That one monitor more is then the uninterrupted one with this signal and these gaps.
 """
 
 from __future__ import annotations
@@ -43,33 +43,33 @@ from glapp.loop import Loop
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
 from glapp.service.fits import answered
-from glapp.service.memory import COLUMNS, Entry, Memory, Reader
+from glapp.service.monitor import Bounds, Monitor
 from glapp.service.plant import SimPlant
-from glapp.service.recordings import Signals
+from glapp.service.recordings import SignalStore
 from glapp.service.rows import CODES, LOST
 from glapp.service.signal import Signal
-from glapp.service.watch import Bounds, Watch
+from glapp.service.store import COLUMNS, Entry, Reader, Store
 
 SCAN = 0.5
 GAP = 3.0 * SCAN
 """More than that between two samples no half-period goes on across [s]."""
 
 LONGEST = 600.0
-"""So long a machine that is busy may take until a watch has begun, or ended [s]."""
+"""So long a machine that is busy may take until a monitor has begun, or ended [s]."""
 
 FITTED = 5
 """So many loops are fitted, one of each kind."""
 
 PIECES = 20_000
-"""So many values at most the watch that runs through takes at once."""
+"""So many values at most the monitor that runs through takes at once."""
 
 _KEPT = """CREATE TABLE IF NOT EXISTS taken (id INTEGER PRIMARY KEY, now REAL, body BLOB);
 CREATE TRIGGER IF NOT EXISTS take AFTER INSERT ON entries
 BEGIN INSERT INTO taken VALUES (new.id, new.now, new.body); END;"""
 
 
-class _Telling(Memory):
-    """A memory that keeps what was taken in, and says when it writes and when it has written."""
+class _Telling(Store):
+    """A store that keeps what was taken in, and says when it writes and when it has written."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -93,13 +93,13 @@ async def _child(folder: Path, url: str) -> None:
     from glapp.service.opcua import OpcUa
 
     loops = parse_settings((folder / "loops.toml").read_text(), "loops.toml", folder)
-    watch = Watch(loops, _Telling(folder), bounds=Bounds(step=0.2, save=2.0))
-    task = asyncio.ensure_future(watch.run(OpcUa(Connection(url=url, interval=0.5), loops, since=watch.since())))
+    monitor = Monitor(loops, _Telling(folder), bounds=Bounds(step=0.2, save=2.0))
+    task = asyncio.ensure_future(monitor.run(OpcUa(Connection(url=url, interval=0.5), loops, since=monitor.since())))
     loop = asyncio.get_running_loop()
     loop.add_signal_handler(signal.SIGTERM, task.cancel)
     with contextlib.suppress(asyncio.CancelledError):
         await task
-    watch.memory.close()
+    monitor.store.close()
 
 
 def _start(folder: Path, url: str) -> subprocess.Popen[bytes]:
@@ -108,16 +108,16 @@ def _start(folder: Path, url: str) -> subprocess.Popen[bytes]:
 
 
 async def _writes(folder: Path, count: int) -> None:
-    """Wait until a watch has written so often."""
+    """Wait until a monitor has written so often."""
     until = time.monotonic() + LONGEST
     while (folder / "said").read_bytes().count(b".") < count:
         if time.monotonic() > until:
-            raise SystemExit(f"the watch has not begun in {LONGEST:g} s")
+            raise SystemExit(f"the monitor has not begun in {LONGEST:g} s")
         await asyncio.sleep(0.05)
 
 
 def _while_it_writes(folder: Path) -> None:
-    """Wait until a watch is within a write, two seconds at most: by chance it seldom is."""
+    """Wait until a monitor is within a write, two seconds at most: by chance it seldom is."""
     until = time.monotonic() + 2.0
     with (folder / "said").open("rb") as said:
         while time.monotonic() < until:
@@ -129,10 +129,10 @@ def _while_it_writes(folder: Path) -> None:
 def _stop(child: subprocess.Popen[bytes]) -> None:
     child.terminate()
     if child.wait(LONGEST) != 0:
-        raise SystemExit(f"a watch ended with {child.returncode}")
+        raise SystemExit(f"a monitor ended with {child.returncode}")
 
 
-class _Told(SimPlant):
+class _EventCount(SimPlant):
     """A plant that remembers what it told of each tag: time and value."""
 
     def __init__(self, loops: int, history: float) -> None:
@@ -144,8 +144,8 @@ class _Told(SimPlant):
         await super()._write(key, t, value, *more)
 
 
-async def _killed(root: Path, plant: _Told, count: int, chance: random.Random, *, beside: bool) -> float:
-    """Kill a watch so often in `root/killed`; gives the plant's time up to which one beside can have everything."""
+async def _killed(root: Path, plant: _EventCount, count: int, chance: random.Random, *, beside: bool) -> float:
+    """Kill a monitor so often in `root/killed`; gives the plant's time up to which one beside can have everything."""
     straight, killed = root / "straight", root / "killed"
     async with plant:
         straight.mkdir()
@@ -177,7 +177,7 @@ async def _killed(root: Path, plant: _Told, count: int, chance: random.Random, *
 
 def _kills(count: int, loops: int, seed: int, history: float) -> None:
     with tempfile.TemporaryDirectory() as name:
-        root, chance, plant = Path(name), random.Random(seed), _Told(loops, history)
+        root, chance, plant = Path(name), random.Random(seed), _EventCount(loops, history)
         ended = asyncio.run(_killed(root, plant, count, chance, beside=history > 0.0))
         known = parse_settings(plant.settings(), "loops.toml", root)
         if history:
@@ -191,7 +191,7 @@ def _kills(count: int, loops: int, seed: int, history: float) -> None:
 
 
 def _taken(folder: Path) -> list[Entry]:
-    """Everything that a watch took in and put down, in its order."""
+    """Everything that a monitor took in and put down, in its order."""
     with Reader(folder) as reader:
         return [Entry.unpacked(*row.values()) for row in reader.rows("SELECT id, now, body FROM taken ORDER BY id")]
 
@@ -225,7 +225,7 @@ def _breaks(killed: Path, told: dict[tuple[str, Signal], dict[float, float]], ki
             gone = [t for t in told[name, Signal.PV] if min(of_pv) < t < max(of_pv) and t not in of_pv]
             breaks, missing = breaks + len(gaps), missing + len(gone)
             unexplained += sum(not any(a < t < b for a, b in gaps) for t in gone)
-            samples = Signals(killed).read(name, 0.0, math.inf)["time"].to_pylist()
+            samples = SignalStore(killed).read(name, 0.0, math.inf)["time"].to_pylist()
             invented += sum(at.timestamp() not in of_pv for at in samples)
             halves = reader.half_periods(name)
             across += sum(row["t_start"] < b and row["t_end"] > a for row in halves for a, b in gaps if b - a > GAP)
@@ -252,13 +252,13 @@ def _pieces(entries: list[Entry], chance: random.Random) -> Iterator[Entry]:
 
 
 def _run_through(known: list[Loop], killed: Path, folder: Path, chance: random.Random) -> None:
-    """One watch, begun once and never ended, with what the killed one took in."""
-    watch = Watch(known, Memory(folder))
+    """One monitor, begun once and never ended, with what the killed one took in."""
+    monitor = Monitor(known, Store(folder))
     for piece in _pieces(_taken(killed), chance):
-        watch.memory.add([], watch._work(piece, tell=False), [])
-        watch._position = piece.id
-    asyncio.run(watch.save())
-    watch.memory.close()
+        monitor.store.add([], monitor._work(piece, tell=False), [])
+        monitor._position = piece.id
+    asyncio.run(monitor.save())
+    monitor.store.close()
 
 
 def _compare(known: list[Loop], straight: Path, killed: Path, ended: float) -> None:
@@ -276,7 +276,9 @@ def _compare(known: list[Loop], straight: Path, killed: Path, ended: float) -> N
                 at = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
                 print(f"{name} differs: {len(a)} and {len(b)} half-periods, from number {at + 1} on")
                 print("  ", a[at : at + 1], b[at : at + 1], sep="\n  ")
-            tables = [Signals(folder).read(name, 0.0, ended).drop_columns(["U_FF"]) for folder in (straight, killed)]
+            tables = [
+                SignalStore(folder).read(name, 0.0, ended).drop_columns(["U_FF"]) for folder in (straight, killed)
+            ]
             samples += len(tables[0])
             other_samples += not tables[0].equals(tables[1])
         print(f"{halves} half-periods, {differ} loops differ; {samples} samples, {other_samples} loops differ")

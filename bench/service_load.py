@@ -22,17 +22,17 @@ from typing import Any
 
 from glapp.reading.settings import read_settings
 from glapp.service.connection import read_connection
-from glapp.service.memory import Memory
+from glapp.service.monitor import Bounds, Monitor
 from glapp.service.opcua import OpcUa
 from glapp.service.plant import free_port
 from glapp.service.signal import Signal
-from glapp.service.watch import Bounds, Watch
+from glapp.service.store import Store
 
 TOLD = 6
 """Values of a loop that the plant tells in a scan of a second: SP, PV, OP, mode, two limit flags."""
 
 
-class _Measured(Watch):
+class _Measured(Monitor):
     """Counts the processor time of its parts."""
 
     took = 0.0
@@ -71,35 +71,36 @@ async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> No
     connection, loops = read_connection(settings), read_settings(settings)
     assert connection is not None
     connection = connection.model_copy(update={"timeout": 30.0})  # a plant without a processor answers late
-    watch = _Measured(loops, Memory(folder), bounds=Bounds(save=60.0))
-    task = asyncio.create_task(watch.run(OpcUa(connection, loops)))
-    while not watch.count and not task.done():
+    monitor = _Measured(loops, Store(folder), bounds=Bounds(save=60.0))
+    task = asyncio.create_task(monitor.run(OpcUa(connection, loops)))
+    while not monitor.count and not task.done():
         await asyncio.sleep(0.5)
     await asyncio.sleep(15.0)
-    watch.took = watch.worked = watch.count = 0
-    began_at = sum(watch.reached())
+    monitor.took = monitor.worked = monitor.count = 0
+    began_at = sum(monitor.reached())
     cpu, theirs, begun = time.process_time(), _used(plant), time.monotonic()
     memory = [_resident()]
     while time.monotonic() - begun < seconds and not task.done():
         await asyncio.sleep(min(60.0, seconds / 4))
         memory.append(_resident())
-        passed, reached = time.monotonic() - begun, watch.reached()
+        passed, reached = time.monotonic() - begun, monitor.reached()
         print(
-            f"{passed:5.0f} s: {watch.count / passed:.0f} values/s of {TOLD * (sum(reached) - began_at) / passed:.0f} "
-            f"sent, {(time.process_time() - cpu) / passed:.1%} of a core, of that {watch.took / passed:.1%} taking, "
-            f"{watch.worked / passed:.1%} rows and detectors; "
-            f"{memory[-1]:.0f} MB, {watch.status()['waiting']} entries wait; "
+            f"{passed:5.0f} s: {monitor.count / passed:.0f} values/s of "
+            f"{TOLD * (sum(reached) - began_at) / passed:.0f} sent, "
+            f"{(time.process_time() - cpu) / passed:.1%} of a core, of that {monitor.took / passed:.1%} taking, "
+            f"{monitor.worked / passed:.1%} rows and detectors; "
+            f"{memory[-1]:.0f} MB, {monitor.status()['waiting']} entries wait; "
             f"the plant {(_used(plant) - theirs) / passed:.1%}, {time.time() - min(reached):.0f} s behind the clock",
             flush=True,
         )
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await task
-    told = Counter(event["kind"] for event in watch.reader.events(most=1_000_000))
+    told = Counter(event["kind"] for event in monitor.reader.events(most=1_000_000))
     print("told:", ", ".join(f"{kind} {count} times" for kind, count in told.items()))
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     print(f"{size / 2**20:.1f} MB on disk")
-    watch.memory.close()
+    monitor.store.close()
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
 """Ninety days of a valve, as the service saw them: `python -m bench.service_story`, about a quarter of an hour.
 
 `glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42` runs as a process of its own. An engineer asks through
-its door, as `glapp watch drill`, `take-over`, `set` and `enable` do: a drill on day 20; the first fit after day 30 is
-taken over; four days later compensation is enabled, and again a day after it was withdrawn. On day 42 the valve is
-repaired, and nobody tells the compensation. u_FF is looked at in the plant's own node, by a client of its own. Ended
-by SIGTERM it tells what was until then.
+its API, as `glapp watch watchdog-test`, `take-over`, `set` and `enable` do: a watchdog test on day 20; the first fit
+after day 30 is taken over; four days later compensation is enabled, and again a day after it was withdrawn. On day 42
+the valve is repaired, and nobody tells the compensation. u_FF is looked at in the plant's own node, by a client of its
+own. Ended by SIGTERM it tells what was until then.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from asyncua import Client, ua
 from bench.service_zero import LOOP, Service, until
 
 from glapp.service.connection import read_connection
-from glapp.service.memory import Reader
 from glapp.service.plant import NAMESPACE
-from glapp.service.recordings import Signals
+from glapp.service.recordings import SignalStore
+from glapp.service.store import Reader
 
 DAYS, SCAN, REPAIR = 90.0, 60.0, 42.0
-DRILL, TAKE_OVER, BEFORE = 20.0, 30.0, 4.2
+WATCHDOG_TEST, TAKE_OVER, BEFORE = 20.0, 30.0, 4.2
 WATCH = 1500 * 6 * SCAN
 """`comp_watch` [s]: 1500 Ti, within which the setpoint moves five times."""
 
@@ -74,11 +74,11 @@ async def _told(told: list[tuple[float, str]], begin: float, service: Service) -
         day = (now - begin) / DAY
         if day >= DAYS - 0.1:
             return
-        if "drill" not in done and day >= DRILL:
-            done.add("drill")
-            if not (reply := await service.asked("drill")).is_success:
+        if "watchdog test" not in done and day >= WATCHDOG_TEST:
+            done.add("watchdog test")
+            if not (reply := await service.asked("watchdog-test")).is_success:
                 raise SystemExit(reply.text)
-            tell(now, "drill asked for")
+            tell(now, "watchdog test asked for")
         usable = answer is not None and answer["verdict"] == "backlash" and answer["compensable"]
         if "taken" not in done and day >= TAKE_OVER and usable and answer["time"] >= begin + TAKE_OVER * DAY:
             done.add("taken")
@@ -109,7 +109,7 @@ def _interval(answer: dict[str, Any]) -> str:
 
 def _table(folder: Path, begin: float, told: list[tuple[float, str]], node: _Node) -> None:
     """What was told, and between the lines how PV was."""
-    signals = Signals(folder)
+    signals = SignalStore(folder)
     print("\n| day | what | true gap, % | PV − SP since, % (standard deviation) | mean of its magnitude |")
     print("|---|---|---|---|---|")
     for (day, text), (after, _) in itertools.pairwise([*told, (DAYS, "")]):

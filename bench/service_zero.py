@@ -33,7 +33,7 @@ LONGEST = 300.0
 
 
 class Service:
-    """The service, by the command line, and its door."""
+    """The service, by the command line, and its API."""
 
     def __init__(self, data: Path, *words: str) -> None:
         self.data, self.words = data, words
@@ -43,29 +43,29 @@ class Service:
 
     async def begin(self) -> None:
         """Start it, and log in."""
-        (self.data / "door").unlink(missing_ok=True)
+        (self.data / "api-url").unlink(missing_ok=True)
         words = ["watch", *self.words, "--data", str(self.data), "--port", "0"]
         command = [sys.executable, "-c", "from glapp.cli import main; main()", *words]
         self.child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        await until(lambda: (self.data / "door").exists(), "it did not begin")
-        self._door = (self.data / "door").read_text()
+        await until(lambda: (self.data / "api-url").exists(), "it did not begin")
+        self._api_url = (self.data / "api-url").read_text()
         first = (self.data / "first-login.txt").read_text()
         name, password = re.findall(r"^\w+ (\S+)$", first, re.MULTILINE)
         for _ in range(200):
             with contextlib.suppress(httpx.TransportError):
                 body = {"user": name, "password": password}
-                reply = await self._client.post(f"{self._door}/login", json=body)
+                reply = await self._client.post(f"{self._api_url}/login", json=body)
                 self._headers = {"Authorization": f"Bearer {reply.json()['token']}"}
                 return
             await asyncio.sleep(0.1)
 
     async def asked(self, command: str, loop: str = LOOP, **body: Any) -> httpx.Response:
         """A command for a loop."""
-        return await self._client.post(f"{self._door}/loops/{loop}/{command}", headers=self._headers, json=body)
+        return await self._client.post(f"{self._api_url}/loops/{loop}/{command}", headers=self._headers, json=body)
 
     async def seen(self, path: str) -> Any:
         """What is shown at a path."""
-        return (await self._client.get(f"{self._door}{path}", headers=self._headers)).json()
+        return (await self._client.get(f"{self._api_url}{path}", headers=self._headers)).json()
 
     async def status(self, loop: str = LOOP) -> dict[str, Any]:
         """What is shown of a loop, and `now`."""
@@ -73,16 +73,16 @@ class Service:
         return {"now": shown["now"], **shown["loops"][loop]}
 
     async def compensated(self, plant: SimPlant) -> None:
-        """Start it where it does not run; drill once; enable; and wait until u_FF is there."""
+        """Start it where it does not run; test the watchdog once; enable; and wait until u_FF is there."""
         if self.child is None or self.child.poll() is not None:
             await self.begin()
             await self.asked("parameters", values={"comp_size": 1.5})
-        began, moved, sp, drilled = time.monotonic(), 0.0, 47.0, False
+        began, moved, sp, tested = time.monotonic(), 0.0, 47.0, False
         while abs(plant.u_ff(LOOP)) < 0.3:
             if not (await self.status())["compensation"]["enabled"]:
                 reply = await self.asked("enable")
-                if "glapp watch drill" in reply.text and not drilled:
-                    drilled = (await self.asked("drill")).is_success
+                if "glapp watch watchdog-test" in reply.text and not tested:
+                    tested = (await self.asked("watchdog-test")).is_success
             if time.monotonic() - began > LONGEST:
                 raise SystemExit(f"u_FF never came: {await self.status()}")
             if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn

@@ -21,7 +21,7 @@ HALF_PERIOD = 300
 
 
 @dataclass(frozen=True, slots=True)
-class Signals:
+class BenchSignals:
     """One loop, a sample a second."""
 
     t: Floats
@@ -30,7 +30,7 @@ class Signals:
     op: Floats
 
 
-def cycle(n: int, start: int = 0) -> Signals:
+def cycle(n: int, start: int = 0) -> BenchSignals:
     """The limit cycle of a worn valve: PV square around SP, OP a triangle, with noise."""
     k = np.arange(start, start + n)
     rng = np.random.default_rng(start)
@@ -38,14 +38,14 @@ def cycle(n: int, start: int = 0) -> Signals:
     up = phase < HALF_PERIOD
     pv = np.where(up, 1.0, -1.0) + 0.3 * (2.0 * rng.random(n) - 1.0)
     travel = K / TI * np.where(up, phase, 2 * HALF_PERIOD - phase)
-    return Signals(k.astype(np.float64), np.zeros(n), pv, 50.0 - travel + 0.01 * rng.random(n))
+    return BenchSignals(k.astype(np.float64), np.zeros(n), pv, 50.0 - travel + 0.01 * rng.random(n))
 
 
-def noise(n: int) -> Signals:
+def noise(n: int) -> BenchSignals:
     """Nothing but noise around SP: a crossing every ten samples or so."""
     rng = np.random.default_rng(1)
     pv = 2.0 * rng.random(n) - 1.0
-    return Signals(np.arange(n, dtype=np.float64), np.zeros(n), pv, 50.0 - K * pv)
+    return BenchSignals(np.arange(n, dtype=np.float64), np.zeros(n), pv, 50.0 - K * pv)
 
 
 def loop(**more: object) -> glapp.Loop:
@@ -59,7 +59,7 @@ _START = np.datetime64(datetime(2024, 1, 1), "ms")
 _PIECE = 1 << 20
 
 
-def _times(s: Signals) -> pa.Array:
+def _times(s: BenchSignals) -> pa.Array:
     return pa.array(_START + (s.t * 1000).astype(np.int64), pa.timestamp("ms"))
 
 

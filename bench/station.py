@@ -22,12 +22,12 @@ from typing import Any
 from playwright.sync_api import Page, sync_playwright
 
 from glapp import Loop
-from glapp.service.door import Door as Server
-from glapp.service.door import app_of as service_app
-from glapp.service.memory import COLUMNS, Memory
+from glapp.service.api import ApiServer
+from glapp.service.api import app_of as service_app
+from glapp.service.monitor import Monitor
 from glapp.service.plant import free_port
+from glapp.service.store import COLUMNS, Store
 from glapp.service.users import Users
-from glapp.service.watch import Watch
 from glapp.station.lab import Lab
 
 LOOPS = 5000
@@ -39,23 +39,23 @@ PASSWORD = "only for the bench"
 
 async def _serve(folder: Path) -> None:
     """A service that shows 5000 loops; nothing happens in it."""
-    memory = Memory(folder)
+    store = Store(folder)
     known = [Loop(name=f"FIC{i}", controller={"k": 0.5, "ti": 5}, op_span=(0, 100)) for i in range(LOOPS)]
-    watch = Watch(known, memory)
+    monitor = Monitor(known, store)
     now = time.time()
     half = dict.fromkeys(COLUMNS, 1.0) | {"reason": 0, "mask": 0}
     halves = []
     for k in range(365 * A_DAY):
         at = now - 365 * 86400.0 + k * 86400.0 / A_DAY
         halves.append((1, k, *(half | {"t_start": at - 60.0, "t_end": at, "d": 1.0 + k % 17 / 50.0}).values(), 0))
-    memory.add([], halves, [])
-    Users(memory).put("eve", "engineer", PASSWORD, now)
-    door = Server(service_app(watch, Users(memory)), "127.0.0.1", 0)
-    (folder / "door").write_text(door.url, encoding="utf-8")
-    opened = asyncio.ensure_future(door.open())
+    store.add([], halves, [])
+    Users(store).put("eve", "engineer", PASSWORD, now)
+    api = ApiServer(service_app(monitor, Users(store)), "127.0.0.1", 0)
+    (folder / "api-url").write_text(api.url, encoding="utf-8")
+    opened = asyncio.ensure_future(api.open())
     try:
         while not opened.done():
-            await asyncio.to_thread(memory.show, time.time(), json.dumps(watch.status()))
+            await asyncio.to_thread(store.show, time.time(), json.dumps(monitor.status()))
             await asyncio.sleep(5.0)
     finally:
         opened.cancel()
@@ -90,7 +90,7 @@ def _times(what: str, seconds: list[float]) -> None:
 def _overview(page: Page) -> None:
     with TemporaryDirectory() as name:
         service = subprocess.Popen([sys.executable, "-m", "bench.station", "serve", name])
-        while not (Path(name) / "door").exists():
+        while not (Path(name) / "api-url").exists():
             time.sleep(0.5)
         window, url = started("station", "--port", "0", "--data", name)
         try:
@@ -158,7 +158,7 @@ def _live(page: Page) -> None:
 async def _lab_window(folder: Path) -> None:
     """A window whose laboratory notes when each scan is made, until its stdin is closed."""
     from glapp.station.app import app_of
-    from glapp.station.client import Door
+    from glapp.station.client import ApiClient
     from glapp.station.pages import Station
     from glapp.station.view import View
 
@@ -173,9 +173,9 @@ async def _lab_window(folder: Path) -> None:
 
     Lab.advance = noted  # type: ignore[method-assign]
     serving = asyncio.ensure_future(_serve(folder))
-    while not (folder / "door").exists():
+    while not (folder / "api-url").exists():
         await asyncio.sleep(0.1)
-    window = Server(app_of(Station(View(folder), Door(folder)), ("127.0.0.1",), secure=False), "127.0.0.1", 0)
+    window = ApiServer(app_of(Station(View(folder), ApiClient(folder)), ("127.0.0.1",), secure=False), "127.0.0.1", 0)
     opened = asyncio.ensure_future(window.open())
     print(f"The window is at {window.url}.", flush=True)
     await asyncio.to_thread(sys.stdin.readline)

@@ -1,7 +1,7 @@
 """A tour of `glapp station --demo` in Chromium: `python -m bench.station_tour FOLDER [story | laboratory | wear]`.
 
 story: an engineer at a plant five times as fast as usual (`--scan 0.2`). The level cycles by its gap. Its width is
-typed, the watchdog drilled, Compensate pressed; what the window says of how calm PV is then. After that the valve is
+typed, the watchdog tested, Compensate pressed; what the window says of how calm PV is then. After that the valve is
 repaired, which nobody tells the compensation, until it is withdrawn. Then every page and dialog as a picture: laptop,
 tablet held upright, laptop at 200 %, light and dark. laboratory: the loop of 6.5, and every variable of it changed
 while it runs. wear: forty days behind the plant, of a valve that wears. FOLDER gets the pictures; what the window
@@ -25,7 +25,7 @@ from typing import Any
 from asyncua import Client, ua
 from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
 
-from glapp.service.compensation import TOLD
+from glapp.service.compensation import TEXT_OF_STATE
 from glapp.service.connection import read_connection
 from glapp.service.plant import NAMESPACE
 
@@ -38,7 +38,7 @@ PAGES = {"overview": "/", "loop": "/loop?name=LIC104", "events": "/events", "lab
 DIALOGS = ("Graph", "Parameters", "Compensate", "Phase plot", "Step test")
 LEVEL = "LIC104"
 CALM = "of SP half of the time"
-TOO_MUCH = [f"It is off. {TOLD[why]}" for why in ("over_compensated", "worse")]
+TOO_MUCH = [f"It is off. {TEXT_OF_STATE[why]}" for why in ("over_compensated", "worse")]
 LONGEST = 900.0
 """So long anything may take on a machine that is busy [s]."""
 

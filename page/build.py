@@ -29,7 +29,7 @@ import glapp
 from glapp import demo
 from glapp.reading import columns, heads, long, names, shape, times, values
 from glapp.report import figures, words
-from glapp.simulate import STANDINGS
+from glapp.simulate import COMPENSATION_STATES
 from glapp.station import lab
 
 HERE = Path(__file__).parent
@@ -203,7 +203,7 @@ def of_laboratory() -> dict[str, Any]:
         "fastest": lab.FASTEST,
         "most_at_once": 2000,
         "kept": lab.KEPT,
-        "standings": [name.replace("_", " ") for name in STANDINGS],
+        "standings": [name.replace("_", " ") for name in COMPENSATION_STATES],
     }
 
 

@@ -3,7 +3,7 @@
 
 class Engine {
   constructor(instance) {
-    this.doors = instance.exports;
+    this.exports = instance.exports;
   }
 
   static async of(module) {
@@ -12,22 +12,22 @@ class Engine {
 
   #say(text) {
     const bytes = new TextEncoder().encode(text);
-    const at = this.doors.text(bytes.length);
-    new Uint8Array(this.doors.memory.buffer, at, bytes.length).set(bytes);
+    const at = this.exports.text(bytes.length);
+    new Uint8Array(this.exports.memory.buffer, at, bytes.length).set(bytes);
   }
 
   /** Hands over a column of numbers by its name. */
   column(name, numbers) {
     this.#say(name);
-    const at = this.doors.room(numbers.length);
-    new Float64Array(this.doors.memory.buffer, at, numbers.length).set(numbers);
+    const at = this.exports.room(numbers.length);
+    new Float64Array(this.exports.memory.buffer, at, numbers.length).set(numbers);
   }
 
   /** Asks; throws what is wrong in the words of the core. */
   ask(what, more = null) {
     this.#say(JSON.stringify({ [what]: more }));
-    const length = this.doors.ask();
-    const said = JSON.parse(new TextDecoder().decode(new Uint8Array(this.doors.memory.buffer, this.doors.answered(), length)));
+    const length = this.exports.ask();
+    const said = JSON.parse(new TextDecoder().decode(new Uint8Array(this.exports.memory.buffer, this.exports.answered(), length)));
     if (said.error !== undefined) throw new Error(said.error);
     return said.ok;
   }

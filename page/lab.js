@@ -257,7 +257,7 @@ const Laboratory = (() => {
     mine.postMessage({ kind: "fit", columns: columns_of, task: { controller, op_percent: true } });
   }
 
-  // --- doors
+  // --- what the page calls
 
   $("lab-run").addEventListener("click", () => {
     running = !running;

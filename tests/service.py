@@ -13,9 +13,9 @@ import numpy as np
 from glapp import Loop
 from glapp.fit import Fit
 from glapp.result import decide
-from glapp.service.memory import Memory
+from glapp.service.monitor import Bounds, Monitor
 from glapp.service.signal import Event, Signal, Value, WriteRefused
-from glapp.service.watch import Bounds, Watch
+from glapp.service.store import Store
 
 BEGIN = 1_795_000_000.0
 """When everything begins [s since 1970 UTC], the 18th of November 2026."""
@@ -69,7 +69,7 @@ class Table:
     heard: float | None = None
     u_ff: dict[str, float] = field(default_factory=dict)
     writes: list[tuple[str, float]] = field(default_factory=list)
-    beats: int = 0
+    heartbeats: int = 0
     may: set[str] = field(default_factory=set)
     refuse: str | None = None
     clock: Callable[[], float] = lambda: BEGIN
@@ -105,8 +105,8 @@ class Table:
     def disable(self, loop: str) -> None:
         self.may.discard(loop)
 
-    async def beat(self) -> None:
-        self.beats += 1
+    async def heartbeat(self) -> None:
+        self.heartbeats += 1
 
 
 class Clock:
@@ -119,19 +119,19 @@ class Clock:
         return self.now
 
 
-def watch(
+def monitor(
     folder: Path,
     some: Sequence[Loop],
     clock: Clock,
     *,
     compensable: Mapping[str, tuple[float, float]] | None = None,
     **bounds: float,
-) -> Watch:
-    """A watch over a folder, to be stepped by hand."""
-    return Watch(some, Memory(folder, clock()), bounds=Bounds(**bounds), clock=clock, compensable=compensable)
+) -> Monitor:
+    """A monitor over a folder, to be stepped by hand."""
+    return Monitor(some, Store(folder, clock()), bounds=Bounds(**bounds), clock=clock, compensable=compensable)
 
 
-def fed(one: Watch, clock: Clock, some: Sequence[Value], *, save_every: int = 0, pace: float = 5.0) -> None:
+def fed(one: Monitor, clock: Clock, some: Sequence[Value], *, save_every: int = 0, pace: float = 5.0) -> None:
     """Values handed over as time goes on, a step every `pace` seconds."""
 
     async def go() -> None:
@@ -155,7 +155,7 @@ def fed(one: Watch, clock: Clock, some: Sequence[Value], *, save_every: int = 0,
 
 def detections(folder: Path, loop: str) -> list[tuple[object, ...]]:
     """Every half-period of a loop with all that is kept of it."""
-    from glapp.service.memory import Reader
+    from glapp.service.store import Reader
 
     with Reader(folder) as reader:
         return [tuple(row.values()) for row in reader.half_periods(loop, accepted=False)]

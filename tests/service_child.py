@@ -1,4 +1,4 @@
-"""A watch in a process of its own, to be killed: it takes up where the memory ends, and says what it is doing."""
+"""A monitor in a process of its own, to be killed: it takes up where the store ends, and says what it is doing."""
 
 import asyncio
 import math
@@ -8,12 +8,12 @@ from pathlib import Path
 import service
 from service import BEGIN, Clock, loops, values
 
-from glapp.service.memory import Memory
-from glapp.service.watch import Bounds, Watch
+from glapp.service.monitor import Bounds, Monitor
+from glapp.service.store import Store
 
 
-class _Telling(Memory):
-    """A memory that says when it writes."""
+class _Telling(Store):
+    """A store that says when it writes."""
 
     def _writing(self):  # type: ignore[no-untyped-def]
         print("writing", flush=True)
@@ -22,18 +22,18 @@ class _Telling(Memory):
 
 def main(folder: Path, seconds: int, save_every: int, pause: float = 0.0) -> None:
     clock = Clock()
-    watch = Watch(loops(2), _Telling(folder, BEGIN), bounds=Bounds(), clock=clock)
-    since = watch.since()
+    monitor = Monitor(loops(2), _Telling(folder, BEGIN), bounds=Bounds(), clock=clock)
+    since = monitor.since()
     given = [
         value
-        for i, name in enumerate(watch.names)
+        for i, name in enumerate(monitor.names)
         for value in values(name, seconds, seed=i + 1)
         if value.time > since.get((value.loop, value.signal), -math.inf)
     ]
     print("begun", flush=True)
-    service.fed(watch, clock, given, save_every=save_every, pace=1.0)
-    asyncio.run(watch.save())
-    watch.memory.close()
+    service.fed(monitor, clock, given, save_every=save_every, pace=1.0)
+    asyncio.run(monitor.save())
+    monitor.store.close()
     print("done", flush=True)
 
 

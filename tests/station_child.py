@@ -13,14 +13,14 @@ from service import loops, values
 
 from glapp import Loop
 from glapp.fit import Fit, Verdict
-from glapp.service.door import Door as Server
-from glapp.service.door import app_of as service_app
-from glapp.service.memory import COLUMNS, Memory
+from glapp.service.api import ApiServer
+from glapp.service.api import app_of as service_app
+from glapp.service.monitor import Bounds, Monitor
 from glapp.service.signal import Event
+from glapp.service.store import COLUMNS, Store
 from glapp.service.users import Users
-from glapp.service.watch import Bounds, Watch
 from glapp.station.app import app_of
-from glapp.station.client import Door
+from glapp.station.client import ApiClient
 from glapp.station.pages import Station
 from glapp.station.view import View
 
@@ -40,33 +40,33 @@ EVIL = "FIC\u202e9\u200b\x1b[31m\u2066<b>"
 """A name with turns of direction, an invisible mark and an escape."""
 
 
-def made(folder: Path, count: int = 3) -> tuple[Watch, Users]:
-    """A watch over a folder whose first loop has detections until now, and two of which were fitted."""
+def made(folder: Path, count: int = 3) -> tuple[Monitor, Users]:
+    """A monitor over a folder whose first loop has detections until now, and two of which were fitted."""
     begin = float(int(time.time()) - 400)
     clock = service.Clock(begin)
-    memory = Memory(folder, begin)
-    memory.know(loops(count))
-    memory.answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, 1.0))
-    memory.answer("FIC1", answer("sound", 0.0, 0.0, 0.4, None))
-    watch = Watch(loops(count), memory, bounds=Bounds(), compensable={"FIC0": (3.0, 0.5)}, clock=clock)
-    service.fed(watch, clock, values("FIC0", 400, begin=begin), pace=20.0)
-    watch.tell(Event(begin, "FIC0", "late", "<b>so</b> late"))
-    asyncio.run(watch.step())
+    store = Store(folder, begin)
+    store.know(loops(count))
+    store.answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, 1.0))
+    store.answer("FIC1", answer("sound", 0.0, 0.0, 0.4, None))
+    monitor = Monitor(loops(count), store, bounds=Bounds(), compensable={"FIC0": (3.0, 0.5)}, clock=clock)
+    service.fed(monitor, clock, values("FIC0", 400, begin=begin), pace=20.0)
+    monitor.tell(Event(begin, "FIC0", "late", "<b>so</b> late"))
+    asyncio.run(monitor.step())
     half = dict.fromkeys(COLUMNS, 1.0) | {"reason": 0, "mask": 0}
     times = [{"t_start": at - 10.0, "t_end": at} for at in (begin - 500.0, begin - 400.0)]
-    memory.add([], [(1, -2 + k, *(half | one).values(), 1) for k, one in enumerate(times)], [])
-    watch._clock = time.time
-    users = Users(memory, CHEAP)
+    store.add([], [(1, -2 + k, *(half | one).values(), 1) for k, one in enumerate(times)], [])
+    monitor._clock = time.time
+    users = Users(store, CHEAP)
     for name, role in ROLES.items():
         users.put(name, role, PASSWORDS[name], begin)
-    memory.show(time.time(), json.dumps(watch.status()))
-    return watch, users
+    store.show(time.time(), json.dumps(monitor.status()))
+    return monitor, users
 
 
-def again(folder: Path) -> tuple[Watch, Users]:
+def again(folder: Path) -> tuple[Monitor, Users]:
     """The same after it was ended: what stands in its folder is what it knows."""
-    memory = Memory(folder)
-    return Watch(loops(3), memory, bounds=Bounds()), Users(memory, CHEAP)
+    store = Store(folder)
+    return Monitor(loops(3), store, bounds=Bounds()), Users(store, CHEAP)
 
 
 def with_evil(told: dict[str, Any]) -> dict[str, Any]:
@@ -78,17 +78,17 @@ def with_evil(told: dict[str, Any]) -> dict[str, Any]:
 
 
 async def main(folder: Path, port: int) -> None:
-    watch, users = await asyncio.to_thread(again if (folder / "glapp.db").exists() else made, folder)
-    door = Server(service_app(watch, users), "127.0.0.1", 0)
-    (folder / "door").write_text(door.url, encoding="utf-8")
-    station = Station(View(folder), Door(folder))
-    window = Server(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", port)
-    opened = asyncio.ensure_future(door.open())
+    monitor, users = await asyncio.to_thread(again if (folder / "glapp.db").exists() else made, folder)
+    api = ApiServer(service_app(monitor, users), "127.0.0.1", 0)
+    (folder / "api-url").write_text(api.url, encoding="utf-8")
+    station = Station(View(folder), ApiClient(folder))
+    window = ApiServer(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", port)
+    opened = asyncio.ensure_future(api.open())
     pages = asyncio.ensure_future(window.open())
 
     async def shown() -> None:
         while True:
-            watch.memory.show(time.time(), json.dumps(watch.status()))
+            monitor.store.show(time.time(), json.dumps(monitor.status()))
             await asyncio.sleep(1.0)
 
     showing = asyncio.ensure_future(shown())
@@ -98,23 +98,23 @@ async def main(folder: Path, port: int) -> None:
             opened.cancel()
             showing.cancel()
             await asyncio.gather(opened, showing, return_exceptions=True)
-            watch.memory.show(time.time() - 120.0, json.dumps(watch.status() | {"wall": time.time() - 120.0}))
+            monitor.store.show(time.time() - 120.0, json.dumps(monitor.status() | {"wall": time.time() - 120.0}))
         if word == "no database":
             (folder / "glapp.db").rename(folder / "away.db")
         if word == "change":
-            await watch.change("FIC0", {"n": 5}, "olga", "engineer")
+            await monitor.change("FIC0", {"n": 5}, "olga", "engineer")
         if word == "samples":
-            watch.take(values("FIC1", 100, begin=time.time() - 120.0))
-            await watch.step()
+            monitor.take(values("FIC1", 100, begin=time.time() - 120.0))
+            await monitor.step()
         if word == "evil":
-            watch.tell(Event(time.time(), EVIL, "late", f"{EVIL} came late"))
-            watch.memory.know([Loop(name=EVIL)])
-            watch.status = lambda: with_evil(Watch.status(watch))
-            await watch.step()
+            monitor.tell(Event(time.time(), EVIL, "late", f"{EVIL} came late"))
+            monitor.store.know([Loop(name=EVIL)])
+            monitor.status = lambda: with_evil(Monitor.status(monitor))
+            await monitor.step()
         if word == "no evil":
-            del watch.status
+            del monitor.status
         if word == "share":
-            await watch.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
+            await monitor.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
         if word == "one less":
             station.view.rows = lambda: View.rows(station.view)[1:]
         if word == "all":
@@ -125,7 +125,7 @@ async def main(folder: Path, port: int) -> None:
     for task in (opened, showing, pages):
         task.cancel()
     await asyncio.gather(opened, showing, pages, return_exceptions=True)
-    watch.memory.close()
+    monitor.store.close()
 
 
 if __name__ == "__main__":

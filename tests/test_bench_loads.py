@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench import lengths
-from bench.loads.answer import Answer, against
+from bench.loads.answer import LoadsAnswer, against
 from bench.loads.records import ROWS, Truth, record, swinging_door
 from bench.truth.records import compressed
 
@@ -15,8 +15,8 @@ NONE = replace(GAP, name="walk/none/0", d=0.0, identifiable=False)
 
 def said(
     truth: Truth, verdict: str, low: float | None = None, high: float | None = None, sinusoidal: bool = False
-) -> Answer:
-    return Answer(truth, verdict, "", low, low, high, 50.0, min(low or 0.0, high or 0.0), sinusoidal, 1.0)
+) -> LoadsAnswer:
+    return LoadsAnswer(truth, verdict, "", low, low, high, 50.0, min(low or 0.0, high or 0.0), sinusoidal, 1.0)
 
 
 class TestRecords:
@@ -97,7 +97,7 @@ class TestAnswers:
         ],
         ids=lambda x: x if isinstance(x, str) else f"{x.truth.name} {x}",
     )
-    def test_right_wrong_silent(self, answer: Answer, told: str) -> None:
+    def test_right_wrong_silent(self, answer: LoadsAnswer, told: str) -> None:
         assert answer.told == told
 
     def test_a_gap_and_none_at_once(self) -> None:

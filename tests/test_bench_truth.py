@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bench.truth.answer import Answer
+from bench.truth.answer import MethodAnswer
 from bench.truth.design import CELLS, Cell, draw
 from bench.truth.ladder import RUNGS, Rungs, asked_for_less, causes, definitions, known, leaving, sought, unseen
 from bench.truth.ladder import Record as Known
@@ -222,15 +222,21 @@ class TestTables:
             )
             (none,) = chosen(Cell("none", "steps", "inside"), 1, pool)
 
-        def row(truth: Any, answer: Answer) -> Scored:
+        def row(truth: Any, answer: MethodAnswer) -> Scored:
             return Scored(
                 truth, "m", answer.verdict, answer.d, answer.low, answer.high, answer.at_least, answer.reason, 0.1
             )
 
         d = known.d
-        rows = [row(known, Answer("backlash", c * d, (c - 0.1) * d, (c + 0.1) * d)) for c in (1.05, 1.1, 1.2, 0.95)]
-        rows += [row(known, Answer("sound")), row(none, Answer("sound")), row(none, Answer("at_least", at_least=0.1))]
-        rows += [row(unknown, Answer("at_least", at_least=c * unknown.d)) for c in (0.5, 1.5)]
+        rows = [
+            row(known, MethodAnswer("backlash", c * d, (c - 0.1) * d, (c + 0.1) * d)) for c in (1.05, 1.1, 1.2, 0.95)
+        ]
+        rows += [
+            row(known, MethodAnswer("sound")),
+            row(none, MethodAnswer("sound")),
+            row(none, MethodAnswer("at_least", at_least=0.1)),
+        ]
+        rows += [row(unknown, MethodAnswer("at_least", at_least=c * unknown.d)) for c in (0.5, 1.5)]
         text = tables(rows)
         # Four of five answered; errors 5, 10, 20, −5 %: median 7.5; three of four intervals hold d (1.1 just so).
         covered = sum(r.covered is True for r in rows)

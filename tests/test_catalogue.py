@@ -58,7 +58,7 @@ def test_flags_of_a_recording_are_the_first_of_the_core() -> None:
 def test_codes_have_the_cores_names() -> None:
     assert list(result.REASONS) == in_order("reasons")
     assert [*words.REASONS] == in_order("reasons")
-    assert list(simulate.STANDINGS) == in_order("standings")
+    assert list(simulate.COMPENSATION_STATES) == in_order("standings")
     assert sorted(words.VERDICTS) == sorted(CATALOGUE["lost_motions"] + CATALOGUE["verdicts"])
     assert _glapp.stops() == in_order("stops")
     assert list(SWITCHES.values()) == CATALOGUE["conditions"]

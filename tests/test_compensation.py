@@ -14,10 +14,10 @@ from glapp.fit import Fit
 from glapp.modules import Flag
 from glapp.recording import BAD, NOT_AUTO
 from glapp.result import decide
-from glapp.simulate import STANDINGS, Compensation, Scenario, Simulation, Walk, run, run_many
+from glapp.simulate import COMPENSATION_STATES, Compensation, Scenario, Simulation, Walk, run, run_many
 
 WAYS = ("error", "derivative", "inverse")
-ACTIVE, NOT_ENABLED, MANUAL = (STANDINGS.index(name) for name in ("active", "not_enabled", "not_auto"))
+ACTIVE, NOT_ENABLED, MANUAL = (COMPENSATION_STATES.index(name) for name in ("active", "not_enabled", "not_auto"))
 
 
 def loop(**changes: Any) -> Scenario:
@@ -113,13 +113,13 @@ def test_a_lost_signal_takes_it_away_and_leaves_the_output() -> None:
 def test_withdraws_where_it_drives_the_loop() -> None:
     kept = run(loop(compensation=compensated("error", size=0.1)))
     withdrawn = run(loop(compensation=compensated("error", size=0.1, withdraw=True)))
-    assert STANDINGS[int(standing(withdrawn)[-1])] == "over_compensated" and ff(withdrawn)[-1] == 0.0
+    assert COMPENSATION_STATES[int(standing(withdrawn)[-1])] == "over_compensated" and ff(withdrawn)[-1] == 0.0
     assert (standing(kept)[-1000:] == ACTIVE).all()
 
 
 def test_a_budget_withdraws() -> None:
     s = run(loop(compensation=compensated("derivative", reversals=100)))
-    assert STANDINGS[int(standing(s)[-1])] == "too_many_reversals"
+    assert COMPENSATION_STATES[int(standing(s)[-1])] == "too_many_reversals"
     assert np.sum(np.abs(np.diff(np.sign(ff(s)))) == 2) <= 100
 
 
@@ -127,7 +127,7 @@ def test_comes_in_with_a_reversal() -> None:
     """Sooner, it would push the valve on by half the gap."""
     s = run(loop(compensation=compensated("inverse", begin=300.0)))
     first = int(np.flatnonzero(ff(s))[0])
-    assert (standing(s)[s.t == 300.0] == STANDINGS.index("waiting")).all()
+    assert (standing(s)[s.t == 300.0] == COMPENSATION_STATES.index("waiting")).all()
     assert np.abs(np.diff(s.position[first - 2 : first + 10])).max() == 0.0, "the valve stands in its gap"
 
 
@@ -137,7 +137,7 @@ def test_a_loop_whose_valve_is_worn_out_is_left_alone() -> None:
     noisy["load"] = [Walk(rate=0.002)]
     for way, share, name in (("error", 1.0, "worse"), ("inverse", 0.6, "active")):
         s = run(loop(**noisy, compensation=compensated(way, share=share, begin=600.0, withdraw=True)))
-        assert STANDINGS[int(standing(s)[-1])] == name
+        assert COMPENSATION_STATES[int(standing(s)[-1])] == name
         assert (ff(s)[-1] == 0.0) == (name == "worse")
 
 
@@ -179,7 +179,7 @@ def test_too_wide_a_compensation_is_withdrawn() -> None:
     """1.2 d drives the loop."""
     s = run(loop(compensation=compensated("inverse", size=0.08, begin=300.0, watch=300.0, withdraw=True), t_end=1500))
     assert np.abs(ff(s)).max() == pytest.approx(0.08 * 0.8 / 2)
-    assert STANDINGS[int(standing(s)[-1])] in ("worse", "over_compensated") and ff(s)[-1] == 0.0
+    assert COMPENSATION_STATES[int(standing(s)[-1])] in ("worse", "over_compensated") and ff(s)[-1] == 0.0
 
 
 def test_reversals_are_turns_beyond_the_band() -> None:
@@ -224,7 +224,7 @@ def test_what_the_module_notices_is_recorded(turned: bool) -> None:
     assert s.error[-1] == (Flag.WRONG_SIGN if turned else 0) and not s.error[s.t < 10].any()
     assert not (s.over[s.t < 100].astype(int) & 2).any()
     assert (int(s.over[-1]) & 2 != 0) != turned
-    assert STANDINGS[int(standing(s)[-1])] == ("at_limit" if turned else "active")
+    assert COMPENSATION_STATES[int(standing(s)[-1])] == ("at_limit" if turned else "active")
 
 
 def test_only_backlash_may_be_compensated() -> None:
@@ -264,7 +264,7 @@ def test_beside_a_controller_that_is_not_ours() -> None:
     slow = {"h": 0.5, "t_end": 600}
     changes |= slow
     assert (standing(late(2)) == ACTIVE).any()  # 1 s, Ti is 7.06 s
-    assert not ff(late(3)).any() and STANDINGS[int(standing(late(3))[-1])] == "too_late"
+    assert not ff(late(3)).any() and COMPENSATION_STATES[int(standing(late(3))[-1])] == "too_late"
     assert ff(late(3, longest=1.0)).any()
 
 

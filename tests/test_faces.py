@@ -139,9 +139,9 @@ OPC_UA = {
 def faces(recording: glapp.Recording, folder: Path) -> list[str]:
     """What every face says of a recording, where it is not what the core decided."""
     from glapp.service.fits import row_of
-    from glapp.service.memory import Memory
-    from glapp.service.server import said_of
-    from glapp.service.watch import Bounds, Watch
+    from glapp.service.monitor import Bounds, Monitor
+    from glapp.service.server import node_values
+    from glapp.service.store import Store
     from glapp.station.view import LIKELY, View
 
     core, result = plain(decided(recording)), glapp.analyze(recording)
@@ -156,17 +156,17 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
     limit = None if core["limit"] is None else core["limit"]["percent_span"]
     found += differences(limit, row["acceptable_percent"], "fleet limit")
 
-    memory = Memory(folder)
+    store = Store(folder)
     clock = service.Clock()
     try:
-        memory.know([result.loop])
+        store.know([result.loop])
         kept = row_of(result, 0.0, 1.0)
         found += columns_of(core, kept, SERVICE, "database")
-        memory.answer(result.name, {"time": clock(), "asked_by": "the night", **kept})
-        watch = Watch([result.loop], memory, bounds=Bounds(), clock=clock)
-        status = watch.status()["loops"][result.name]
-        memory.show(clock(), json.dumps(watch.status()))
-        nodes = {name: said.value for name, said in said_of(status).items()}
+        store.answer(result.name, {"time": clock(), "asked_by": "the night", **kept})
+        monitor = Monitor([result.loop], store, bounds=Bounds(), clock=clock)
+        status = monitor.status()["loops"][result.name]
+        store.show(clock(), json.dumps(monitor.status()))
+        nodes = {name: said.value for name, said in node_values(status).items()}
         found += columns_of(core, nodes, OPC_UA, "OPC UA")
         station = View(folder, clock)
         station.refresh()
@@ -178,7 +178,7 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
         verdict = LIKELY if core["confidence"] == "likely" else words.VERDICTS[core["verdict"]]
         found += differences(verdict, shown.verdict, "window verdict")
     finally:
-        memory.close()
+        store.close()
     drawn = report.bar(result)
     if drawn is not None:
         found += differences(limit, drawn.acceptable, "report limit")

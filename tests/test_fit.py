@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bench.lengths import made
-from bench.loads.answer import Answer
+from bench.loads.answer import LoadsAnswer
 from bench.loads.records import record as confusing
 from bench.truth.records import record
 from fits import made_anew
@@ -270,7 +270,7 @@ LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 @pytest.mark.verify
 @pytest.mark.parametrize("name", MARKED + UNKNOWN + WIDE + LINED)
 def test_what_is_said_under_such_loads_is_true(name: str) -> None:
-    assert Answer.to(confusing(name), 1500).told != "wrong"
+    assert LoadsAnswer.to(confusing(name), 1500).told != "wrong"
 
 
 @pytest.mark.slow

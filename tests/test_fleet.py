@@ -29,7 +29,7 @@ from glapp.fleet import lake as lake_of
 from glapp.fleet import run as run_of
 from glapp.fleet.history import CROSSINGS, follow
 from glapp.fleet.lake import DAY, SIGNALS, files_of
-from glapp.fleet.problems import LEFT_OUT, LOST, Problem
+from glapp.fleet.problems import LEFT_OUT, LOST, DataIssue
 from glapp.fleet.results import write_piece
 from glapp.fleet.run import Plan, follow_paths, plan_of, unit_rows
 from glapp.fleet.settings import read_loops
@@ -99,7 +99,7 @@ def planned(lake: Path, loops: str | None = None, zone: str | None = None) -> Pl
     return plan_of(lake, files_of(lake)[0], out, settings, zone, 8, lambda name, total, done: None, 1)
 
 
-def rows(plan: Plan) -> tuple[dict[tuple[str, int], list[Any]], list[Problem]]:
+def rows(plan: Plan) -> tuple[dict[tuple[str, int], list[Any]], list[DataIssue]]:
     """All rows of all loops, sorted, and what was found wrong."""
     found: dict[tuple[str, int], list[Any]] = {}
     problems = list(plan.problems)
@@ -112,7 +112,7 @@ def rows(plan: Plan) -> tuple[dict[tuple[str, int], list[Any]], list[Problem]]:
     return found, problems
 
 
-def codes(problems: list[Problem]) -> set[str]:
+def codes(problems: list[DataIssue]) -> set[str]:
     return {problem.code for problem in problems}
 
 
@@ -610,7 +610,7 @@ def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path: Path, m
 def test_every_code_of_a_problem_is_in_the_docs() -> None:
     folder = Path(run_of.__file__).parent
     source = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "demo.py")
-    told = set(re.findall(r'Problem\(\s*"(\w+)"', source)) | {"no_time", "no_tag", *LOST, *LEFT_OUT}
+    told = set(re.findall(r'DataIssue\(\s*"(\w+)"', source)) | {"no_time", "no_tag", *LOST, *LEFT_OUT}
     page = (folder.parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8").partition("## What can be wrong")[2]
     known = {code for line in re.findall(r"^\| (`.*?) \|", page, re.M) for code in re.findall(r"`(\w+)`", line)}
     assert len(told) > 20 and told <= known, told - known

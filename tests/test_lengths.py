@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from bench.lengths import asked, lost
-from bench.loads.answer import Answer
+from bench.loads.answer import LoadsAnswer
 
 pytestmark = pytest.mark.verify
 
@@ -21,7 +21,7 @@ every_record = pytest.mark.parametrize(
 
 
 @lru_cache
-def answers(name: str) -> list[Answer]:
+def answers(name: str) -> list[LoadsAnswer]:
     return asked(name, LENGTHS[name])
 
 

@@ -14,11 +14,11 @@ from hypothesis.extra.numpy import arrays
 from test_identify import loop, numbers, refinery
 
 from glapp.identify import identified
-from glapp.quality import GAP_STEPS, Census, Finding, InspectionSample, inspect, noise_sigma
+from glapp.quality import GAP_STEPS, DataStatistics, Finding, InspectionSample, inspect, noise_sigma
 
 
-def census_of(sample: InspectionSample) -> Census:
-    """Count as the docstring of `Census` defines it, in the plainest way."""
+def statistics_of(sample: InspectionSample) -> DataStatistics:
+    """Count as the docstring of `DataStatistics` defines it, in the plainest way."""
     t, flags = sample.t, sample.flags
     flags = np.zeros(t.size, dtype=np.uint8) if flags is None else flags
     signals = {"sp": sample.sp, "pv": sample.pv, "op": sample.op}
@@ -64,12 +64,12 @@ def census_of(sample: InspectionSample) -> Census:
         counts[f"{name}_bad_row"] = first(~number, 0)
         if number.any():
             counts[f"{name}_min"], counts[f"{name}_max"] = float(x[number].min()), float(x[number].max())
-    return Census(**counts)  # type: ignore[arg-type]
+    return DataStatistics(**counts)  # type: ignore[arg-type]
 
 
 def look(t, sp, pv, op=None, flags=None, **known) -> dict[str, Finding]:
     sample = InspectionSample(t, sp, pv, op, flags)
-    found = inspect(sample, census_of(sample), **{"pv_unit": "m3/h", "op_unit": "%"} | known)
+    found = inspect(sample, statistics_of(sample), **{"pv_unit": "m3/h", "op_unit": "%"} | known)
     return {finding.code: finding for finding in found}
 
 
@@ -350,7 +350,9 @@ def test_any_numbers_are_inspected_without_error(data: np.ndarray, flags: np.nda
     for t in (data[0, :n], np.arange(float(n))):
         sample = InspectionSample(t, *data[1:, :n], flags[:n])
         for look_at in (sample, dataclasses.replace(sample, flags=None)):
-            found = inspect(look_at, census_of(look_at), ti=3.0, k=1.0, t0=datetime(2025, 1, 1), identification=None)
+            found = inspect(
+                look_at, statistics_of(look_at), ti=3.0, k=1.0, t0=datetime(2025, 1, 1), identification=None
+            )
             for finding in found:
                 assert finding.text and finding.severity in ("info", "warning", "refuse")
                 for value in finding.evidence.values():

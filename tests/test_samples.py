@@ -1,4 +1,4 @@
-"""Arrays at the doors of `glapp`, recordings without a setpoint, and how much `import glapp` loads."""
+"""Arrays at the functions of `glapp`, recordings without a setpoint, and how much `import glapp` loads."""
 
 from __future__ import annotations
 

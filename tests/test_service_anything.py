@@ -1,4 +1,4 @@
-"""The door, asked anything that its own description allows and much that it does not: it answers, and never fails."""
+"""The API, asked anything that its own description allows and much that it does not: it answers, and never fails."""
 
 from pathlib import Path
 from typing import Any
@@ -8,13 +8,13 @@ import service
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from service import BEGIN, Clock, fed, loops, values
-from test_service_door import CHEAP, PASSWORDS, ROLES
+from test_service_api import CHEAP, PASSWORDS, ROLES
 
 schemathesis = pytest.importorskip("schemathesis")
 
 from fastapi.testclient import TestClient  # noqa: E402
 
-from glapp.service.door import app_of  # noqa: E402
+from glapp.service.api import app_of  # noqa: E402
 from glapp.service.users import Users  # noqa: E402
 
 EXAMPLES = 12
@@ -39,17 +39,17 @@ def undeclared(client: TestClient, description: str, headers: dict[str, str]) ->
 
 @pytest.mark.slow
 def test_a_method_that_is_not_described_is_not_answered(tmp_path: Path) -> None:
-    watch = service.watch(tmp_path, loops(1), Clock())
-    users = Users(watch.memory, CHEAP)
+    monitor = service.monitor(tmp_path, loops(1), Clock())
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
-    client = TestClient(app_of(watch, users, hosts=["testserver"]))
+    client = TestClient(app_of(monitor, users, hosts=["testserver"]))
     said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
     assert undeclared(client, "/openapi.json", {"Authorization": f"Bearer {said['token']}"}) == []
-    watch.memory.close()
+    monitor.store.close()
 
 
 def asked(operation: Any, headers: dict[str, str]) -> set[int]:
-    """Statuses of what a door answers to requests that are as described, and to others."""
+    """Statuses of what a API answers to requests that are as described, and to others."""
     statuses = set()
     negative = operation.as_strategy(generation_mode=schemathesis.GenerationMode.NEGATIVE)
 
@@ -76,10 +76,10 @@ def asked(operation: Any, headers: dict[str, str]) -> set[int]:
 @pytest.mark.parametrize("known", [True, False], ids=["engineer", "nobody"])
 def test_any_request_is_answered(tmp_path: Path, known: bool) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(2), clock)
-    fed(watch, clock, values("FIC0", 200), pace=20.0)
-    users = Users(watch.memory, CHEAP)
-    app = app_of(watch, users, hosts=["testserver"])
+    monitor = service.monitor(tmp_path, loops(2), clock)
+    fed(monitor, clock, values("FIC0", 200), pace=20.0)
+    users = Users(monitor.store, CHEAP)
+    app = app_of(monitor, users, hosts=["testserver"])
     client = TestClient(app)
     statuses = {}
     for found in schemathesis.openapi.from_asgi("/openapi.json", app).get_all_operations():
@@ -91,7 +91,7 @@ def test_any_request_is_answered(tmp_path: Path, known: bool) -> None:
             said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
             headers["Authorization"] = f"Bearer {said['token']}"
         statuses[operation.label] = asked(operation, headers)
-    watch.memory.close()
+    monitor.store.close()
     let_in = {label for label, seen in statuses.items() if 200 in seen}
     assert len(statuses) == 22, "every operation that is described"
     if known:

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from glapp.cli import app
 from glapp.cli.screen import CommandError
 from glapp.errors import InputError
-from glapp.service.memory import Lock, Memory, Reader
+from glapp.service.store import Lock, Reader, Store
 
 HERE = Path(__file__).parent
 
@@ -33,11 +33,11 @@ def glapp(*words: object) -> str:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     clock = Clock()
-    watch = service.watch(tmp_path / "data", loops(2), clock)
-    fed(watch, clock, values("FIC0", 200), pace=20.0)
-    watch.memory.show(clock.now, json.dumps(watch.status()))
-    watch.memory.command(clock.now, "eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0})
-    watch.memory.close()
+    monitor = service.monitor(tmp_path / "data", loops(2), clock)
+    fed(monitor, clock, values("FIC0", 200), pace=20.0)
+    monitor.store.show(clock.now, json.dumps(monitor.status()))
+    monitor.store.command(clock.now, "eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0})
+    monitor.store.close()
     return tmp_path / "data"
 
 
@@ -64,16 +64,16 @@ def test_status(folder: Path) -> None:
     assert "nobody writes this folder" in text and re.search(r"FIC0 .* 2\.\d+ % .* of ", text)
     body = json.loads(glapp("status", "--data", folder, "--json"))
     assert body["runs"] is None and body["loops"]["FIC0"]["detections"] == 3
-    memory = Memory(folder)
+    store = Store(folder)
     assert "process" in glapp("status", "--data", folder)
-    memory.close()
+    store.close()
 
 
 def test_events_and_commands(folder: Path) -> None:
     assert "eve (engineer) change FIC0: {'kp': 2.0}" in glapp("events", "--data", folder, "--commands")
-    memory = Memory(folder)
-    memory.tell([service.Event(BEGIN, "FIC0", "late", "with \x1b[31m colour")])
-    memory.close()
+    store = Store(folder)
+    store.tell([service.Event(BEGIN, "FIC0", "late", "with \x1b[31m colour")])
+    store.close()
     assert "\x1b" not in glapp("events", "--data", folder, "--loop", "FIC0")
 
 
@@ -116,7 +116,7 @@ def test_without_a_service_or_a_login(tmp_path: Path, monkeypatch: pytest.Monkey
         glapp("disable", "FIC0")
     monkeypatch.setenv("GLAPP_TOKEN", "x")
     with pytest.raises(InputError, match="does not answer"):
-        glapp("disable", "FIC0", "--door", "http://127.0.0.1:9")
+        glapp("disable", "FIC0", "--api-url", "http://127.0.0.1:9")
 
 
 @pytest.mark.verify
@@ -131,30 +131,30 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         deadline = time.monotonic() + 180
         while time.monotonic() < deadline:
             time.sleep(0.2)
-            if (folder / "glapp.db").exists() and (folder / "door").exists():
+            if (folder / "glapp.db").exists() and (folder / "api-url").exists():
                 with Reader(folder) as reader:
                     if reader.one("SELECT id FROM entries LIMIT 1"):
                         break
         else:
             raise AssertionError("no value came")
-        door = (folder / "door").read_text()
+        api_url = (folder / "api-url").read_text()
         user, password = re.findall(r"^\w+ (\S+)$", (folder / "first-login.txt").read_text(), re.MULTILINE)
-        logged_in = CliRunner().invoke(app, ["watch", "login", user, "--door", door], input=f"{password}\n")
+        logged_in = CliRunner().invoke(app, ["watch", "login", user, "--api-url", api_url], input=f"{password}\n")
         assert "Logged in as engineer" in logged_in.output and password not in logged_in.output
         assert (tmp_path / "glapp" / "token").stat().st_mode & 0o077 == 0
-        assert re.search(r"comp_share\s+0\.8", glapp("set", "FIC101", "--door", door))
-        assert re.search(r"comp_size\s+1\.5", glapp("set", "PIC102", "comp_size=1.5", "--door", door))
+        assert re.search(r"comp_share\s+0\.8", glapp("set", "FIC101", "--api-url", api_url))
+        assert re.search(r"comp_size\s+1\.5", glapp("set", "PIC102", "comp_size=1.5", "--api-url", api_url))
         with pytest.raises(InputError, match="must be"):
-            glapp("set", "PIC102", "comp_share=1.5", "--door", door)
-        with pytest.raises(InputError, match="glapp watch drill PIC102"):
-            glapp("enable", "PIC102", "--door", door)
-        glapp("drill", "PIC102", "--door", door)
-        while "drill" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
+            glapp("set", "PIC102", "comp_share=1.5", "--api-url", api_url)
+        with pytest.raises(InputError, match="glapp watch watchdog-test PIC102"):
+            glapp("enable", "PIC102", "--api-url", api_url)
+        glapp("watchdog-test", "PIC102", "--api-url", api_url)
+        while "drilled" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
             time.sleep(0.2)
         assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in told
-        assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--door", door))
-        assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--door", door))
-        assert "engineer  engineer" in glapp("users", "list", "--door", door)
+        assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--api-url", api_url))
+        assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--api-url", api_url))
+        assert "engineer  engineer" in glapp("users", "list", "--api-url", api_url)
         with pytest.raises(InputError, match="is written by process"):
             Lock(folder)
     finally:
@@ -181,14 +181,14 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
 
 def test_a_service_that_is_stopped_before_it_began(tmp_path: Path) -> None:
     """Cancelled at once, it still ends, and gives the folder back."""
-    watch = service.watch(tmp_path, loops(), Clock())
+    monitor = service.monitor(tmp_path, loops(), Clock())
 
     async def go() -> None:
-        task = asyncio.create_task(watch.run(service.Table()))
+        task = asyncio.create_task(monitor.run(service.Table()))
         await asyncio.sleep(0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
 
     asyncio.run(go())
-    watch.memory.close()
+    monitor.store.close()
     assert Lock.holder(tmp_path) is None

@@ -13,11 +13,11 @@ pytest.importorskip("asyncua")
 
 from glapp.reading.settings import parse_settings
 from glapp.service import demonstration
-from glapp.service.memory import Memory, Reader
+from glapp.service.monitor import Bounds, Monitor
 from glapp.service.plant import SimLoop, SimPlant
-from glapp.service.recordings import Signals
+from glapp.service.recordings import SignalStore
 from glapp.service.signal import Signal
-from glapp.service.watch import Bounds, Watch
+from glapp.service.store import Reader, Store
 from glapp.station.view import View
 
 NOW = datetime(2026, 5, 17, 14, 30, tzinfo=UTC).timestamp()
@@ -112,12 +112,12 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[SimLoop]
     folder = tmp_path_factory.mktemp("begun")
     loops = demonstration.loops()
     known = parse_settings(SimPlant(loops).settings(), "the demonstration", Path())
-    memory = Memory(folder, NOW)
-    demonstration.begin(memory, loops, known, NOW)
-    watch = Watch(known, memory, bounds=Bounds(), clock=lambda: NOW)
-    assert watch.failing is None
-    memory.show(NOW, json.dumps(watch.status()))
-    memory.close()
+    store = Store(folder, NOW)
+    demonstration.begin(store, loops, known, NOW)
+    monitor = Monitor(known, store, bounds=Bounds(), clock=lambda: NOW)
+    assert monitor.failing is None
+    store.show(NOW, json.dumps(monitor.status()))
+    store.close()
     return folder, loops
 
 
@@ -134,7 +134,7 @@ def test_the_service_goes_on_from_what_is_there(begun: tuple[Path, list[SimLoop]
 
 def test_what_was_recorded_is_what_the_answers_say(begun: tuple[Path, list[SimLoop]]) -> None:
     folder, loops = begun
-    signals = Signals(folder)
+    signals = SignalStore(folder)
     for loop in loops:
         days = demonstration.DAYS if loop.kind.wear else 1
         rows = signals.read(loop.name, NOW - 8 * 86400.0, NOW)

@@ -13,22 +13,22 @@ from glapp import Loop
 from glapp.cli.watch import _clock_of
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
-from glapp.service.memory import Memory
+from glapp.service.monitor import SEEN, Bounds, Monitor
 from glapp.service.opcua import OpcUa
 from glapp.service.plant import NAMESPACE, SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
 from glapp.service.signal import Event, Signal, Value
-from glapp.service.watch import SEEN, Bounds, Watch
+from glapp.service.store import Store
 
 SCAN = 60.0
 WIDTH, ENABLED, REPAIRED = 50, 70, 500
 BOUNDS = Bounds(period=SCAN, lost=10.0 * SCAN, wait=0.0)
 
 
-async def seen(watch: Watch, loop: str, **settings: float) -> None:
-    """As after a drill, and a width that is typed."""
-    await watch.log("eve", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
-    await watch.change(loop, settings, "eve", "engineer")
+async def seen(monitor: Monitor, loop: str, **settings: float) -> None:
+    """As after a watchdog test, and a width that is typed."""
+    await monitor.log("eve", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
+    await monitor.change(loop, settings, "eve", "engineer")
 
 
 def test_the_clock_on_the_wall_counts_once_the_plant_has_caught_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,25 +57,25 @@ class Worn(Table):
         super().__init__(clock=clock)
         self.time = clock
         self.sim = SimLoop(0, kinds(SCAN)[0], SCAN, seed=1)
-        self.watch: Watch
+        self.monitor: Monitor
         self.found: list[dict[str, Any]] = []
 
     async def run(self, take: Callable[[Sequence[Value]], None], tell: Callable[[Event], None]) -> None:
         for scan in range(700):
             if scan == WIDTH:
-                await seen(self.watch, "FIC101", comp_size=1.5, comp_share=1.0)
+                await seen(self.monitor, "FIC101", comp_size=1.5, comp_share=1.0)
             if scan == ENABLED:
-                await self.watch.enable("FIC101", "eve", "engineer")
+                await self.monitor.enable("FIC101", "eve", "engineer")
             self.time.now += SCAN
             told = self.sim.scan(40.0 if scan < REPAIRED else 0.0, self.u_ff.get("FIC101", 0.0))
             told[Signal.U_FF] = self.u_ff.get("FIC101", 0.0)
             self.heard = self.time.now
             take([Value("FIC101", signal, self.time.now, float(x), True) for signal, x in told.items()])
-            await self.watch.caught_up(self.time.now)
-            self.found.append({**self.watch.status()["loops"]["FIC101"]["compensation"], "made": self._made()})
+            await self.monitor.caught_up(self.time.now)
+            self.found.append({**self.monitor.status()["loops"]["FIC101"]["compensation"], "made": self._made()})
 
     def _made(self) -> bool:
-        return self.watch._loops["FIC101"].made == self.time.now
+        return self.monitor._loops["FIC101"].made == self.time.now
 
 
 @pytest.mark.slow
@@ -84,9 +84,11 @@ def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdraw
     plant = Worn(clock)
     loop = Loop(name="FIC101", controller={"k": 0.6, "ti": 6 * SCAN}, process={"kp": 1}, op_span=(0, 100))
     most = {"FIC101": (3.0, 1000.0)}
-    watch = plant.watch = Watch([loop], Memory(tmp_path), bounds=BOUNDS, compensable=most, clock=clock, hurries=True)
-    asyncio.run(watch.run(plant))
-    watch.memory.close()
+    monitor = plant.monitor = Monitor(
+        [loop], Store(tmp_path), bounds=BOUNDS, compensable=most, clock=clock, hurries=True
+    )
+    asyncio.run(monitor.run(plant))
+    monitor.store.close()
     assert not any(one["made"] for one in plant.found[:WIDTH]), "before there is a width nothing waits"
     assert all(one["made"] for one in plant.found[WIDTH + 1 :]), "then every scan has the u_FF that was made of it"
     worn, repaired = plant.found[ENABLED + 1 : REPAIRED], plant.found[REPAIRED:]
@@ -97,7 +99,7 @@ def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdraw
     assert repaired[off]["withdrawn"] == "over_compensated"
     assert [one["u_ff"] for one in repaired[off + 10 :]] == [0.0] * len(repaired[off + 10 :])
     assert plant.u_ff["FIC101"] == 0.0, "and so it stands in the plant"
-    [event] = [event for event in watch.reader.events("FIC101") if event["kind"] == "withdrawn"]
+    [event] = [event for event in monitor.reader.events("FIC101") if event["kind"] == "withdrawn"]
     assert event["text"] == "Withdrawn: the loop swings as if too much was compensated."
 
 
@@ -113,27 +115,27 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
             given = {"interval": 0.01, "samples": 10_000, "watchdog": f"nsu={NAMESPACE};s=Watchdog"}
             most = {"FIC101": (3.0, 1000.0)}
             now = {"clock": lambda: plant.time, "hurries": True}
-            watch = Watch(known, Memory(tmp_path), bounds=BOUNDS, compensable=most, **now)
-            one = watch._loops["FIC101"]
+            monitor = Monitor(known, Store(tmp_path), bounds=BOUNDS, compensable=most, **now)
+            one = monitor._loops["FIC101"]
 
             async def follow(moment: float) -> None:
-                await watch.caught_up(moment)
+                await monitor.caught_up(moment)
                 made = one.compensator
                 assert made is not None
                 found.append((moment, one.made, made.standing if made.enabled else ""))
                 written.append(plant.u_ff("FIC101"))
 
             plant.follow = follow
-            task = asyncio.create_task(watch.run(OpcUa(Connection(url=plant.url, **given), known)))
+            task = asyncio.create_task(monitor.run(OpcUa(Connection(url=plant.url, **given), known)))
             try:
                 async with asyncio.timeout(120):
                     while Signal.PV not in one.latest or len(found) < 50:
                         await asyncio.sleep(0.01)
-                    await seen(watch, "FIC101", comp_size=2.0)
+                    await seen(monitor, "FIC101", comp_size=2.0)
                     begin = len(found)
                     while len(found) < begin + 20:
                         await asyncio.sleep(0.01)
-                    shown = await watch.enable("FIC101", "eve", "engineer")
+                    shown = await monitor.enable("FIC101", "eve", "engineer")
                     assert shown["delay"] < SCAN
                     plant._loops["FIC101"].graph["sp.value"] = 60.0  # so that OP turns
                     while sum(bool(standing) for _, _, standing in found) < 150:
@@ -141,7 +143,7 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
             finally:
                 task.cancel()
                 await asyncio.gather(task, return_exceptions=True)
-                watch.memory.close()
+                monitor.store.close()
 
     asyncio.run(run())
     assert all(made == -math.inf for _, made, _ in found[:50])

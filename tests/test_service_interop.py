@@ -117,7 +117,7 @@ def test_our_client_and_their_server(stack):
             await watch.until(lambda: any(v.note == "BadSensorFailure" for v in watch.of("FIC101")))
             await watch.heard("FIC101", 5)
             for _ in range(3):
-                await watch.source.beat()
+                await watch.source.heartbeat()
             watch.source.enable("FIC101")
             await asyncio.sleep(0.1)
             await watch.source.write("FIC101", 0.1)
@@ -213,19 +213,19 @@ def test_their_client_and_our_answers(stack, sealed, pki, tmp_path):
     Encrypted it is said to who knows the password, and they speak to nobody whose certificate they do not know.
     """
     clock = service.Clock()
-    watch = service.watch(tmp_path, service.loops(2), clock)
-    service.fed(watch, clock, service.values("FIC0", 200), pace=20.0)
+    monitor = service.monitor(tmp_path, service.loops(2), clock)
+    service.fed(monitor, clock, service.values("FIC0", 200), pace=20.0)
     security = Security(pki / "server.der", pki / "server.pem", {"dcs": "long enough"}) if sealed else None
 
     async def run():
-        async with AnswerServer(watch.status, 0, security=security, step=0.1) as server:
+        async with AnswerServer(monitor.status, 0, security=security, step=0.1) as server:
             serving = asyncio.create_task(server.run())
             names = ("FIC0.Detections", "FIC0.DeviceHealth", "FIC1.DeviceHealth", "FIC0.Width", "FIC0.Standing")
             words = (server.url, OURS, "FIC0.LastSeen", "FIC0.Width", *names)
             asked = asyncio.create_task(said(stack, "answers", *words, pki=pki if sealed else None))
             second = 300
-            while not asked.done():  # the watch goes on meanwhile
-                watch.take([Value("FIC0", Signal.PV, service.BEGIN + second, 50.0, True)])
+            while not asked.done():  # the monitor goes on meanwhile
+                monitor.take([Value("FIC0", Signal.PV, service.BEGIN + second, 50.0, True)])
                 second += 1
                 await asyncio.sleep(0.1)
             serving.cancel()
@@ -233,7 +233,7 @@ def test_their_client_and_our_answers(stack, sealed, pki, tmp_path):
             return asked.result()
 
     told = asyncio.run(run())
-    watch.memory.close()
+    monitor.store.close()
     times = [time for time, _, status in told["seen"] if status == "Good"]
     assert len(set(times)) > 10, "on a slow machine Milo's client asks for some once more"
     assert min(times) >= service.BEGIN + 199

@@ -14,7 +14,7 @@ import pytest
 from station_window import Window
 from test_station import certificate
 
-from glapp.service.door import Door
+from glapp.service.api import ApiServer
 from glapp.service.listener import Bounds, Listener, _Connection, logged_in
 
 __all__ = ["certificate"]
@@ -62,11 +62,11 @@ class App:
 
 
 @contextlib.asynccontextmanager
-async def served(app: Any, bounds: Bounds, **more: Any) -> AsyncIterator[Door]:
-    door = Door(app, "127.0.0.1", 0, bounds=bounds, **more)
-    serving = asyncio.create_task(door.open())
+async def served(app: Any, bounds: Bounds, **more: Any) -> AsyncIterator[ApiServer]:
+    api = ApiServer(app, "127.0.0.1", 0, bounds=bounds, **more)
+    serving = asyncio.create_task(api.open())
     try:
-        yield door
+        yield api
     finally:
         serving.cancel()
         await asyncio.gather(serving, return_exceptions=True)
@@ -80,14 +80,14 @@ class Stranger:
 
     @classmethod
     async def to(
-        cls, door: Door, sent: bytes = b"", address: str = "127.0.0.1", buffer: int | None = None
+        cls, api: ApiServer, sent: bytes = b"", address: str = "127.0.0.1", buffer: int | None = None
     ) -> "Stranger":
         made = socket.socket()
         if buffer is not None:
             made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
         made.bind((address, 0))
         made.setblocking(False)
-        await asyncio.get_running_loop().sock_connect(made, ("127.0.0.1", door.port))
+        await asyncio.get_running_loop().sock_connect(made, ("127.0.0.1", api.port))
         one = cls(*await asyncio.open_connection(sock=made, limit=4096))
         one.writer.write(sent)
         await asyncio.sleep(0.01)
@@ -108,9 +108,9 @@ class Stranger:
         return not self.reader.at_eof() and self.reader.exception() is None
 
 
-async def asked(door: Door, path: str = "/", method: str = "GET", **more: Any) -> httpx.Response:
+async def asked(api: ApiServer, path: str = "/", method: str = "GET", **more: Any) -> httpx.Response:
     async with httpx.AsyncClient(trust_env=False, timeout=LONGEST) as client:
-        return await client.request(method, door.url + path, **more)
+        return await client.request(method, api.url + path, **more)
 
 
 HALF = b"POST /login HTTP/1.1\r\nHost: x\r\n"
@@ -121,11 +121,11 @@ def test_strangers_that_hold_connections_half_open_shut_nobody_out() -> None:
     """200 half-sent requests shut the API and the station for as long as the stranger stayed."""
 
     async def go() -> None:
-        async with served(App(), PATIENT) as door:
-            held = [await Stranger.to(door, HALF) for _ in range(30)]
+        async with served(App(), PATIENT) as api:
+            held = [await Stranger.to(api, HALF) for _ in range(30)]
             for _ in range(5):  # from the same address
-                assert (await asked(door)).text == "here"
-                held += [await Stranger.to(door, HALF) for _ in range(5)]
+                assert (await asked(api)).text == "here"
+                held += [await Stranger.to(api, HALF) for _ in range(5)]
             await asyncio.sleep(0.1)
             assert sum(one.open for one in held) <= PATIENT.address
             assert [one.open for one in held[-4:]] == [True] * 4, "the oldest go first"
@@ -138,12 +138,12 @@ def test_an_address_has_its_own_bound() -> None:
     """Where strangers have all there is, who has most of them loses one."""
 
     async def go() -> None:
-        async with served(App(), PATIENT) as door:
-            quiet = [await Stranger.to(door, HALF, "127.0.0.2") for _ in range(2)]
-            held = [await Stranger.to(door, HALF, f"127.0.0.{3 + k % 3}") for k in range(60)]
+        async with served(App(), PATIENT) as api:
+            quiet = [await Stranger.to(api, HALF, "127.0.0.2") for _ in range(2)]
+            held = [await Stranger.to(api, HALF, f"127.0.0.{3 + k % 3}") for k in range(60)]
             await asyncio.sleep(0.1)
             assert all(one.open for one in quiet) and sum(one.open for one in held) <= PATIENT.strangers - 2
-            assert (await asked(door)).text == "here"
+            assert (await asked(api)).text == "here"
 
     asyncio.run(go())
 
@@ -151,16 +151,16 @@ def test_an_address_has_its_own_bound() -> None:
 @pytest.mark.slow
 def test_who_has_shown_a_login_is_displaced_by_no_stranger() -> None:
     async def go() -> None:
-        async with served(App(), PATIENT) as door, httpx.AsyncClient(trust_env=False, timeout=LONGEST) as client:
-            assert (await client.get(f"{door.url}/known")).text == "here"
-            [connection] = door._server._open
+        async with served(App(), PATIENT) as api, httpx.AsyncClient(trust_env=False, timeout=LONGEST) as client:
+            assert (await client.get(f"{api.url}/known")).text == "here"
+            [connection] = api._server._open
             for _ in range(40):
-                await Stranger.to(door, HALF)
-            assert not connection.gone and connection in door._server._open
-            assert (await client.get(f"{door.url}/known")).text == "here"
-            many = [await Stranger.to(door, b"GET /known HTTP/1.1\r\nHost: x\r\n\r\n") for _ in range(20)]
+                await Stranger.to(api, HALF)
+            assert not connection.gone and connection in api._server._open
+            assert (await client.get(f"{api.url}/known")).text == "here"
+            many = [await Stranger.to(api, b"GET /known HTTP/1.1\r\nHost: x\r\n\r\n") for _ in range(20)]
             await asyncio.sleep(0.1)
-            assert sum(one.known for one in door._server._open) <= PATIENT.logged_in, "they are bounded, too"
+            assert sum(one.known for one in api._server._open) <= PATIENT.logged_in, "they are bounded, too"
             assert [one.open for one in many[-4:]] == [True] * 4
 
     asyncio.run(go())
@@ -184,11 +184,11 @@ def test_who_has_shown_a_login_is_displaced_by_no_stranger() -> None:
 )
 def test_what_is_half_sent_does_not_last(sent: bytes) -> None:
     async def go() -> None:
-        async with served(App(), QUICK) as door:
-            one = await Stranger.to(door, sent)
+        async with served(App(), QUICK) as api:
+            one = await Stranger.to(api, sent)
             await one.ended()
             async with asyncio.timeout(LONGEST):
-                while door._server._open:
+                while api._server._open:
                     await asyncio.sleep(0.05)
 
     asyncio.run(go())
@@ -198,8 +198,8 @@ def test_what_is_half_sent_does_not_last(sent: bytes) -> None:
 @pytest.mark.parametrize("sent", [HALF + b"A: ", HALF + b"Content-Length: 1000\r\n\r\n"], ids=["header", "body"])
 def test_a_byte_now_and_then_does_not_make_it_last(sent: bytes) -> None:
     async def go() -> None:
-        async with served(App(), QUICK) as door:
-            one = await Stranger.to(door, sent)
+        async with served(App(), QUICK) as api:
+            one = await Stranger.to(api, sent)
 
             async def slowly() -> None:
                 while True:
@@ -217,18 +217,18 @@ def test_a_byte_now_and_then_does_not_make_it_last(sent: bytes) -> None:
 @pytest.mark.slow
 def test_answers_that_nobody_takes_do_not_last() -> None:
     async def go() -> None:
-        async with served(App(), QUICK) as door:
+        async with served(App(), QUICK) as api:
             for sent in (
                 b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n",
                 b"GET /large HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n",
                 b"GET / HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
                 b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
             ):
-                one = await Stranger.to(door, sent, buffer=4096)
+                one = await Stranger.to(api, sent, buffer=4096)
                 async with asyncio.timeout(LONGEST):
-                    while not door._server._open:
+                    while not api._server._open:
                         await asyncio.sleep(0.05)
-                    while door._server._open:
+                    while api._server._open:
                         await asyncio.sleep(0.05)
                 one.writer.transport.abort()
 
@@ -238,8 +238,8 @@ def test_answers_that_nobody_takes_do_not_last() -> None:
 @pytest.mark.slow
 def test_an_answer_that_is_taken_slowly_but_taken_comes_whole() -> None:
     async def go() -> None:
-        async with served(App(), Bounds(answer=1.0, slowest=10_000)) as door:
-            one = await Stranger.to(door, b"GET /large HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", buffer=4096)
+        async with served(App(), Bounds(answer=1.0, slowest=10_000)) as api:
+            one = await Stranger.to(api, b"GET /large HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", buffer=4096)
             found = 0
             while some := await one.reader.read(200_000):
                 found += len(some)
@@ -279,10 +279,10 @@ def test_what_is_taken_is_measured_from_time_to_time() -> None:
 def test_a_stranger_sends_so_many_requests_by_a_connection() -> None:
     async def go() -> None:
         app = App()
-        async with served(app, Bounds(each=5)) as door:
+        async with served(app, Bounds(each=5)) as api:
             for path, answers in ((b"/", 5), (b"/known", 20)):
                 app.bodies.clear()
-                one = await Stranger.to(door, 20 * (b"GET " + path + b" HTTP/1.1\r\nHost: x\r\n\r\n"))
+                one = await Stranger.to(api, 20 * (b"GET " + path + b" HTTP/1.1\r\nHost: x\r\n\r\n"))
                 async with asyncio.timeout(LONGEST):
                     found = b""
                     while found.count(b"here") < answers:
@@ -298,11 +298,11 @@ def test_a_body_in_chunks_passes_no_bound() -> None:
 
     async def go() -> None:
         app = App()
-        async with served(app, QUICK) as door:
+        async with served(app, QUICK) as api:
             headers = HALF + b"Content-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n"
-            one = await Stranger.to(door, headers + 1000 * (b"3e8\r\n" + 1000 * b"x" + b"\r\n"))
+            one = await Stranger.to(api, headers + 1000 * (b"3e8\r\n" + 1000 * b"x" + b"\r\n"))
             assert (await one.ended()).startswith(b"HTTP/1.1 411 ") and app.bodies == []
-            assert (await asked(door, method="POST", content=b"whole")).text == "here" and app.bodies == [5]
+            assert (await asked(api, method="POST", content=b"whole")).text == "here" and app.bodies == [5]
 
     asyncio.run(go())
 
@@ -311,19 +311,19 @@ def test_a_body_in_chunks_passes_no_bound() -> None:
 def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
     async def go() -> None:
         app = App()
-        async with served(app, Bounds(requests=3)) as door:
-            waiting = [asyncio.create_task(asked(door, "/known/wait")) for _ in range(3)]
+        async with served(app, Bounds(requests=3)) as api:
+            waiting = [asyncio.create_task(asked(api, "/known/wait")) for _ in range(3)]
             async with asyncio.timeout(LONGEST):
-                while door._server._requests < 3:
+                while api._server._requests < 3:
                     await asyncio.sleep(0.01)
-            refused = await asked(door)
+            refused = await asked(api)
             assert refused.status_code == 503 and "3 requests are being answered" in refused.json()["detail"]
             for path in ("/login", "/api/login", "/loops/FIC0/disable"):
-                assert (await asked(door, path, "POST", json={})).text == "here"
-            assert (await asked(door, "/loops/FIC0/disable")).status_code == 503  # nothing is done by GET
+                assert (await asked(api, path, "POST", json={})).text == "here"
+            assert (await asked(api, "/loops/FIC0/disable")).status_code == 503  # nothing is done by GET
             app.go_on.set()
             assert [(await one).text for one in waiting] == ["here"] * 3
-            assert (await asked(door)).text == "here"
+            assert (await asked(api)).text == "here"
 
     asyncio.run(go())
 
@@ -332,19 +332,19 @@ def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
 def test_strangers_take_turns_and_login_and_disable_do_not_wait_for_them() -> None:
     async def go() -> None:
         app = App()
-        async with served(app, Bounds(turns=2)) as door:
-            held = [await Stranger.to(door, HALF + b"Content-Length: 9\r\n\r\n") for _ in range(5)]
+        async with served(app, Bounds(turns=2)) as api:
+            held = [await Stranger.to(api, HALF + b"Content-Length: 9\r\n\r\n") for _ in range(5)]
             taking = b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n"
-            held += [await Stranger.to(door, taking, buffer=4096) for _ in range(5)]
-            assert (await asked(door)).text == "here", "neither a body nor an answer holds a turn"
-            waiting = [asyncio.create_task(asked(door, "/known/wait")) for _ in range(5)]
-            assert (await asked(door)).text == "here", "nor does who has shown a login"
-            waiting += [asyncio.create_task(asked(door, "/wait")) for _ in range(5)]
+            held += [await Stranger.to(api, taking, buffer=4096) for _ in range(5)]
+            assert (await asked(api)).text == "here", "neither a body nor an answer holds a turn"
+            waiting = [asyncio.create_task(asked(api, "/known/wait")) for _ in range(5)]
+            assert (await asked(api)).text == "here", "nor does who has shown a login"
+            waiting += [asyncio.create_task(asked(api, "/wait")) for _ in range(5)]
             async with asyncio.timeout(LONGEST):
-                while not door._server._turns.locked():
+                while not api._server._turns.locked():
                     await asyncio.sleep(0.01)
-            queued = asyncio.create_task(asked(door))
-            assert (await asked(door, "/loops/FIC0/disable", "POST", json={})).text == "here"
+            queued = asyncio.create_task(asked(api))
+            assert (await asked(api, "/loops/FIC0/disable", "POST", json={})).text == "here"
             assert not queued.done()
             app.go_on.set()
             assert [(await one).text for one in (*waiting, queued)] == ["here"] * 11
@@ -360,16 +360,16 @@ def test_log_in_and_disable_while_strangers_hold_connections(window: Window) -> 
     from bench.half_open import running
     from station_child import PASSWORDS
 
-    door = (window.folder / "door").read_text()
+    api = (window.folder / "api-url").read_text()
     eve = {"user": "eve", "password": PASSWORDS["eve"]}
     with contextlib.ExitStack() as stack:
-        for url in (door, window.url):
+        for url in (api, window.url):
             child = stack.enter_context(running("-m", "bench.half_open", "attack", url.rpartition(":")[2], "300"))
             assert child.stdout is not None and child.stdout.readline()  # they are there
         for _ in range(4):
-            token = httpx.post(f"{door}/login", json=eve, timeout=LONGEST, trust_env=False).json()["token"]
+            token = httpx.post(f"{api}/login", json=eve, timeout=LONGEST, trust_env=False).json()["token"]
             bearer = {"Authorization": f"Bearer {token}"}
-            off = httpx.post(f"{door}/loops/FIC0/disable", headers=bearer, json={}, timeout=LONGEST, trust_env=False)
+            off = httpx.post(f"{api}/loops/FIC0/disable", headers=bearer, json={}, timeout=LONGEST, trust_env=False)
             assert off.status_code == 200 and off.json()["enabled"] is False
             form = {"data": eve, "headers": {"Origin": window.url}}
             shown = httpx.post(f"{window.url}/login", **form, timeout=LONGEST, trust_env=False)
@@ -393,11 +393,11 @@ def test_tls_that_is_never_agreed_on_shuts_nobody_out(tmp_path: Path, certificat
     own, key = certificate
 
     async def go() -> None:
-        async with served(App(), QUICK, certificate=own, key=key) as door:
-            held = [await Stranger.to(door, b"\x16\x03\x01" * (k % 2)) for k in range(30)]
+        async with served(App(), QUICK, certificate=own, key=key) as api:
+            held = [await Stranger.to(api, b"\x16\x03\x01" * (k % 2)) for k in range(30)]
             context = ssl.create_default_context(cafile=str(own))
             async with httpx.AsyncClient(trust_env=False, timeout=LONGEST, verify=context) as client:
-                assert (await client.get(door.url)).text == "here"
+                assert (await client.get(api.url)).text == "here"
             for one in held:
                 await one.ended()
 
@@ -414,8 +414,8 @@ def test_nothing_a_request_says_is_its_address() -> None:
                 await send({"type": "http.response.start", "status": 200, "headers": []})
                 await send({"type": "http.response.body"})
 
-        async with served(app, QUICK) as door:
-            await asked(door, headers={"X-Forwarded-For": "10.0.0.7", "Forwarded": "for=10.0.0.7"})
+        async with served(app, QUICK) as api:
+            await asked(api, headers={"X-Forwarded-For": "10.0.0.7", "Forwarded": "for=10.0.0.7"})
         assert addresses == ["127.0.0.1"]
 
     asyncio.run(go())
@@ -426,8 +426,8 @@ def test_no_file_left_is_no_end() -> None:
     """A listener that cannot accept goes on when it can."""
 
     async def go() -> None:
-        async with served(App(), PATIENT) as door:
-            await Stranger.to(door, HALF)
+        async with served(App(), PATIENT) as api:
+            await Stranger.to(api, HALF)
             loop, real, failed = asyncio.get_running_loop(), asyncio.get_running_loop().sock_accept, []
 
             async def failing(listening: socket.socket) -> Any:
@@ -437,7 +437,7 @@ def test_no_file_left_is_no_end() -> None:
                 return await real(listening)
 
             loop.sock_accept = failing  # type: ignore[method-assign]
-            assert (await asked(door)).text == "here"
-            assert (await asked(door)).text == "here" and len(failed) == 3
+            assert (await asked(api)).text == "here"
+            assert (await asked(api)).text == "here" and len(failed) == 3
 
     asyncio.run(go())

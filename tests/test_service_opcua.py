@@ -781,7 +781,7 @@ def test_writing(shared):
             source = watch.source
 
             async def write(u_ff, loop="FIC101"):
-                await source.beat()
+                await source.heartbeat()
                 await source.write(loop, u_ff)
 
             with pytest.raises(WriteRefused) as error:
@@ -816,14 +816,14 @@ def test_writing(shared):
             await write(0.0)  # towards 0 at any rate
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
             await asyncio.sleep(0.2)
-            begun = time.monotonic()  # before the last beat
+            begun = time.monotonic()  # before the last heartbeat
             await write(0.1)
             await watch.until(lambda: plant.u_ff("FIC101") == 0.1)
 
             # we fall silent: the plant ramps it out by itself
             plant._watchdog = _SHORT
             await watch.until(lambda: plant.u_ff("FIC101") < 0.1)
-            await source.beat()  # too late: a ramp that has begun goes on
+            await source.heartbeat()  # too late: a ramp that has begun goes on
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
             times["zero"] = time.monotonic() - begun
             plant._watchdog = _PATIENT
@@ -851,16 +851,16 @@ def test_writing(shared):
             await watch.until(lambda: watch.told("withdrawn", "FIC101"))
             await watch.until(lambda: len(watch.told("connected")) == 2)
             plant._watchdog = _SHORT
-            await watch.until(lambda: plant.u_ff("FIC101") == 0.0)  # nobody beat: the plant has ramped it out
+            await watch.until(lambda: plant.u_ff("FIC101") == 0.0)  # no heartbeat came: the plant has ramped it out
             plant._watchdog = _PATIENT
             await watch.heard("FIC101", 5)
             assert not source.enabled("FIC101")
 
             # what was found may only go to 0
-            await source.beat()
+            await source.heartbeat()
             plant.fault("writer", "FIC101")
             await watch.until(lambda: plant.u_ff("FIC101") >= 1.0)
-            await source.beat()
+            await source.heartbeat()
             for u_ff, why in ((2.5, "not_enabled"), (-0.1, "not_enabled")):
                 with pytest.raises(WriteRefused) as error:
                     await write(u_ff)

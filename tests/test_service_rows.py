@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from glapp.service.rows import ALIVE, CODES, LOST, Rows, Sample
+from glapp.service.rows import ALIVE, CODES, LOST, Resampler, Sample
 from glapp.service.signal import Signal
 
 SP, PV, OP, MODE, LOW, HIGH = (CODES[Signal(name)] for name in ("sp", "pv", "op", "mode", "low", "high"))
@@ -23,8 +23,8 @@ def stream(seconds: int = 60) -> list[Given]:
     return sorted(found, key=lambda value: value[1])
 
 
-def run(given: list[Given], *, batch: int = 1, rows: Rows | None = None, late: float = 0.0) -> list[Sample]:
-    rows = rows or Rows(1.0, wait=3.0)
+def run(given: list[Given], *, batch: int = 1, rows: Resampler | None = None, late: float = 0.0) -> list[Sample]:
+    rows = rows or Resampler(1.0, wait=3.0)
     out: list[Sample] = []
     for at in range(0, len(given), batch):
         for signal, time, value in given[at : at + batch]:
@@ -33,7 +33,7 @@ def run(given: list[Given], *, batch: int = 1, rows: Rows | None = None, late: f
     return out
 
 
-def kinds(rows: Rows) -> list[str]:
+def kinds(rows: Resampler) -> list[str]:
     return [kind for kind, _ in rows.told]
 
 
@@ -53,7 +53,7 @@ def test_the_same_samples_however_they_come(batch: int, seed: int) -> None:
     chance = random.Random(seed)
     moved = sorted(stream(), key=lambda value: value[1] + chance.uniform(0.0, 2.9))
     twice = [value for one in moved for value in [one] * chance.choice([1, 1, 2])]
-    rows = Rows(1.0, wait=3.0)
+    rows = Resampler(1.0, wait=3.0)
     out = run(twice, batch=batch, rows=rows)
     assert out == pytest.approx(straight[: len(out)], nan_ok=True) and len(out) > 50
     assert [tuple(map(repr, a)) for a in out] == [tuple(map(repr, b)) for b in straight[: len(out)]]
@@ -65,14 +65,14 @@ def test_the_same_samples_however_they_come(batch: int, seed: int) -> None:
 )
 def test_what_a_loss_is_followed_by_fills_no_break(told_first: list[Given]) -> None:
     """That all was well until the last value, or that SP was moved in the break: PV was held to have stood still."""
-    rows = Rows(1.0, wait=2.0, lost=15.0)
+    rows = Resampler(1.0, wait=2.0, lost=15.0)
     out = run([(SP, 0.0, 50.0), *((PV, float(k), 49.0 + k % 5) for k in range(20))], rows=rows)
     out += run([(LOST, 27.5, 0.0), *told_first, *((PV, float(k), 49.0) for k in range(28, 40))], rows=rows)
     assert [sample.t for sample in out] == [*map(float, range(20)), *map(float, range(28, 38))]
 
 
 def test_after_a_loss_a_still_pv_is_known_from_its_own_first_value_on() -> None:
-    rows = Rows(1.0, wait=2.0, lost=15.0)
+    rows = Resampler(1.0, wait=2.0, lost=15.0)
     out = run([(SP, 0.0, 50.0), *((PV, float(k), 49.0) for k in range(10))], rows=rows)
     out += run([(LOST, 27.5, 0.0), (PV, 20.0, 49.5), (SP, 24.0, 51.0), (ALIVE, 30.0, 0.0)], rows=rows)
     assert [sample.t for sample in out] == [*map(float, range(10)), *map(float, range(20, 28))]
@@ -80,15 +80,15 @@ def test_after_a_loss_a_still_pv_is_known_from_its_own_first_value_on() -> None:
 
 def test_saved_and_loaded_at_any_moment() -> None:
     straight = run(stream(), batch=1)
-    rows, out = Rows(1.0, wait=3.0), []
+    rows, out = Resampler(1.0, wait=3.0), []
     for value in stream():
         out += run([value], rows=rows)
-        rows = Rows.load(json.loads(json.dumps(rows.save())), 1.0, wait=3.0)
+        rows = Resampler.load(json.loads(json.dumps(rows.save())), 1.0, wait=3.0)
     assert [tuple(map(repr, a)) for a in out] == [tuple(map(repr, b)) for b in straight]
 
 
 def test_what_is_too_late_is_dropped_and_told() -> None:
-    rows = Rows(1.0, wait=3.0)
+    rows = Resampler(1.0, wait=3.0)
     run([(SP, 0.0, 50.0), *((PV, float(k), 1.0) for k in range(20))], rows=rows)
     rows.take(PV, 10.4, 99.0, True, 20.0)
     assert kinds(rows) == ["late"] and "5.6 s late: dropped" in rows.told[0][1]
@@ -97,7 +97,7 @@ def test_what_is_too_late_is_dropped_and_told() -> None:
 
 def test_a_setpoint_that_comes_late_is_in_effect_from_then_on() -> None:
     """It is sent once, when it changes: dropped, it would be wrong until it changes again."""
-    rows = Rows(1.0, wait=3.0)
+    rows = Resampler(1.0, wait=3.0)
     run([(SP, 0.0, 50.0), *((PV, float(k), 1.0) for k in range(20))], rows=rows)
     rows.take(SP, 10.0, 60.0, True, 20.0)
     rows.take(SP, 9.0, 55.0, True, 20.0)
@@ -106,7 +106,7 @@ def test_a_setpoint_that_comes_late_is_in_effect_from_then_on() -> None:
 
 
 def test_two_values_of_one_time() -> None:
-    rows = Rows(1.0, wait=0.0)
+    rows = Resampler(1.0, wait=0.0)
     for value in (1.0, 2.0, 1.0):
         rows.take(PV, 5.0, value, True, 5.0)
     assert kinds(rows) == ["duplicate"] and rows.dropped == 2
@@ -118,7 +118,7 @@ def test_two_values_of_one_time() -> None:
 
 @pytest.mark.parametrize("ahead", [61.0, 1e9, math.inf, math.nan])
 def test_a_time_in_the_future_is_a_bad_value_of_now(ahead: float) -> None:
-    rows = Rows(1.0, wait=0.0)
+    rows = Resampler(1.0, wait=0.0)
     out = run([(SP, 0.0, 50.0), (PV, 0.0, 49.0), (PV, 1.0, 49.0)], rows=rows, batch=2)
     rows.take(PV, 2.0 + ahead, 49.0, True, 2.0)
     out += rows.release()
@@ -128,12 +128,12 @@ def test_a_time_in_the_future_is_a_bad_value_of_now(ahead: float) -> None:
 
 
 def test_a_clock_that_is_a_little_fast_is_believed() -> None:
-    rows = Rows(1.0, wait=0.0)
+    rows = Resampler(1.0, wait=0.0)
     assert len(run([(PV, float(k), 1.0) for k in range(5)], rows=rows, late=-59.0)) == 5 and not rows.told
 
 
 def test_a_clock_set_back_is_a_gap_and_no_value_is_lost() -> None:
-    rows = Rows(1.0, wait=2.0)
+    rows = Resampler(1.0, wait=2.0)
     before = run([(SP, 3600.0, 50.0), *((PV, 3600.0 + k, 1.0) for k in range(10))], rows=rows)
     after = []
     for k in range(20):
@@ -146,7 +146,7 @@ def test_a_clock_set_back_is_a_gap_and_no_value_is_lost() -> None:
 
 
 def test_a_heap_of_late_values_is_no_clock_set_back() -> None:
-    rows = Rows(1.0, wait=2.0)
+    rows = Resampler(1.0, wait=2.0)
     run([(PV, 3600.0 + k, 1.0) for k in range(10)], rows=rows)
     for k in range(50):
         rows.take(PV, 3000.0 + k, 2.0, True, 3610.0 + k * 0.001)
@@ -155,7 +155,7 @@ def test_a_heap_of_late_values_is_no_clock_set_back() -> None:
 
 
 def test_a_still_pv_is_sampled_as_long_as_the_connection_lives_and_a_lost_one_is_not() -> None:
-    rows = Rows(1.0, wait=1.0)
+    rows = Resampler(1.0, wait=1.0)
     out = run([(SP, 0.0, 50.0), (PV, 0.0, 49.0)], rows=rows)
     for k in range(1, 11):
         rows.take(ALIVE, k + 0.3, 0.0, True, k + 0.3)
@@ -169,7 +169,7 @@ def test_a_still_pv_is_sampled_as_long_as_the_connection_lives_and_a_lost_one_is
 
 
 def test_between_a_loss_and_the_next_value_there_is_no_sample() -> None:
-    rows = Rows(1.0, wait=0.0)
+    rows = Resampler(1.0, wait=0.0)
     out = run([(PV, float(k), 49.0) for k in range(5)], rows=rows)
     rows.take(LOST, 4.5, 0.0, True, 4.5)
     out += run([(PV, 12.0, 49.0), (PV, 15.0, 49.0)], rows=rows)
@@ -178,7 +178,7 @@ def test_between_a_loss_and_the_next_value_there_is_no_sample() -> None:
 
 def test_signs_of_life_change_no_sample_where_values_come() -> None:
     straight = run(stream())
-    rows, out = Rows(1.0, wait=3.0), []
+    rows, out = Resampler(1.0, wait=3.0), []
     for value in stream():
         out += run([value], rows=rows)
         rows.take(ALIVE, value[1] + 0.2, 0.0, True, value[1] + 0.2)
@@ -186,7 +186,7 @@ def test_signs_of_life_change_no_sample_where_values_come() -> None:
 
 
 def test_bad_values_and_flags() -> None:
-    rows = Rows(1.0, wait=0.0)
+    rows = Resampler(1.0, wait=0.0)
     rows.take(SP, 0.0, 50.0, True, 0.0)
     given = [(LOW, 1.0), (HIGH, 1.0), (MODE, 0.0), (MODE, math.nan), (LOW, 0.0), (HIGH, 0.0), (MODE, 1.0)]
     flags = []

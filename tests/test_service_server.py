@@ -18,12 +18,12 @@ from service import BEGIN, Clock, fed, loops, values
 from glapp import Loop
 from glapp.errors import InputError
 from glapp.fit import Fit, Verdict
-from glapp.service.memory import Memory
+from glapp.service.monitor import Bounds, Health, Monitor
 from glapp.service.plant import free_port
 from glapp.service.security import Security
-from glapp.service.server import DI, NAMESPACE, NODES, AnswerServer, said_of
+from glapp.service.server import DI, NAMESPACE, NODES, AnswerServer, node_values
 from glapp.service.signal import Event, Signal, Value
-from glapp.service.watch import Bounds, Health, Watch
+from glapp.service.store import Store
 
 PASSWORD = "long enough"
 
@@ -35,19 +35,21 @@ def answer(verdict: Verdict = "backlash", **changes: Any) -> dict[str, Any]:
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> Iterator[Watch]:
+def monitor(tmp_path: Path) -> Iterator[Monitor]:
     """Two loops, of which the first was heard of, and may be compensated."""
     clock = Clock()
-    watch = Watch(loops(2), Memory(tmp_path, clock()), bounds=Bounds(), compensable={"FIC0": (1.0, 0.5)}, clock=clock)
-    fed(watch, clock, values("FIC0", 200), pace=20.0)
-    yield watch
-    watch.memory.close()
+    monitor = Monitor(
+        loops(2), Store(tmp_path, clock()), bounds=Bounds(), compensable={"FIC0": (1.0, 0.5)}, clock=clock
+    )
+    fed(monitor, clock, values("FIC0", 200), pace=20.0)
+    yield monitor
+    monitor.store.close()
 
 
 @asynccontextmanager
-async def served(watch: Watch, **settings: Any) -> AsyncIterator[tuple[AnswerServer, Client, Callable[[str], Any]]]:
+async def served(monitor: Monitor, **settings: Any) -> AsyncIterator[tuple[AnswerServer, Client, Callable[[str], Any]]]:
     """Server and client, and a loop's nodes by their names."""
-    async with AnswerServer(watch.status, 0, **settings) as server, Client(server.url) as client:
+    async with AnswerServer(monitor.status, 0, **settings) as server, Client(server.url) as client:
         index = await client.get_namespace_index(NAMESPACE)
         yield server, client, lambda name: client.get_node(ua.NodeId(name, index))
 
@@ -57,13 +59,13 @@ async def read(node: Any) -> ua.DataValue:
 
 
 @pytest.mark.slow
-def test_what_it_says(watch: Watch) -> None:
+def test_what_it_says(monitor: Monitor) -> None:
     async def go() -> None:
-        await watch._answered("FIC0", "olaf", answer())
-        async with served(watch) as (_, client, node):
+        await monitor._answered("FIC0", "olaf", answer())
+        async with served(monitor) as (_, client, node):
             said = {name: await read(node(f"FIC0.{name}")) for name in NODES}
             plain = {name: one.Value.Value for name, one in said.items() if one.StatusCode.is_good()}
-            shown = watch.status()["loops"]["FIC0"]
+            shown = monitor.status()["loops"]["FIC0"]
             assert {name: plain[name] for name in ("Verdict", "Confidence", "Width", "Low", "NextStep", "Urgency")} == {
                 "Verdict": "backlash",
                 "Confidence": "found",
@@ -77,7 +79,7 @@ def test_what_it_says(watch: Watch) -> None:
             assert plain["Standing"] == "not_enabled" and plain["UFf"] == 0.0
             assert plain["LastSeen"].timestamp() == shown["seen"] == BEGIN + 199
             assert plain["DeviceHealth"] == Health.MAINTENANCE_REQUIRED == 4
-            assert {said[name].SourceTimestamp.timestamp() for name in ("Verdict", "Low", "High")} == {watch._clock()}
+            assert {said[name].SourceTimestamp.timestamp() for name in ("Verdict", "Low", "High")} == {monitor._clock()}
             assert said["LastSeen"].SourceTimestamp.timestamp() == BEGIN + 199
 
             for name, info in NODES.items():
@@ -113,7 +115,7 @@ def test_what_it_says(watch: Watch) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_can_be_written(watch: Watch) -> None:
+def test_nothing_can_be_written(monitor: Monitor) -> None:
     async def refused(asked: Awaitable[Any]) -> bool:
         try:
             await asked
@@ -122,7 +124,7 @@ def test_nothing_can_be_written(watch: Watch) -> None:
         return False
 
     async def go() -> None:
-        async with served(watch) as (server, client, node):
+        async with served(monitor) as (server, client, node):
             for loop in ("FIC0", "FIC1"):
                 for name, info in NODES.items():
                     one, new = node(f"{loop}.{name}"), ua.Variant(ua.get_default_value(info.kind), info.kind)
@@ -162,9 +164,9 @@ class Changes:
 
 
 @pytest.mark.slow
-def test_a_change_arrives_and_what_stays_is_not_told_again(watch: Watch) -> None:
+def test_a_change_arrives_and_what_stays_is_not_told_again(monitor: Monitor) -> None:
     async def go() -> None:
-        async with served(watch, step=0.02) as (server, client, node):
+        async with served(monitor, step=0.02) as (server, client, node):
             running = asyncio.create_task(server.run())
             changes = Changes()
             subscription = await client.create_subscription(20, changes)
@@ -173,7 +175,7 @@ def test_a_change_arrives_and_what_stays_is_not_told_again(watch: Watch) -> None
             await changes.until(lambda: len(changes.seen) == 4)
             before = (await read(node("FIC0.Detections"))).SourceTimestamp
             changes.seen.clear()
-            await watch._answered("FIC0", "olaf", answer(d=2.5))
+            await monitor._answered("FIC0", "olaf", answer(d=2.5))
             await changes.until(lambda: len(changes.seen) >= 3)
             await asyncio.sleep(0.3)
             told = {("FIC0.Verdict", "backlash"), ("FIC0.Width", 2.5), ("FIC0.DeviceHealth", 4)}
@@ -186,9 +188,9 @@ def test_a_change_arrives_and_what_stays_is_not_told_again(watch: Watch) -> None
 
 
 @pytest.mark.slow
-def test_a_loop_that_is_lost(watch: Watch) -> None:
+def test_a_loop_that_is_lost(monitor: Monitor) -> None:
     async def go() -> None:
-        async with served(watch) as (server, _, node):
+        async with served(monitor) as (server, _, node):
 
             async def now() -> tuple[int, str, str]:
                 await server.publish()
@@ -197,7 +199,7 @@ def test_a_loop_that_is_lost(watch: Watch) -> None:
                 return health, *others
 
             def pv(second: int, good: bool = True) -> None:
-                watch.take([Value("FIC0", Signal.PV, BEGIN + second, 50.0, good, "" if good else "BadSensorFailure")])
+                monitor.take([Value("FIC0", Signal.PV, BEGIN + second, 50.0, good, "" if good else "BadSensorFailure")])
 
             sound = (Health.NORMAL, "Good", "Good")
             assert await now() == sound
@@ -205,11 +207,11 @@ def test_a_loop_that_is_lost(watch: Watch) -> None:
             assert await now() == (Health.CHECK_FUNCTION, "Good", "Good")
             pv(301)
             assert await now() == sound
-            watch.tell(Event(BEGIN + 310, None, "lost", "nobody answers"))
+            monitor.tell(Event(BEGIN + 310, None, "lost", "nobody answers"))
             assert await now() == (Health.CHECK_FUNCTION, "BadNoCommunication", "Good")
-            watch.tell(Event(BEGIN + 320, None, "connected", "connected"))
+            monitor.tell(Event(BEGIN + 320, None, "connected", "connected"))
             assert await now() == sound, "what has not changed meanwhile is not told again"
-            watch.tell(Event(BEGIN + 330, "FIC1", "lost", "that one alone"))
+            monitor.tell(Event(BEGIN + 330, "FIC1", "lost", "that one alone"))
             assert await now() == sound
 
     asyncio.run(go())
@@ -227,7 +229,7 @@ def test_a_loop_that_is_lost(watch: Watch) -> None:
     ],
 )
 def test_health_is_that_of_the_answer(
-    watch: Watch,
+    monitor: Monitor,
     verdict: Verdict,
     low: float,
     high: float | None,
@@ -238,20 +240,20 @@ def test_health_is_that_of_the_answer(
     """It took OP's span as 0 to 100 whatever its unit was: 0.2 to 0.4 mA of 16 is more than 0.5 % of span."""
     loop = Loop(name="FIC0", op_span=span, op_unit="mA", acceptable_dead_band=limit)
     said = Fit(verdict, "seen", "mA", 0.3, low, high)
-    asyncio.run(watch._answered("FIC0", "olaf", service.answered(said, loop)))
-    assert watch.status()["loops"]["FIC0"]["health"] == health.name
-    assert said_of(watch.status()["loops"]["FIC0"])["DeviceHealth"].value == health
+    asyncio.run(monitor._answered("FIC0", "olaf", service.answered(said, loop)))
+    assert monitor.status()["loops"]["FIC0"]["health"] == health.name
+    assert node_values(monitor.status()["loops"]["FIC0"])["DeviceHealth"].value == health
 
 
 def test_an_answer_is_the_same_after_a_restart(tmp_path: Path) -> None:
-    first = Watch(loops(2), Memory(tmp_path), clock=Clock())
+    first = Monitor(loops(2), Store(tmp_path), clock=Clock())
     asyncio.run(first._answered("FIC0", "olaf", answer()))
     before = first.status()["loops"]["FIC0"]["answer"]
-    first.memory.close()
-    again = Watch(loops(2), Memory(tmp_path), clock=Clock())
+    first.store.close()
+    again = Monitor(loops(2), Store(tmp_path), clock=Clock())
     assert again.status()["loops"]["FIC0"]["answer"] == before and before["urgency"] == "medium"
     assert again.status()["loops"]["FIC0"]["health"] == "CHECK_FUNCTION", "it was not heard of yet"
-    again.memory.close()
+    again.store.close()
 
 
 @pytest.fixture(scope="module")
@@ -267,7 +269,7 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_encrypted_and_with_a_password(watch: Watch, certificates: Path) -> None:
+def test_encrypted_and_with_a_password(monitor: Monitor, certificates: Path) -> None:
     shown = Security(certificates / "ours.der", certificates / "ours.pem", {"dcs": PASSWORD})
 
     async def attempt(url: str, user: str | None = "dcs", password: str | None = PASSWORD, sealed: bool = True) -> int:
@@ -285,7 +287,7 @@ def test_encrypted_and_with_a_password(watch: Watch, certificates: Path) -> None
             return int(await client.get_node(ua.NodeId("FIC0.Detections", index)).read_value())
 
     async def go() -> None:
-        async with AnswerServer(watch.status, 0, security=shown) as server:
+        async with AnswerServer(monitor.status, 0, security=shown) as server:
             assert await attempt(server.url) == 4
             for wrong in (
                 {"password": "long enougH"},
@@ -308,11 +310,11 @@ def test_encrypted_and_with_a_password(watch: Watch, certificates: Path) -> None
 
 
 @pytest.mark.slow
-def test_what_cannot_be_served_is_refused(watch: Watch, certificates: Path) -> None:
+def test_what_cannot_be_served_is_refused(monitor: Monitor, certificates: Path) -> None:
     own, key = certificates / "ours.der", certificates / "ours.pem"
 
     async def begin(port: int = 0, host: str = "127.0.0.1", **security: Any) -> None:
-        async with AnswerServer(watch.status, port, host, Security(**security)):
+        async with AnswerServer(monitor.status, port, host, Security(**security)):
             pass
 
     for said, settings in (

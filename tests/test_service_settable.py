@@ -21,12 +21,12 @@ from glapp import Loop, _glapp
 from glapp.errors import InputError
 from glapp.loop import Tags
 from glapp.modules import BacklashDetection, Graph
+from glapp.service.api import app_of
 from glapp.service.compensation import Compensator, detection_beside
-from glapp.service.door import app_of
-from glapp.service.memory import backup, restore
+from glapp.service.monitor import Monitor
 from glapp.service.settable import DETECTOR, SETTINGS, Bound, bounds_of
+from glapp.service.store import backup, restore
 from glapp.service.users import Users
-from glapp.service.watch import Watch
 from glapp.station.parameters import PARAMETERS
 
 MOST = (5.0, 2.0)
@@ -40,19 +40,19 @@ NAMES = (*DETECTOR, *SETTINGS)
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> Iterator[Watch]:
+def monitor(tmp_path: Path) -> Iterator[Monitor]:
     clock = Clock()
-    one = service.watch(tmp_path, loops(2), clock, compensable={"FIC0": MOST})
+    one = service.monitor(tmp_path, loops(2), clock, compensable={"FIC0": MOST})
     fed(one, clock, values("FIC0", 100), pace=20.0)
     yield one
-    one.memory.close()
+    one.store.close()
 
 
 @pytest.fixture
-def client(watch: Watch) -> TestClient:
-    users = Users(watch.memory, CHEAP)
+def client(monitor: Monitor) -> TestClient:
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", "engineer-password", BEGIN)
-    client = TestClient(app_of(watch, users), base_url="http://127.0.0.1")
+    client = TestClient(app_of(monitor, users), base_url="http://127.0.0.1")
     token = client.post("/login", json={"user": "eve", "password": "engineer-password"}).json()["token"]
     client.headers["Authorization"] = f"Bearer {token}"
     assert client.post("/loops/FIC0/parameters", json={"values": GIVEN}).status_code == 200
@@ -73,7 +73,7 @@ def tried(bound: Bound) -> list[float]:
     return [0.0, -1.0, bound.low, bound.high, *beyond(bound), 1e9, -1e9, 1e300]
 
 
-def test_what_is_listed_is_all_there_is(client: TestClient, watch: Watch) -> None:
+def test_what_is_listed_is_all_there_is(client: TestClient, monitor: Monitor) -> None:
     """What a new parameter has to be put into: the listing, the window, and by that the tests below."""
     shown = client.get("/loops/FIC0/parameters").json()
     listed = client.get("/loops/FIC0/bounds").json()
@@ -88,7 +88,7 @@ def test_what_is_listed_is_all_there_is(client: TestClient, watch: Watch) -> Non
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.slow
 def test_each_parameter_is_allowed_within_its_bounds_and_refused_beyond(
-    client: TestClient, watch: Watch, name: str
+    client: TestClient, monitor: Monitor, name: str
 ) -> None:
     path = "/loops/FIC0/parameters"
     if name in BESIDE:
@@ -109,7 +109,7 @@ def test_each_parameter_is_allowed_within_its_bounds_and_refused_beyond(
             said = reply.json()["detail"]
             assert said.startswith(f"loop FIC0, {name}: ") and f"{value:.15g}" in said, said
             assert bound.words in said or "odd" in said, said
-            assert watch.reader.commands()[0]["refused"] == said, "it is put down"
+            assert monitor.reader.commands()[0]["refused"] == said, "it is put down"
     assert allowed >= 1 and refused >= 4
     for word in ("NaN", "Infinity", "-Infinity", "1e999", '"x"', "[]"):
         text = f'{{"values": {{"{name}": {word}}}}}'
@@ -154,15 +154,15 @@ def test_bounds_that_go_by_others_move_with_them(client: TestClient) -> None:
 
 def test_what_an_older_version_saved_is_not_used_and_that_is_told(tmp_path: Path) -> None:
     clock = Clock()
-    one = service.watch(tmp_path, loops(), clock, compensable={"FIC0": MOST})
+    one = service.monitor(tmp_path, loops(), clock, compensable={"FIC0": MOST})
     old = GIVEN | {"comp_release": 1e9, "comp_limit": 1e9, "comp_rate": 1e6, "ti": 1e12, "comp_band": 0.25}
-    one.memory.command(BEGIN, "eve", "engineer", "change", "FIC0", {}, old, settings=old)
+    one.store.command(BEGIN, "eve", "engineer", "change", "FIC0", {}, old, settings=old)
     backup(tmp_path, tmp_path / "old.db")
-    one.memory.close()
+    one.store.close()
     for step in ("start", "restored"):
         if step == "restored":
             restore(tmp_path, tmp_path / "old.db", clock())
-        again = service.watch(tmp_path, loops(), clock, compensable={"FIC0": MOST})
+        again = service.monitor(tmp_path, loops(), clock, compensable={"FIC0": MOST})
         asyncio.run(again.step())
         now = again.settings("FIC0")
         assert (now["comp_release"], now["comp_limit"], now["comp_rate"], now["ti"]) == (5.0, 10.0, 1.2, 5.0), step
@@ -174,10 +174,10 @@ def test_what_an_older_version_saved_is_not_used_and_that_is_told(tmp_path: Path
         assert row["person"] == "glapp" and row["before"]["comp_release"] == 1e9
         # And other parameters may be set.
         asyncio.run(again.change("FIC0", {"comp_share": 0.5}, "eve", "engineer"))
-        again.memory.close()
-        once_more = service.watch(tmp_path, loops(), clock, compensable={"FIC0": MOST})
+        again.store.close()
+        once_more = service.monitor(tmp_path, loops(), clock, compensable={"FIC0": MOST})
         assert once_more.settings("FIC0")["comp_share"] == 0.5
-        once_more.memory.close()
+        once_more.store.close()
 
 
 def test_the_blocks_own_ways_in_refuse_the_same() -> None:

@@ -33,18 +33,18 @@ from glapp.fit import Fit
 from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
-from glapp.service.compensation import TOLD, detection_beside
-from glapp.service.door import app_of as service_app
-from glapp.service.memory import Memory
+from glapp.service.api import app_of as service_app
+from glapp.service.compensation import TEXT_OF_STATE, detection_beside
+from glapp.service.monitor import Monitor
 from glapp.service.plant import SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
 from glapp.service.settable import SHARE
 from glapp.service.signal import Signal
+from glapp.service.store import Store
 from glapp.service.users import LOGIN_LASTS
-from glapp.service.watch import Watch
 from glapp.station import charts, step_test
 from glapp.station.app import app_of
-from glapp.station.client import Door, Gone, Refused, loop_path
+from glapp.station.client import ApiClient, Gone, Refused, loop_path
 from glapp.station.compensate import calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import changed, field
@@ -56,28 +56,28 @@ CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json"
 
 
 @pytest.fixture(scope="module")
-def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Watch, FastAPI]]:
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Monitor, FastAPI]]:
     """A service; nothing is stepped any more."""
-    watch, users = made(tmp_path_factory.mktemp("plant"))
-    watch.users = users
-    yield watch, service_app(watch, users)
-    watch.memory.close()
+    monitor, users = made(tmp_path_factory.mktemp("plant"))
+    monitor.users = users
+    yield monitor, service_app(monitor, users)
+    monitor.store.close()
 
 
 @pytest.fixture
-def view(plant: tuple[Watch, FastAPI]) -> View:
-    watch, _ = plant
-    watch.memory.show(time.time(), json.dumps(watch.status()))
-    found = View(watch.memory.folder)
+def view(plant: tuple[Monitor, FastAPI]) -> View:
+    monitor, _ = plant
+    monitor.store.show(time.time(), json.dumps(monitor.status()))
+    found = View(monitor.store.folder)
     found.refresh()
     return found
 
 
-def door_to(app: FastAPI, folder: Path) -> Door:
+def client_of(app: FastAPI, folder: Path) -> ApiClient:
     """The station's way to a service that is in this process."""
-    door = Door(folder, "http://127.0.0.1")
-    door._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=app))
-    return door
+    api = ApiClient(folder, "http://127.0.0.1")
+    api._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=app))
+    return api
 
 
 # What is shown
@@ -93,10 +93,10 @@ def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
     assert "no value comes" in rows[1].todo
 
 
-def test_what_persons_have_set_counts(plant: tuple[Watch, FastAPI], view: View) -> None:
-    watch, _ = plant
-    asyncio.run(watch.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
-    watch.memory.show(time.time(), json.dumps(watch.status()))
+def test_what_persons_have_set_counts(plant: tuple[Monitor, FastAPI], view: View) -> None:
+    monitor, _ = plant
+    asyncio.run(monitor.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
+    monitor.store.show(time.time(), json.dumps(monitor.status()))
     view.refresh()
     assert view.loops["FIC2"].acceptable_dead_band == 1.5 and view.loops["FIC1"].acceptable_dead_band is None
 
@@ -166,23 +166,23 @@ def test_no_database_is_told_and_taken_up_when_it_comes(tmp_path: Path) -> None:
     view = View(tmp_path)
     view.refresh()
     assert view.why is not None and "holds no glapp.db" in view.why and view.rows() == []
-    memory = Memory(tmp_path)
-    memory.know(loops(1))
+    store = Store(tmp_path)
+    store.know(loops(1))
     view.refresh()
     assert "has not written anything yet" in (view.why or "")
     status = {"now": 1.0, "loops": {}}
-    memory.show(1.0, json.dumps(status))
+    store.show(1.0, json.dumps(status))
     view.refresh()
     assert view.why is None
-    memory.close()
+    store.close()
 
 
 def test_a_database_that_was_put_in_its_place_is_read(tmp_path: Path) -> None:
     """What the service sets aside is not what is shown."""
-    old, new = Memory(tmp_path / "old"), Memory(tmp_path / "new")
-    for memory, moment in ((old, 1.0), (new, 2.0)):
-        memory.show(moment, json.dumps({"now": moment, "loops": {}}))
-        memory.close()
+    old, new = Store(tmp_path / "old"), Store(tmp_path / "new")
+    for store, moment in ((old, 1.0), (new, 2.0)):
+        store.show(moment, json.dumps({"now": moment, "loops": {}}))
+        store.close()
     view = View(tmp_path / "old")
     view.refresh()
     assert view.at == 1.0
@@ -244,11 +244,11 @@ def test_an_export_holds_no_formula(view: View) -> None:
     assert as_csv(view.rows()).count("\r\n") == 4
 
 
-def test_events_and_commands_are_one_list(plant: tuple[Watch, FastAPI], view: View) -> None:
-    watch, _ = plant
-    asyncio.run(watch.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
-    asyncio.run(watch.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
-    found = all_events(Station(view, Door(view.folder)), 100)
+def test_events_and_commands_are_one_list(plant: tuple[Monitor, FastAPI], view: View) -> None:
+    monitor, _ = plant
+    asyncio.run(monitor.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
+    asyncio.run(monitor.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
+    found = all_events(Station(view, ApiClient(view.folder)), 100)
     assert [one["at"] for one in found] == sorted((one["at"] for one in found), reverse=True)
     texts = {(one["kind"], one["who"], one["text"]) for one in found}
     assert ("change", "eve (engineer)", "kp 2 → 3") in texts
@@ -306,8 +306,8 @@ def test_only_what_is_changed_is_asked_for() -> None:
     }
 
 
-def test_every_standing_has_its_sentence() -> None:
-    assert set(TOLD) == set(CATALOGUE["standings"])
+def test_every_compensation_state_has_its_sentence() -> None:
+    assert set(TEXT_OF_STATE) == set(CATALOGUE["standings"])
 
 
 SETTINGS: dict[str, Any] = {
@@ -425,7 +425,7 @@ def test_a_step_test_is_read_as_it_goes_on() -> None:
         at.append(step_test.place(step_test.read(part, loops()[0]), True))
     assert at == [1, 2, 3, 4] and step_test.place(None, False) == 0
     found = step_test.read(values, loops()[0])
-    assert found is not None and "The gap is 1.98" in " ".join(step_test.told(found, "%"))
+    assert found is not None and "The gap is 1.98" in " ".join(step_test.lines_of(found, "%"))
     drawn = charts.step_test(found, dark=False)
     assert drawn is not None and drawn["xAxis"][1]["type"] == "time"
     assert drawn["series"][0]["data"][0][0] == 1000.0 * values["time"][0] and len(drawn["series"][1]["data"]) == n
@@ -488,48 +488,48 @@ def test_the_level_of_the_demonstration_is_calmer_by_its_medians() -> None:
     assert 1.0 < without.std() / with_it.std() < 2.0 < np.median(abs(without)) / np.median(abs(with_it)) < 4.0
 
 
-# The service's door
+# The service's API
 
 
-def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Watch, FastAPI]) -> None:
-    watch, app = plant
+def test_commands_go_by_the_api_in_the_persons_name(plant: tuple[Monitor, FastAPI]) -> None:
+    monitor, app = plant
     path = loop_path("FIC0", "parameters")
 
     async def go() -> None:
-        door = door_to(app, watch.memory.folder)
+        api = client_of(app, monitor.store.folder)
         eve, vera = [
-            (await door.asked("POST", "/login", None, {"user": name, "password": PASSWORDS[name]}))["token"]
+            (await api.asked("POST", "/login", None, {"user": name, "password": PASSWORDS[name]}))["token"]
             for name in ("eve", "vera")
         ]
-        seen = await door.asked("GET", path, vera)
+        seen = await api.asked("GET", path, vera)
         fields = {name: field(value) for name, value in seen.items()}
         with pytest.raises(Refused, match="needs the role engineer"):
-            await door.command(path, vera, changed(seen, fields | {"kp": 3.0}))
-        assert (await door.command(path, eve, changed(seen, fields | {"kp": 3.0})))["kp"] == 3.0
+            await api.command(path, vera, changed(seen, fields | {"kp": 3.0}))
+        assert (await api.command(path, eve, changed(seen, fields | {"kp": 3.0})))["kp"] == 3.0
         with pytest.raises(Refused, match="somebody else has changed it"):
-            await door.command(path, eve, changed(seen, fields | {"kp": 4.0}))
+            await api.command(path, eve, changed(seen, fields | {"kp": 4.0}))
         with pytest.raises(Refused, match="must be odd"):
-            await door.command(path, eve, {"values": {"n": 4}})
-        assert (await door.live("FIC0", vera))["pv"]["good"]
-        await door.asked("POST", "/logout", eve)
+            await api.command(path, eve, {"values": {"n": 4}})
+        assert (await api.live("FIC0", vera))["pv"]["good"]
+        await api.asked("POST", "/logout", eve)
         with pytest.raises(Refused) as refused:
-            await door.asked("GET", "/status", eve)
+            await api.asked("GET", "/status", eve)
         assert refused.value.status == 401
-        await door.close()
+        await api.close()
 
     asyncio.run(go())
-    assert watch.reader.commands("FIC0")[0]["person"] in ("eve", "vera")
+    assert monitor.reader.commands("FIC0")[0]["person"] in ("eve", "vera")
 
 
 def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
     async def go() -> None:
-        door = Door(tmp_path)
-        with pytest.raises(Gone, match="door is not there"):
-            await door.asked("GET", "/status", "x")
-        (tmp_path / "door").write_text("http://127.0.0.1:9")
+        api = ApiClient(tmp_path)
+        with pytest.raises(Gone, match="api-url is not there"):
+            await api.asked("GET", "/status", "x")
+        (tmp_path / "api-url").write_text("http://127.0.0.1:9")
         with pytest.raises(Gone, match="does not answer"):
-            await door.asked("GET", "/status", "x")
-        await door.close()
+            await api.asked("GET", "/status", "x")
+        await api.close()
 
     asyncio.run(go())
 
@@ -660,9 +660,9 @@ def test_no_request_is_longer_than_it_need_be(guarded: tuple[TestClient, Session
 
 
 @pytest.fixture(scope="module")
-def window(plant: tuple[Watch, FastAPI]) -> tuple[Station, FastAPI]:
-    watch, app = plant
-    station = Station(View(watch.memory.folder), door_to(app, watch.memory.folder))
+def window(plant: tuple[Monitor, FastAPI]) -> tuple[Station, FastAPI]:
+    monitor, app = plant
+    station = Station(View(monitor.store.folder), client_of(app, monitor.store.folder))
     return station, app_of(station, ("127.0.0.1",), secure=True)
 
 
@@ -688,7 +688,7 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
 
 @pytest.mark.slow
 def test_whoever_is_removed_reads_nothing_any_more(
-    window: tuple[Station, FastAPI], plant: tuple[Watch, FastAPI]
+    window: tuple[Station, FastAPI], plant: tuple[Monitor, FastAPI]
 ) -> None:
     """For up to twelve hours such a session read everything."""
     _, app = window
@@ -762,7 +762,7 @@ def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certi
             assert client.get(f"{url}/login").status_code == 200
             assert client.post(f"{url}/login", headers={"Origin": url.replace("https", "http")}).status_code == 403
             told = client.post(f"{url}/login", headers={"Origin": url}, data={"user": "eve", "password": "x"})
-            assert told.status_code == 401 and "The service has not told where its door is" in told.text
+            assert told.status_code == 401 and "The service has not told where its API is" in told.text
             with pytest.raises(httpx.HTTPError):
                 client.get(f"{url.replace('https', 'http')}/login")
         with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
@@ -773,10 +773,10 @@ def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certi
 
 
 def test_a_demo_takes_no_folder_of_a_service_that_runs(tmp_path: Path) -> None:
-    memory = Memory(tmp_path)
+    store = Store(tmp_path)
     result = CliRunner().invoke(cli, ["station", "--demo", "--data", str(tmp_path)])
     assert isinstance(result.exception, InputError) and "a folder of its own" in str(result.exception)
-    memory.close()
+    store.close()
 
 
 def test_help_teaches() -> None:

@@ -18,11 +18,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from station_child import PASSWORDS, made
 
-from glapp.service.door import app_of as service_app
+from glapp.service.api import app_of as service_app
+from glapp.service.monitor import Monitor
 from glapp.service.users import TRIES_OF_ADDRESS
-from glapp.service.watch import Watch
 from glapp.station.api import api_of
-from glapp.station.client import Door
+from glapp.station.client import ApiClient
 from glapp.station.pages import Station
 from glapp.station.sessions import COOKIE, Guard
 from glapp.station.view import View
@@ -31,23 +31,23 @@ HERE = "http://127.0.0.1"
 
 
 @pytest.fixture(scope="module")
-def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Watch, Station, Any]]:
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Monitor, Station, Any]]:
     """A service, the window's interface on it, and the guard before that."""
-    watch, users = made(tmp_path_factory.mktemp("plant"))
-    watch.users = users
-    watch.memory.show(time.time(), json.dumps(watch.status()))
-    door = Door(watch.memory.folder, HERE)
-    door._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=service_app(watch, users)))
-    station = Station(View(watch.memory.folder), door)
+    monitor, users = made(tmp_path_factory.mktemp("plant"))
+    monitor.users = users
+    monitor.store.show(time.time(), json.dumps(monitor.status()))
+    api = ApiClient(monitor.store.folder, HERE)
+    api._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=service_app(monitor, users)))
+    station = Station(View(monitor.store.folder), api)
     station._look()
     app = FastAPI()
     app.mount("/api", api_of(station))
-    yield watch, station, Guard(app, station.sessions, ("127.0.0.1",), secure=False)
-    watch.memory.close()
+    yield monitor, station, Guard(app, station.sessions, ("127.0.0.1",), secure=False)
+    monitor.store.close()
 
 
 @pytest.fixture
-def client(plant: tuple[Watch, Station, Any]) -> TestClient:
+def client(plant: tuple[Monitor, Station, Any]) -> TestClient:
     return TestClient(plant[2], base_url=HERE)
 
 
@@ -60,8 +60,8 @@ def token(client: TestClient, name: str = "vera") -> dict[str, str]:
 READS = ("/overview", "/loops/FIC0", "/loops/FIC0/detections", "/events")
 
 
-def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Watch, Station, Any]) -> None:
-    watch, station, _ = plant
+def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Monitor, Station, Any]) -> None:
+    monitor, station, _ = plant
     vera = token(client)
     told = client.get("/api/overview", headers=vera).json()
     assert [row["loop"] for row in told["loops"]] == [row.loop for row in station.listed.rows]
@@ -71,7 +71,7 @@ def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Wa
     one = client.get("/api/loops/FIC0", headers=vera).json()
     assert one["row"] == told["loops"][0] and one["answer"]["width"] == 2.4
     found = client.get("/api/loops/FIC0/detections", headers=vera).json()
-    rows = watch.reader.half_periods("FIC0")
+    rows = monitor.reader.half_periods("FIC0")
     assert len(rows) > 3 and found["time"] == pytest.approx([row["t_end"] for row in rows], abs=1e-3)
     assert found["width"] == pytest.approx([row["d"] for row in rows], rel=1e-5)
     assert found["compensated"] == [row["compensated"] for row in rows] and sum(found["compensated"]) == 2
@@ -81,7 +81,7 @@ def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Wa
     assert any("<b>so</b> late" in row["text"] for row in client.get("/api/events", headers=vera).json())
 
 
-def test_only_what_has_changed_is_told_again(client: TestClient, plant: tuple[Watch, Station, Any]) -> None:
+def test_only_what_has_changed_is_told_again(client: TestClient, plant: tuple[Monitor, Station, Any]) -> None:
     _, station, _ = plant
     vera = token(client)
     before, rows = station.listed, list(station.listed.rows)
@@ -121,7 +121,7 @@ def test_a_method_that_is_not_described_is_not_answered(client: TestClient) -> N
     assert undeclared(client, "/api/openapi.json", token(client)) == []
 
 
-def test_a_page_elsewhere_gets_nothing(client: TestClient, plant: tuple[Watch, Station, Any]) -> None:
+def test_a_page_elsewhere_gets_nothing(client: TestClient, plant: tuple[Monitor, Station, Any]) -> None:
     _, station, _ = plant
     evil = {"Origin": "http://evil.example"}
     body = {"user": "eve", "password": PASSWORDS["eve"]}
@@ -133,7 +133,7 @@ def test_a_page_elsewhere_gets_nothing(client: TestClient, plant: tuple[Watch, S
     assert "access-control-allow-origin" not in client.get("/api/overview").headers
 
 
-def test_logins_count_by_the_address_they_come_from(plant: tuple[Watch, Station, Any]) -> None:
+def test_logins_count_by_the_address_they_come_from(plant: tuple[Monitor, Station, Any]) -> None:
     """The service counts them: of persons and of programs, and by the address that the station saw."""
     away = TestClient(plant[2], base_url=HERE, client=("10.0.0.7", 1))
     for i in range(TRIES_OF_ADDRESS):
@@ -151,7 +151,9 @@ def test_logins_count_by_the_address_they_come_from(plant: tuple[Watch, Station,
     )
 
 
-def test_a_token_reads_nothing_when_its_user_is_removed(client: TestClient, plant: tuple[Watch, Station, Any]) -> None:
+def test_a_token_reads_nothing_when_its_user_is_removed(
+    client: TestClient, plant: tuple[Monitor, Station, Any]
+) -> None:
     """It was believed for ten seconds."""
     users = plant[0].users
     for change in (
@@ -168,12 +170,12 @@ def test_a_token_reads_nothing_when_its_user_is_removed(client: TestClient, plan
 
 
 def test_what_stands_behind_it_may_be_gone(tmp_path: Path) -> None:
-    station = Station(View(tmp_path), Door(tmp_path))
+    station = Station(View(tmp_path), ApiClient(tmp_path))
     client = TestClient(api_of(station), base_url=HERE)
     said = client.get("/overview", headers={"Authorization": "Bearer x"})
     assert said.status_code == 503 and "holds no glapp.db" in said.json()["detail"]
     said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]})
-    assert said.status_code == 503 and "door is not there" in said.json()["detail"]
+    assert said.status_code == 503 and "api-url is not there" in said.json()["detail"]
     session = station.sessions.begin("t", "eve", "engineer", dark=False)
     client.cookies.set(COOKIE, session.id)
     station._look()
@@ -208,7 +210,7 @@ def asked(operation: Any, headers: dict[str, str], station: Station, schemathesi
 @pytest.mark.verify
 @pytest.mark.parametrize("known", [True, False], ids=["viewer", "nobody"])
 def test_any_request_is_answered_as_it_is_described(
-    client: TestClient, plant: tuple[Watch, Station, Any], known: bool
+    client: TestClient, plant: tuple[Monitor, Station, Any], known: bool
 ) -> None:
     schemathesis = pytest.importorskip("schemathesis")
     headers = {"Host": "127.0.0.1", **(token(client) if known else {})}

@@ -41,16 +41,16 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     try:
         assert child.stdout is not None
         url = child.stdout.readline().removeprefix("The window is at ").strip().rstrip(".")
-        door = (data / "door").read_text()
+        api_url = (data / "api-url").read_text()
         user, password = re.findall(r"^\w+ (\S+)$", (data / "first-login.txt").read_text(), re.MULTILINE)
-        for _ in range(100):  # the door writes where it is before it listens there
+        for _ in range(100):  # the API writes where it is before it listens there
             try:
-                token = asked(f"{door}/login", "POST", {"user": user, "password": password})["token"]
+                token = asked(f"{api_url}/login", "POST", {"user": user, "password": password})["token"]
                 break
             except OSError:
                 time.sleep(0.2)
         for name, role in ROLES.items():
-            asked(f"{door}/users/{name}", "PUT", {"role": role, "password": PASSWORDS[name]}, token)
+            asked(f"{api_url}/users/{name}", "PUT", {"role": role, "password": PASSWORDS[name]}, token)
         yield url
     finally:
         child.terminate()

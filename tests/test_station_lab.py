@@ -173,7 +173,7 @@ def test_blocks_are_drawn_and_names_are_no_markup() -> None:
 
 @pytest.mark.slow
 def test_it_has_no_way_to_the_service() -> None:
-    """Nothing of the service, the door or the network is imported by the laboratory."""
+    """Nothing of the service, the API or the network is imported by the laboratory."""
     import subprocess
     import sys
 

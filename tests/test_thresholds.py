@@ -12,9 +12,9 @@ from glapp.fleet.lake import SIGNALS
 from glapp.fleet.windows import _outside, choose, look
 from glapp.loop import Loop
 from glapp.service.compensation import Compensator
-from glapp.service.memory import Memory
-from glapp.service.rows import CODES, Rows
+from glapp.service.rows import CODES, Resampler
 from glapp.service.signal import Signal, Value
+from glapp.service.store import Store
 from glapp.service.users import Tries, Users
 
 TOLD = {"k": 1.0, "ti": 60.0, "h": 1.0, "op": True}
@@ -78,9 +78,9 @@ def test_eight_windows_of_a_history_are_fitted() -> None:
 PV = CODES[Signal.PV]
 
 
-def late(count: int) -> Rows:
+def late(count: int) -> Resampler:
     """Rows up to 3609 s, and after them so many of a clock that goes an hour behind."""
-    rows = Rows(1.0, wait=2.0)
+    rows = Resampler(1.0, wait=2.0)
     for k in range(10):
         rows.take(PV, 3600.0 + k, 1.0, True, 3600.0 + k)
     rows.release()
@@ -95,7 +95,7 @@ def test_five_values_in_a_row_are_a_clock_set_back() -> None:
 
 
 def test_a_thousand_late_values_are_kept_at_most() -> None:
-    rows = Rows(1.0, wait=2.0)
+    rows = Resampler(1.0, wait=2.0)
     for k in range(10):
         rows.take(PV, 3600.0 + k, 1.0, True, 3600.0 + k)
     rows.release()
@@ -142,10 +142,10 @@ def test_twenty_addresses_of_a_name_are_known() -> None:
 
 
 def test_a_login_lasts_for_twelve_hours(tmp_path: Path) -> None:
-    memory = Memory(tmp_path, 0.0)
-    users = Users(memory, PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
+    store = Store(tmp_path, 0.0)
+    users = Users(store, PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
     users.put("eve", "engineer", "engineer-password", 0.0)
     token, _ = users.log_in(users.attempt("eve", "10.0.0.1", 0.0), "engineer-password", 0.0)
     hours = 3600.0
     assert users.of(token, 11.9 * hours) is not None and users.of(token, 12.1 * hours) is None
-    memory.close()
+    store.close()

@@ -174,7 +174,7 @@ def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, 
         ramp_time=params.get("ramp_time", 0.0),
         ti=params.get("ti", 1e6),
     )
-    standings = _glapp.standings()
+    standings = _glapp.compensation_states()
 
     def update(e: float, u: float, d_hat: float, over: float, enable: float, flags: float, *others: float) -> Any:
         offered, hindered, h = others

@@ -168,7 +168,7 @@ BESIDE_ON_THE_PAGE = {
 WORD = re.compile(r"[A-Za-zÄÖÜäöüß]{2,}")
 
 #: What is raised, or handed to the command line as help, tells of an input and not of an answer.
-OF_INPUTS = {"CommandError", "Option", "Argument", "Problem", "say_note", "say_error"}
+OF_INPUTS = {"CommandError", "Option", "Argument", "DataIssue", "say_note", "say_error"}
 
 
 class _Texts(ast.NodeVisitor):

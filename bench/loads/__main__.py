@@ -21,19 +21,19 @@ from rich.progress import track
 
 from ..page import write
 from ..truth.score import markdown
-from .answer import COUNTED, Answer, against, counted, read
+from .answer import COUNTED, LoadsAnswer, against, counted, read
 from .records import ROWS, SAMPLES, record
 
 OUT = Path(__file__).parents[2] / "out" / "loads.jsonl"
 EACH = 200
 
 
-def ask(name: str) -> Answer:
+def ask(name: str) -> LoadsAnswer:
     """What is said of the record of that name."""
-    return Answer.to(record(name), SAMPLES)
+    return LoadsAnswer.to(record(name), SAMPLES)
 
 
-def table(answers: Sequence[Answer]) -> str:
+def table(answers: Sequence[LoadsAnswer]) -> str:
     """A line a row."""
     head = ["row", *COUNTED, "identifiable", "right", "silent"]
     body = []

@@ -36,7 +36,7 @@ def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
 
 
 @dataclass(frozen=True)
-class Answer:
+class LoadsAnswer:
     """What `glapp.analyze` said of a record, through its fit.
 
     Attributes
@@ -129,20 +129,20 @@ COUNTED = ("no gap", "width", "bound", "gap", "right", "wrong", "silent")
 """Heads of `counted`."""
 
 
-def counted(answers: Sequence[Answer]) -> list[int]:
+def counted(answers: Sequence[LoadsAnswer]) -> list[int]:
     """How many are about no gap, and a width or a bound to them; about a gap, and told rightly, wrongly or not."""
     none, gap = ([a for a in answers if (a.truth.d > 0) == there] for there in (False, True))
     numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
     return [*numbers, len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
 
 
-def read(path: Path) -> list[Answer]:
+def read(path: Path) -> list[LoadsAnswer]:
     """Answers from a file that has one a line."""
     lines = map(json.loads, path.read_text(encoding="utf-8").splitlines())
-    return [Answer(Truth(**line.pop("truth")), **line) for line in lines]
+    return [LoadsAnswer(Truth(**line.pop("truth")), **line) for line in lines]
 
 
-def against(before: Iterable[Answer], now: Sequence[Answer]) -> str:
+def against(before: Iterable[LoadsAnswer], now: Sequence[LoadsAnswer]) -> str:
     """What changed for each record that both have."""
     then = {answer.key: answer for answer in before}
     both = [(then[answer.key], answer) for answer in now if answer.key in then]

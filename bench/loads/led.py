@@ -22,7 +22,7 @@ from glapp.scenario import Piece, Samples, Steps
 
 from ..truth.design import log_uniform
 from ..truth.score import markdown
-from .answer import COUNTED, Answer, counted
+from .answer import COUNTED, LoadsAnswer, counted
 from .records import LOADS, SAMPLES, H, Record, record
 
 ROWS = [row for row in LOADS if row not in ("walk", "steps", "random ramps", "slow ramps")]
@@ -50,12 +50,12 @@ def led(name: str) -> Record:
     return record(name, SAMPLES, moves)
 
 
-def ask(name: str) -> Answer:
+def ask(name: str) -> LoadsAnswer:
     """What is said."""
-    return Answer.to(led(name), SAMPLES)
+    return LoadsAnswer.to(led(name), SAMPLES)
 
 
-def table(answers: dict[str, Answer]) -> str:
+def table(answers: dict[str, LoadsAnswer]) -> str:
     """A line for each load."""
     body = []
     for row in [*ROWS, "all"]:

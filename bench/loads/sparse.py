@@ -19,7 +19,7 @@ from rich.progress import track
 
 from ..truth.design import log_uniform
 from ..truth.score import markdown
-from .answer import COUNTED, Answer, counted
+from .answer import COUNTED, LoadsAnswer, counted
 from .records import LOADS, Record, record
 
 SAMPLES = 1000
@@ -41,13 +41,13 @@ def sparse(name: str) -> Record:
     )
 
 
-def ask(name: str) -> tuple[float, Answer]:
+def ask(name: str) -> tuple[float, LoadsAnswer]:
     """Samples in the lag, and what is said."""
     of = sparse(name)
-    return of.lag / of.truth(SAMPLES).h, Answer.to(of, SAMPLES)
+    return of.lag / of.truth(SAMPLES).h, LoadsAnswer.to(of, SAMPLES)
 
 
-def table(answers: list[tuple[float, Answer]]) -> str:
+def table(answers: list[tuple[float, LoadsAnswer]]) -> str:
     """A line for each range of samples in a lag."""
     body, low = [], 0.0
     for high in BORDERS:

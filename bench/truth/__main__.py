@@ -22,7 +22,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from glapp.errors import InputError
 
 from ..page import write
-from .answer import Answer
+from .answer import MethodAnswer
 from .design import CELLS
 from .methods import METHODS
 from .records import Truth, chosen, record
@@ -34,7 +34,7 @@ SHORT, FULL = 20, 1000
 SAID = ("verdict", "d", "low", "high", "at_least", "reason")
 
 
-def ask(name: str, methods: tuple[str, ...]) -> list[tuple[str, Answer, float]]:
+def ask(name: str, methods: tuple[str, ...]) -> list[tuple[str, MethodAnswer, float]]:
     """What the methods say of one record, and how long each took [s]."""
     made = record(name)
     assert made is not None
@@ -44,7 +44,7 @@ def ask(name: str, methods: tuple[str, ...]) -> list[tuple[str, Answer, float]]:
         try:
             answer = METHODS[method](made[0])
         except InputError as error:
-            answer = Answer("cannot_tell", reason=str(error))
+            answer = MethodAnswer("cannot_tell", reason=str(error))
         except Exception as error:
             raise RuntimeError(f"{method} failed on {name}: {error!r}") from error
         answers.append((method, answer, perf_counter() - begin))

@@ -18,7 +18,7 @@ DENIAL = ("oscillation", "sound", "not valve")
 
 
 @dataclass(frozen=True)
-class Answer:
+class MethodAnswer:
     """The answer.
 
     Attributes

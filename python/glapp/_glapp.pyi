@@ -169,7 +169,7 @@ class Compensation:
     @property
     def spent(self) -> tuple[float, float]: ...
 
-def standings() -> list[str]: ...
+def compensation_states() -> list[str]: ...
 def compensation_bounds(
     ti: float, *, size: float, share: float, limit: float, limits: tuple[float, float] | None = None
 ) -> list[tuple[str, str, float, float, bool]]: ...
@@ -538,7 +538,7 @@ def to_text(
     ValueError where there is no such message, or one of its numbers is missing or of another kind.
     """
 
-def told(said: str, *, name: str = "", pv_unit: str | None = None, op_unit: str | None = None) -> dict[str, Any]:
+def texts_of(facts: str, *, name: str = "", pv_unit: str | None = None, op_unit: str | None = None) -> dict[str, Any]:
     """The parts of an answer in words, from its document and what its sentences need beside it (JSON)."""
 
 def overview(run: str) -> str:
@@ -575,11 +575,11 @@ def inspect(
     pv: npt.NDArray[np.float64],
     op: npt.NDArray[np.float64] | None,
     flags: npt.NDArray[np.uint8] | None,
-    census: object,
+    statistics: object,
     settings: tuple[float | None, float | None, float | None],
     identification: object | None,
 ) -> list[dict[str, Any]]:
-    """What is wrong with a recording; census and identification by their attributes, settings K, Ti and Td."""
+    """What is wrong with a recording; data statistics and identification by their attributes, settings K, Ti and Td."""
 
 def own_times(held: str, pv_rows: int, rows: int) -> dict[str, Any]: ...
 def assumed_time(column: str, first: str, step: float | None, calendar: str, sure: bool) -> dict[str, Any]: ...
@@ -659,7 +659,7 @@ def identified(
     setpoint_weight: float | None,
     limits: tuple[float, float] | None,
 ) -> dict[str, Any]:
-    """Find K, Ti and Td of the controller; `glapp.identify` is the door for people."""
+    """Find K, Ti and Td of the controller; `glapp.identify` is the public function."""
 
 class Graph:
     """A loop of control modules; `modules` are (name, module) with its kind, parameters, plant and schedule."""

@@ -16,14 +16,11 @@ from ._glapp import to_text
 from .arrays import column
 from .controller import Ideal
 from .errors import InputError
-from .fit import Fit
-from .fit import told as fit_told
-from .identify import Identification, identified
-from .identify import told as identification_told
+from .fit import Fit, fit_from_core
+from .identify import Identification, identification_from_core, identified
 from .loop import Loop
 from .progress import Progress, shares
-from .quality import Finding
-from .quality import told as quality_told
+from .quality import Finding, findings_from_core
 from .recording import Batch, Recording
 from .result import REASONS, Answer, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
@@ -222,9 +219,9 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
 
 def _step_test(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
     """The step test that the beginning of a recording holds, in words."""
-    from .step_test import told  # which takes what it needs from here
+    from .step_test import step_test_from_core  # which takes what it needs from here
 
-    return told(found, recording, loop)
+    return step_test_from_core(found, recording, loop)
 
 
 def _task(loop: Loop) -> dict[str, Any]:
@@ -249,9 +246,9 @@ def _task(loop: Loop) -> dict[str, Any]:
 def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace) -> Result:
     """The answer in words."""
     answer = done["answer"]
-    named = partial(quality_told, pv_unit=loop.pv_unit or "PV unit", op_unit=loop.op_label, t0=recording.t0)
+    named = partial(findings_from_core, pv_unit=loop.pv_unit or "PV unit", op_unit=loop.op_label, t0=recording.t0)
     found = named(answer["quality"])
-    identification = None if answer["identification"] is None else identification_told(answer["identification"])
+    identification = None if answer["identification"] is None else identification_from_core(answer["identification"])
     table = {} if done["table"] is None else done["table"]
     if table and not done["op"]:
         table["op_travel"] = np.full(len(table["t_start"]), np.nan)
@@ -263,7 +260,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         t0=recording.t0,
         crossings=answer["crossings"],
         why=_code(answer, found),
-        reason=why_told(answer, loop, found, identification),
+        reason=why_text(answer, loop, found, identification),
         d_hat=answer["d_hat"],
         unit=loop.op_label,
         columns=dict(recording.columns),
@@ -304,8 +301,8 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
         case {"code": "finding", "of": i} if done["pv"] is None:
             return Fit("cannot_tell", found[i].text, loop.op_label, why=found[i].code)
         case {"code": "finding", "of": i}:
-            return fit_told(done["answer"]["fit"], done["pv"], done["position"], loop, found[i].text)
-    return fit_told(done["answer"]["fit"], done["pv"], done["position"], loop)
+            return fit_from_core(done["answer"]["fit"], done["pv"], done["position"], loop, found[i].text)
+    return fit_from_core(done["answer"]["fit"], done["pv"], done["position"], loop)
 
 
 def _note(name: str, origin: Origin, answer: dict[str, Any], loop: Loop) -> str:
@@ -339,7 +336,7 @@ def _code(answer: dict[str, Any], found: list[Finding]) -> str | None:
     return None
 
 
-def why_told(
+def why_text(
     answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None
 ) -> str | None:
     """Why the crossings say no more, in words."""

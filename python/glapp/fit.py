@@ -413,7 +413,7 @@ def _valve(
         elif "unfit" in said:
             alone = Fit("cannot_tell", _sentence(said, unit), unit, why=said["unfit"][0])
         else:
-            alone = _said(said, unit)
+            alone = _fit_from_answer(said, unit)
         word = said.get("left_out", "unfit")
         each.append(
             OneOfMany(
@@ -432,7 +432,7 @@ def _valve(
         return Fit(told, reason, unit, recordings=each)
     best = answer["recordings"][answer["shown"]]
     return replace(
-        _said(answer | {"windows": best["windows"], "shown": best["shown"]}, unit),
+        _fit_from_answer(answer | {"windows": best["windows"], "shown": best["shown"]}, unit),
         reason=_of_many(answer, each, unit),
         message=_joint(answer, each),
         recordings=each,
@@ -498,10 +498,10 @@ def fit_batches(
     found = _glapp.fit(batches, sign)
     if progress is not None:
         progress(1.0)
-    return told(found["answer"], found["pv"], found["position"], loop)
+    return fit_from_core(found["answer"], found["pv"], found["position"], loop)
 
 
-def told(
+def fit_from_core(
     answer: dict[str, Any],
     pv: dict[str, Any] | None,
     position: dict[str, Any] | None,
@@ -557,13 +557,13 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
     unit = loop.op_label
     if "unfit" in answer:
         return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
-    said = _said(answer, unit)
+    said = _fit_from_answer(answer, unit)
     if sinusoid is None:
         return said
     return replace(said, verdict="oscillation", why="sinusoidal", reason=sinusoid + _changed(answer, unit))
 
 
-def _said(answer: dict[str, Any], unit: str) -> Fit:
+def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
     """What the core said of PV, in words."""
     best = _shown(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))

@@ -164,10 +164,10 @@ def identified(
     found = _glapp.identified(
         column(t), column(sp), column(pv), column(op), column(flags, np.uint8), setpoint_weight, limits
     )
-    return told(found)
+    return identification_from_core(found)
 
 
-def told(found: Mapping[str, Any]) -> Identification:
+def identification_from_core(found: Mapping[str, Any]) -> Identification:
     """Put what the core found into words."""
     values, settings, reason = found["values"] or {}, found["settings"] or {}, found["reason"]
     ends = {

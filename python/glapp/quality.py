@@ -1,8 +1,8 @@
 """What is wrong with a recording, found before anything is estimated from it.
 
-Two sources of evidence: a `Census`, counts over every row, and an `InspectionSample`, the rows kept in memory.  Each
-`Finding` names one fault, its numbers and what to do; `docs/quality.md` lists them all.  Codes, severities, numbers
-and sentences come from `crates/analysis`.
+Two sources of evidence: `DataStatistics`, counts over every row, and an `InspectionSample`, the rows kept in memory.
+Each `Finding` names one fault, its numbers and what to do; `docs/quality.md` lists them all.  Codes, severities,
+numbers and sentences come from `crates/analysis`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Census:
+class DataStatistics:
     """Counts over all rows of a recording, each a running quantity, gathered in one pass in constant memory.
 
     Rows count from 0 over the whole recording; -1 means "none".  A *pair* is a row and the one before it, also across
@@ -152,7 +152,7 @@ class InspectionSample:
 
 def inspect(
     sample: InspectionSample,
-    census: Census,
+    statistics: DataStatistics,
     *,
     k: float | None = None,
     ti: float | None = None,
@@ -170,7 +170,7 @@ def inspect(
     ----------
     sample : InspectionSample
         Rows to look at closely.
-    census : Census
+    statistics : DataStatistics
         Counts over all rows.
     k : float | None
         Controller gain used, signed [OP unit per PV unit].
@@ -199,7 +199,8 @@ def inspect(
     >>> import numpy as np
     >>> t = np.arange(50.0)
     >>> still = np.full(50, 20.0)
-    >>> found = inspect(InspectionSample(t, still + 1, still, still), Census(50, op_min=20, op_max=20), op_unit="%")
+    >>> sample, rows = InspectionSample(t, still + 1, still, still), DataStatistics(50, op_min=20, op_max=20)
+    >>> found = inspect(sample, rows, op_unit="%")
     >>> found[0].code, found[0].severity
     ('op_constant', 'refuse')
     >>> found[0].text
@@ -211,14 +212,14 @@ def inspect(
         column(sample.pv),
         column(sample.op),
         column(sample.flags, np.uint8),
-        census,
+        statistics,
         (k, ti, td),
         identification,
     )
-    return told(found, known, pv_unit=pv_unit, op_unit=op_unit, t0=t0, first_row=first_row)
+    return findings_from_core(found, known, pv_unit=pv_unit, op_unit=op_unit, t0=t0, first_row=first_row)
 
 
-def told(
+def findings_from_core(
     found: Sequence[dict[str, Any]],
     known: Sequence[Finding] = (),
     *,

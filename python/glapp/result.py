@@ -622,9 +622,9 @@ class Result:
 
     def _repr_html_(self) -> str:
         """What is so, what to do and why, for a notebook."""
-        from .report.words import headline, told
+        from .report.words import headline, texts_of
 
-        said = told(self)
+        said = texts_of(self)
         why = [("why" if i == 0 else "", text) for i, text in enumerate(said["why"])]
         by = [] if self.by_position is None else [("by", self.by_position)]
         return table(
@@ -735,9 +735,9 @@ class Result:
 
     def _answered(self) -> dict[str, Any]:
         """The one answer in plain types, with its sentences."""
-        from .report.words import told
+        from .report.words import texts_of
 
-        answer, words = asdict(self.answer), told(self)
+        answer, words = asdict(self.answer), texts_of(self)
         answer["next"]["text"] = words["do"]
         if answer["struck"] is not None:
             answer["struck"]["text"] = words["crossing"]

@@ -120,7 +120,7 @@ def read_labels(path: Path) -> list[Label]:
             labels.append(_label(row, rows.line_num, path))
     if not labels:
         raise InputError("has no row", file=str(path))
-    _told_once(labels, path)
+    _require_unique(labels, path)
     return labels
 
 
@@ -152,7 +152,7 @@ def _label(row: dict[str, str], number: int, path: Path) -> Label:
     return Label(number, path.parent / row["file"], loop, found, width, unit, looked)  # type: ignore[arg-type]
 
 
-def _told_once(labels: Sequence[Label], path: Path) -> None:
+def _require_unique(labels: Sequence[Label], path: Path) -> None:
     """Refuse a valve that stands there twice."""
     seen: dict[tuple[Path, str | None], Label] = {}
     for label in labels:

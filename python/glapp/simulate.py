@@ -88,7 +88,7 @@ Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[n
 """A piece or several, whose sum it is; (time [s], value from then on) in ascending order, 0 before the first; or an
 array with one value a sample."""
 
-STANDINGS = tuple(_glapp.standings())
+COMPENSATION_STATES = tuple(_glapp.compensation_states())
 """What the numbers in `Simulation.standing` mean."""
 
 
@@ -113,7 +113,8 @@ class Simulation:
     outer_sp, outer_pv : float64[n] or None
         Setpoint and process value of the outer loop of a cascade, whose output is `sp`.
     u_ff, standing : float64[n] or None
-        What the compensation handed to the controller, and how it stood after the sample: an index of `STANDINGS`.
+        What the compensation handed to the controller, and its state after the sample: an index of
+        `COMPENSATION_STATES`.
     over, error : float64[n] or None
         Which warning of over-compensation held after the sample (0, 1 that of code block 7.1, 2 the relay, 3 both), and
         what the module found wrong (0, or `glapp.modules.Flag.WRONG_SIGN`).

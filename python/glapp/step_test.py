@@ -247,10 +247,10 @@ def step_test(
         None if span is None else span[1] - span[0],
         None if positioner is None else positioner.dead_band,
     )
-    return replace(told(found, recording, loop), signals=kept)
+    return replace(step_test_from_core(found, recording, loop), signals=kept)
 
 
-def told(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
+def step_test_from_core(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
     """Put what the core read off a step test into words."""
     blank = StepTest(recording.name, recording.source, loop.op_label, loop.pv_unit or "PV unit", None, t0=recording.t0)
     travel = found.pop("travel")

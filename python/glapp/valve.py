@@ -28,7 +28,7 @@ def one_valve(recordings: Sequence[Recording]) -> None:
             value, here = getattr(other.loop, name), getattr(first.loop, name)
             if value != here:
                 raise InputError(
-                    f"is {_told(value)}, and {_told(here)} in {first.source}",
+                    f"is {_to_text(value)}, and {_to_text(here)} in {first.source}",
                     file=other.source,
                     parameter=name,
                     value=value,
@@ -37,7 +37,7 @@ def one_valve(recordings: Sequence[Recording]) -> None:
                 )
 
 
-def _told(value: object) -> str:
+def _to_text(value: object) -> str:
     fields = value.model_dump(exclude_defaults=True) if hasattr(value, "model_dump") else None
     if fields is not None:
         return ", ".join(f"{name} {x}" for name, x in fields.items()) or "as by default"

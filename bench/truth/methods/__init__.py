@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..records import Record
 from . import ellipse, fit, haegglund, he, horch, thesis, yamashita
 
-METHODS: dict[str, Callable[[Record], Answer]] = {
+METHODS: dict[str, Callable[[Record], MethodAnswer]] = {
     "fit": fit.answer,
     "thesis": thesis.answer,
     "Hägglund": haegglund.answer,

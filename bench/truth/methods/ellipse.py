@@ -16,19 +16,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..oscillation import Floats, band_pass, oscillation
 from ..records import Record
 
 
-def answer(record: Record) -> Answer:
+def answer(record: Record) -> MethodAnswer:
     """Apparent stiction of a loop that oscillates."""
     op, pv = record.column("OP"), record.column("PV")
     found = oscillation(record.column("SP") - pv)
     if found is None or found.regularity <= 1:
-        return Answer("cannot_tell", reason="no regular oscillation")
+        return MethodAnswer("cannot_tell", reason="no regular oscillation")
     width = ellipse_width(band_pass(op, found.period), band_pass(pv, found.period))
-    return Answer("cannot_tell", d=width, reason="a size, if the valve sticks" if width else "PV over OP is no ellipse")
+    return MethodAnswer(
+        "cannot_tell", d=width, reason="a size, if the valve sticks" if width else "PV over OP is no ellipse"
+    )
 
 
 def ellipse_width(x: Floats, y: Floats) -> float | None:

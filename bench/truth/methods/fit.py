@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import glapp
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..records import Record
 
 
-def answer(record: Record) -> Answer:
+def answer(record: Record) -> MethodAnswer:
     """`glapp.fit`; what it says of the width where it says that there is one."""
     fit = glapp.fit(record.recording)
     if fit.verdict in ("backlash", "stiction", "both"):
-        return Answer(fit.verdict, fit.d, fit.low, fit.high, reason=fit.reason)
+        return MethodAnswer(fit.verdict, fit.d, fit.low, fit.high, reason=fit.reason)
     high = fit.high if fit.verdict == "sound" else None
-    return Answer(fit.verdict, high=high, at_least=fit.at_least, reason=fit.reason)
+    return MethodAnswer(fit.verdict, high=high, at_least=fit.at_least, reason=fit.reason)

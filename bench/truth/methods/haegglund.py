@@ -14,7 +14,7 @@ import numpy as np
 
 import glapp
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..records import Record
 from .thesis import recording
 
@@ -22,7 +22,7 @@ LONG = 5.0
 """Shortest half-period [Ti]."""
 
 
-def answer(record: Record) -> Answer:
+def answer(record: Record) -> MethodAnswer:
     """The median of the detections."""
     ideal = record.loop.ideal()
     assert ideal is not None
@@ -33,5 +33,5 @@ def answer(record: Record) -> Answer:
     widths = (rows.delta_u - rows.kp_part)[(rows.delta_t > LONG * ideal.ti) & square]
     widths = widths[widths > 0]
     if not widths.size:
-        return Answer("cannot_tell", reason="no half-period is long enough and square")
-    return Answer("backlash", d=float(np.median(widths)))
+        return MethodAnswer("cannot_tell", reason="no half-period is long enough and square")
+    return MethodAnswer("backlash", d=float(np.median(widths)))

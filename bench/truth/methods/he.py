@@ -18,7 +18,7 @@ import itertools
 
 import numpy as np
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..oscillation import band_pass, oscillation, zero_crossings
 from ..records import Floats, Record
 
@@ -27,19 +27,19 @@ SHORTEST = 8
 """Samples that a half-period must have for its shape to be seen."""
 
 
-def answer(record: Record) -> Answer:
+def answer(record: Record) -> MethodAnswer:
     """The decision."""
     integrating = record.loop.process.type == "integrating"
     signal = record.column("PV" if integrating else "OP")
     found = oscillation(record.column("SP") - record.column("PV"))
     if found is None or found.regularity <= 1:
-        return Answer("cannot_tell", reason="no regular oscillation")
+        return MethodAnswer("cannot_tell", reason="no regular oscillation")
     index = stiction_index(signal, found.period)
     if index is None:
-        return Answer("cannot_tell", reason="too few samples a half-period")
+        return MethodAnswer("cannot_tell", reason="too few samples a half-period")
     if SOUND < index < STICTION:
-        return Answer("cannot_tell", reason=f"SI = {index:.2f}: undecided")
-    return Answer("valve" if index >= STICTION else "not valve")
+        return MethodAnswer("cannot_tell", reason=f"SI = {index:.2f}: undecided")
+    return MethodAnswer("valve" if index >= STICTION else "not valve")
 
 
 def stiction_index(signal: Floats, period: float) -> float | None:

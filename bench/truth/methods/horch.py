@@ -19,28 +19,28 @@ import math
 
 import numpy as np
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..oscillation import correlation, oscillation
 from ..records import Record
 
 EVEN = (2 - math.sqrt(3)) / (2 + math.sqrt(3))
 
 
-def answer(record: Record) -> Answer:
+def answer(record: Record) -> MethodAnswer:
     """The decision."""
     if record.loop.process.type == "integrating":
-        return Answer("cannot_tell", reason="made for self-regulating processes")
+        return MethodAnswer("cannot_tell", reason="made for self-regulating processes")
     op, pv = record.column("OP"), record.column("PV")
     found = oscillation(record.column("SP") - pv)
     if found is None or found.regularity <= 1:
-        return Answer("cannot_tell", reason="no regular oscillation")
+        return MethodAnswer("cannot_tell", reason="no regular oscillation")
     both = correlation(op, pv)
     middle = op.size - 1
     positive = np.signbit(both)
     changes = np.flatnonzero(positive[1:] != positive[:-1])
     left, right = changes[changes < middle], changes[changes >= middle]
     if not left.size or not right.size:
-        return Answer("cannot_tell", reason="the correlation does not cross zero on both sides")
+        return MethodAnswer("cannot_tell", reason="the correlation does not cross zero on both sides")
 
     def crossing(i: int) -> float:
         return float(i + both[i] / (both[i] - both[i + 1]))
@@ -51,7 +51,7 @@ def answer(record: Record) -> Answer:
     delta_tau = abs(tau_l - tau_r) / (tau_l + tau_r)
     delta_rho = abs(r0 - r_opt) / abs(r0 + r_opt) if r0 + r_opt else 1.0
     if delta_tau >= 2 / 3 and delta_rho >= 1 / 3:
-        return Answer("valve")
+        return MethodAnswer("valve")
     if delta_tau <= 1 / 3 and delta_rho <= EVEN:
-        return Answer("not valve")
-    return Answer("cannot_tell", reason=f"Δτ = {delta_tau:.2f}, Δρ = {delta_rho:.2f}: undecided")
+        return MethodAnswer("not valve")
+    return MethodAnswer("cannot_tell", reason=f"Δτ = {delta_tau:.2f}, Δρ = {delta_rho:.2f}: undecided")

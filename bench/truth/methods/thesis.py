@@ -10,16 +10,16 @@ from __future__ import annotations
 import glapp
 from glapp.loop import Process
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..records import Record
 
 
-def answer(record: Record) -> Answer:
+def answer(record: Record) -> MethodAnswer:
     """`glapp.estimate` with the true process gain."""
     result = glapp.estimate(recording(record))
     if result.d_hat is None:
-        return Answer("cannot_tell", reason=result.verdict)
-    return Answer("backlash", d=result.d_hat)
+        return MethodAnswer("cannot_tell", reason=result.verdict)
+    return MethodAnswer("backlash", d=result.d_hat)
 
 
 def recording(record: Record, **changes: float) -> glapp.Recording:

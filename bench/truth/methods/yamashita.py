@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..answer import Answer
+from ..answer import MethodAnswer
 from ..oscillation import oscillation
 from ..records import Floats, Record
 
@@ -26,12 +26,12 @@ STEADY = 0.25
 A_CYCLE = 30
 
 
-def answer(record: Record) -> Answer:
+def answer(record: Record) -> MethodAnswer:
     """The decision."""
     op, pv = record.column("OP"), record.column("PV")
     found = oscillation(record.column("SP") - pv)
     thin = max(round(found.period / A_CYCLE), 1) if found else 1
-    return Answer("valve" if rho1(op[::thin], pv[::thin]) > LIMIT else "not valve")
+    return MethodAnswer("valve" if rho1(op[::thin], pv[::thin]) > LIMIT else "not valve")
 
 
 def rho1(op: Floats, flow: Floats) -> float:

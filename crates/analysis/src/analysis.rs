@@ -327,7 +327,7 @@ impl Analysis {
             td: self.controller.map(|controller| controller.td),
             law: self.identification.as_ref().map(Law::of),
         };
-        let mut found = inspect(&inspected(&self.beginning), &self.counter.census, &known);
+        let mut found = inspect(&inspected(&self.beginning), &self.counter.statistics, &known);
         found.sort_by_key(|finding| Reverse(finding.severity));
         found
     }

@@ -254,7 +254,7 @@ impl FitAnswer {
             windows: records.iter().map(window).collect(),
             ..Self::none(sinusoid.map_or(FitWhy::Evidence(joint.reason), FitWhy::Finding), Signal::PV)
         }
-        .said(sinusoid.map_or(joint.verdict.into(), |_| LostMotion::Oscillation))
+        .with_verdict(sinusoid.map_or(joint.verdict.into(), |_| LostMotion::Oscillation))
     }
 
     /// What the valve's position says.
@@ -279,7 +279,7 @@ impl FitAnswer {
             windows: joint.records.iter().map(window).collect(),
             ..Self::none(FitWhy::Evidence(best.reason), Signal::Position)
         }
-        .said(joint.verdict.into())
+        .with_verdict(joint.verdict.into())
     }
 
     /// What both say together: the position settles it, and where PV contradicts it the answer is that of neither alone.
@@ -302,7 +302,7 @@ impl FitAnswer {
                 judgement: if both { settled.judgement } else { None },
                 ..settled
             }
-            .said(verdict);
+            .with_verdict(verdict);
         }
         if settled.verdict == LostMotion::AtLeast && through_pv.verdict.found() && there.1.is_some() {
             return Self { position: Some(Bounds), ..through_pv };
@@ -310,7 +310,7 @@ impl FitAnswer {
         settled
     }
 
-    fn said(self, verdict: LostMotion) -> Self {
+    fn with_verdict(self, verdict: LostMotion) -> Self {
         let at_least = self.low.filter(|_| verdict == LostMotion::AtLeast);
         Self { verdict, at_least, ..self }
     }
@@ -458,17 +458,17 @@ mod tests {
     use super::*;
     use LostMotion::{AtLeast, Backlash, CannotTell, Sound};
 
-    fn said(verdict: LostMotion, signal: Signal, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
+    fn answer_of(verdict: LostMotion, signal: Signal, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
         let none = FitAnswer::none(FitWhy::Evidence("gap"), signal);
-        FitAnswer { d: Some(d), low: Some(low), high, ..none }.said(verdict)
+        FitAnswer { d: Some(d), low: Some(low), high, ..none }.with_verdict(verdict)
     }
 
     fn valve(verdict: LostMotion, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
-        said(verdict, Signal::Position, d, low, high)
+        answer_of(verdict, Signal::Position, d, low, high)
     }
 
     fn pv(verdict: LostMotion, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
-        said(verdict, Signal::PV, d, low, high)
+        answer_of(verdict, Signal::PV, d, low, high)
     }
 
     #[test]

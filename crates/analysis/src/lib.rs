@@ -5,14 +5,14 @@
 //!
 //! An [`Analysis`] is made of what is known of a loop and the beginning of its recording, is handed all rows, and ends in an
 //! [`Answer`]. It asks, in this order:
-//! [`identify`] reads the controller's law out of OP's moves. [`Census`] counts what all rows hold, and [`quality`] judges a
+//! [`identify`] reads the controller's law out of OP's moves. [`DataStatistics`] counts what all rows hold, and [`quality`] judges a
 //! recording by it and by its first rows. [`crossings`] has the widths from zero crossings over a whole recording, and what
 //! they allow to be said. [`step_test`] reads dead band and gain off steps of OP in manual. What a single signal is like, its steps, its noise, where it stands still, stands beside them.
 
 mod analysis;
 mod answer;
-mod census;
 pub mod crossings;
+mod data_statistics;
 mod fitted;
 mod harm;
 pub mod identify;
@@ -27,8 +27,8 @@ pub mod words;
 
 pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
 pub use answer::{Answer, CorrectedAnswer, Settings};
-pub use census::{Census, Counter, Occurrences, Values};
 pub use crossings::{Crossings, Ladder};
+pub use data_statistics::{Counter, DataStatistics, Occurrences, Values};
 pub use fitted::{
     FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
 };

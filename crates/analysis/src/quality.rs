@@ -1,6 +1,6 @@
 //! What is wrong with a recording, found before anything is estimated from it.
 //!
-//! Two sources of evidence: the [`Census`], counts over every row, and the rows that are kept in memory. Each [`Finding`]
+//! Two sources of evidence: the [`DataStatistics`], counts over every row, and the rows that are kept in memory. Each [`Finding`]
 //! names one fault and its numbers; `docs/quality.md` lists them all. Every threshold stands beside the finding it
 //! belongs to.
 
@@ -22,7 +22,7 @@ pub use settings::assumed_gain;
 pub use times::{assumed_time, own_times};
 
 use crate::identify::{self, Identification, Settings, Values};
-use crate::{Census, Inspected};
+use crate::{DataStatistics, Inspected};
 use look::Look;
 
 /// What is known of the loop beside its recording.
@@ -116,7 +116,7 @@ const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 16] = [
 
 /// What is wrong with a recording, in the order of [`Fault::ALL`]; nothing for a healthy one.
 ///
-/// `rows` are the first of the recording, `census` counts all of them.
+/// `rows` are the first of the recording, `statistics` counts all of them.
 ///
 /// ```
 /// use glapp_analysis::quality::{Fault, Known, Severity, inspect};
@@ -125,12 +125,12 @@ const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 16] = [
 /// let rows = Inspected { t: &t, sp: Some(&[21.0; 50]), pv: &[20.0; 50], op: Some(&[20.0; 50]), flags: None };
 /// let mut counter = Counter::new(3.0, None)?;
 /// counter.run(&rows);
-/// let found = inspect(&rows, &counter.census, &Known::default());
+/// let found = inspect(&rows, &counter.statistics, &Known::default());
 /// assert_eq!((found[0].fault, found[0].severity), (Fault::OpConstant, Severity::Refuse));
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
-pub fn inspect(rows: &Inspected<'_>, census: &Census, known: &Known) -> Vec<Finding> {
-    let look = Look::new(rows, census, known);
+pub fn inspect(rows: &Inspected<'_>, statistics: &DataStatistics, known: &Known) -> Vec<Finding> {
+    let look = Look::new(rows, statistics, known);
     let mut found = Vec::new();
     for test in TESTS {
         test(&look, &mut found);

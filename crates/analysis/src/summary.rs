@@ -10,7 +10,7 @@ use crate::fitted::LostMotion;
 use crate::harm::Harm;
 use crate::trend::{Change, WidthTrend};
 use glapp_core::Reason;
-use glapp_fit::{Cause, Confidence as Told, Judgement, WidthKind};
+use glapp_fit::{Cause, Confidence as FitConfidence, Judgement, WidthKind};
 use serde::ser::SerializeStruct;
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -375,8 +375,8 @@ impl Summary {
         let (low, high) = fit.interval();
         let width = match (judged.confidence, judged.width_kind) {
             _ if fit.verdict == LostMotion::Oscillation => None,
-            (Told::Found | Told::Likely, Some(WidthKind::Bound)) => low,
-            (Told::Found | Told::Likely, _) => fit.d,
+            (FitConfidence::Found | FitConfidence::Likely, Some(WidthKind::Bound)) => low,
+            (FitConfidence::Found | FitConfidence::Likely, _) => fit.d,
             _ => None,
         };
         let limit = facts.limit();
@@ -401,17 +401,17 @@ impl Summary {
         let valve = match fit.verdict {
             verdict if verdict.found() => Valve::Gap,
             // There is one, however wide.
-            LostMotion::CannotTell if judged.confidence == Told::Found => Valve::Gap,
+            LostMotion::CannotTell if judged.confidence == FitConfidence::Found => Valve::Gap,
             LostMotion::CannotTell => Valve::Unknown,
             _ => Valve::NoGap,
         };
         let confidence = match judged.confidence {
             _ if fit.verdict == LostMotion::Oscillation => Confidence::CannotTell,
-            Told::Found => Confidence::Found,
-            Told::Likely => Confidence::Likely,
-            Told::NoneSeen if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
-            Told::NoneSeen => Confidence::NoneSeen,
-            Told::CannotTell => Confidence::CannotTell,
+            FitConfidence::Found => Confidence::Found,
+            FitConfidence::Likely => Confidence::Likely,
+            FitConfidence::NoneSeen if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
+            FitConfidence::NoneSeen => Confidence::NoneSeen,
+            FitConfidence::CannotTell => Confidence::CannotTell,
         };
         let told = confidence != Confidence::CannotTell;
         let bound = matches!(confidence, Confidence::NoneSeen | Confidence::Sound);
@@ -630,12 +630,12 @@ impl FitFacts {
     fn judged(&self) -> Judgement {
         self.judgement.unwrap_or_else(|| {
             let (confidence, cause, width_kind) = match self.verdict {
-                LostMotion::Backlash => (Told::Found, Some(Cause::DeadBand), Some(WidthKind::Interval)),
-                LostMotion::Stiction => (Told::Found, Some(Cause::Stiction), Some(WidthKind::Interval)),
-                LostMotion::Both => (Told::Found, Some(Cause::Both), Some(WidthKind::Interval)),
-                LostMotion::AtLeast => (Told::Found, Some(Cause::DeadBand), Some(WidthKind::Bound)),
-                LostMotion::Sound => (Told::NoneSeen, None, None),
-                LostMotion::Oscillation | LostMotion::CannotTell => (Told::CannotTell, None, None),
+                LostMotion::Backlash => (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Interval)),
+                LostMotion::Stiction => (FitConfidence::Found, Some(Cause::Stiction), Some(WidthKind::Interval)),
+                LostMotion::Both => (FitConfidence::Found, Some(Cause::Both), Some(WidthKind::Interval)),
+                LostMotion::AtLeast => (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Bound)),
+                LostMotion::Sound => (FitConfidence::NoneSeen, None, None),
+                LostMotion::Oscillation | LostMotion::CannotTell => (FitConfidence::CannotTell, None, None),
             };
             Judgement { confidence, cause, width_kind, oscillates: false }
         })
@@ -802,7 +802,7 @@ mod tests {
     }
 
     /// A fit that the ladder has judged.
-    fn judged(confidence: Told, kind: Option<WidthKind>, low: f64, high: Option<f64>) -> FitFacts {
+    fn judged(confidence: FitConfidence, kind: Option<WidthKind>, low: f64, high: Option<f64>) -> FitFacts {
         let cause = kind.map(|_| Cause::DeadBand);
         let judgement = Judgement { confidence, cause, width_kind: kind, oscillates: true };
         let verdict = judgement.verdict(low).into();
@@ -812,7 +812,7 @@ mod tests {
     #[test]
     fn what_is_likely_has_its_width_and_asks_for_a_step_test() {
         let likely = |low, high| {
-            let fit = judged(Told::Likely, Some(WidthKind::Interval), low, high);
+            let fit = judged(FitConfidence::Likely, Some(WidthKind::Interval), low, high);
             of(Verdict::NoEstimate, None, Some(fit))
         };
         let wide = likely(5.0, Some(6.0));
@@ -828,11 +828,12 @@ mod tests {
 
     #[test]
     fn a_gap_that_is_there_may_have_no_known_width() {
-        let unsure = of(Verdict::NoEstimate, None, Some(judged(Told::Found, Some(WidthKind::Unsure), 0.0, Some(9.0))));
+        let unsure =
+            of(Verdict::NoEstimate, None, Some(judged(FitConfidence::Found, Some(WidthKind::Unsure), 0.0, Some(9.0))));
         assert_eq!((unsure.confidence, unsure.width_kind), (Confidence::Found, Some(WidthKind::Unsure)));
         assert_eq!((unsure.valve, unsure.width, unsure.low, unsure.high), (Valve::Gap, Some(0.0), None, None));
         assert_eq!((unsure.next.step, unsure.compensable), (Next::Confirm, None));
-        let none = of(Verdict::NoEstimate, None, Some(judged(Told::CannotTell, None, 1.0, Some(2.0))));
+        let none = of(Verdict::NoEstimate, None, Some(judged(FitConfidence::CannotTell, None, 1.0, Some(2.0))));
         assert_eq!((none.confidence, none.width, none.cause), (Confidence::CannotTell, None, None));
     }
 

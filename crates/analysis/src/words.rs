@@ -10,6 +10,7 @@
 mod answer;
 mod correction;
 mod crossings;
+mod facts;
 mod fit;
 mod fleet;
 mod half_period;
@@ -21,7 +22,6 @@ mod of_fit;
 mod position;
 mod quality;
 mod reader;
-mod said;
 mod settings;
 mod step_test;
 mod template;
@@ -30,12 +30,12 @@ mod tests;
 mod trend;
 mod value;
 
-pub use answer::{Headline, Told, doing, overview, so, told, why};
+pub use answer::{AnswerTexts, Headline, doing, overview, so, texts_of, why};
+pub use facts::AnswerFacts;
 pub use number::{clock, count, duration, number, quantity, sentence};
 pub use of_answer::{of_correction, of_crossings, of_finding, of_fitted, of_identification};
 pub use of_fit::{of_position, of_pv, of_trend, of_unfit};
 pub use reader::Reader;
-pub use said::Said;
 pub use value::{Message, Numbers, Value};
 
 /// A subject of the catalogue.
@@ -79,9 +79,9 @@ fn plain(_: &str, _: &dyn Numbers) -> Vec<String> {
     Vec::new()
 }
 
-/// A message that cannot be told.
+/// A message that has no text.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Untold {
+pub enum TextError {
     /// There is no such code.
     #[error("there is no message '{0}'")]
     Code(String),
@@ -118,8 +118,8 @@ pub enum Untold {
 ///
 /// # Errors
 /// Where there is no such message, or one of its numbers is missing or of another kind.
-pub fn text(code: &str, numbers: &dyn Numbers, reader: &Reader) -> Result<String, Untold> {
-    template::filled(code, sentence_of(code, numbers).ok_or_else(|| Untold::Code(code.into()))?, numbers, reader)
+pub fn text(code: &str, numbers: &dyn Numbers, reader: &Reader) -> Result<String, TextError> {
+    template::filled(code, sentence_of(code, numbers).ok_or_else(|| TextError::Code(code.into()))?, numbers, reader)
 }
 
 /// The sentence of a code, in the wording that the numbers ask for.

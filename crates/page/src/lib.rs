@@ -107,7 +107,7 @@ impl Memory {
             Request::Join { alone, reader } => {
                 self.recording.as_ref().ok_or("no recording was begun")?.join(&alone, &reader)
             }
-            Request::Words(asked) => words::told(asked),
+            Request::Words(asked) => words::texts_of(asked),
             Request::StepTest { manual, settings } => {
                 recording::step_test(manual, &settings, std::mem::take(&mut self.columns))
             }
@@ -154,9 +154,9 @@ thread_local! {
     static TEXT: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 
-/// The doors for JavaScript. Memory is reached by its address, and everything behind stays within the lengths given here.
+/// The functions for JavaScript. Memory is reached by its address, and everything behind stays within the lengths given here.
 #[allow(unsafe_code)]
-mod doors {
+mod exports {
     use super::{MEMORY, TEXT, answer};
 
     /// Room for a text of so many bytes, to be filled; gives its address.

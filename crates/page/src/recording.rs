@@ -2,7 +2,7 @@
 
 use glapp_analysis::crossings::Row;
 use glapp_analysis::quality::Finding;
-use glapp_analysis::words::{self, Reader, Said, Untold};
+use glapp_analysis::words::{self, AnswerFacts, Reader, TextError};
 use glapp_analysis::{
     Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Manual, ManualRows, StepTestSettings, Task, within_percent,
 };
@@ -93,21 +93,21 @@ impl Recording {
         let alone: Vec<Alone> = alone.iter().map(each).collect::<Result<_, _>>()?;
         let divided = self.divided.as_ref().filter(|divided| divided.windows.len() == alone.len());
         let pv = divided.ok_or_else(|| format!("{} windows were not asked for", alone.len()))?.joined(alone);
-        told(self.analysis.clone().finish_with(pv), self.span, reader)
+        to_json(self.analysis.clone().finish_with(pv), self.span, reader)
     }
 
     pub(crate) fn finish(self, reader: &Reader) -> Result<Value, String> {
-        told(self.analysis.finish(&mut |_| ()), self.span, reader)
+        to_json(self.analysis.finish(&mut |_| ()), self.span, reader)
     }
 }
 
 /// An answer with what its pictures show, and in words.
-fn told(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, String> {
+fn to_json(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, String> {
     let Done { answer, fitted, .. } = &done;
-    let told = Said::of(answer, fitted.as_ref(), span, reader).and_then(|said| {
+    let told = AnswerFacts::of(answer, fitted.as_ref(), span, reader).and_then(|facts| {
         Ok(json!({
-            "parts": words::told(&said, reader)?,
-            "fit": said.fit.map(|fit| fit.reason),
+            "parts": words::texts_of(&facts, reader)?,
+            "fit": facts.fit.map(|fit| fit.reason),
             "quality": answer.quality.iter().map(|one| finding(one, reader)).collect::<Result<Vec<_>, _>>()?,
         }))
     });
@@ -116,7 +116,7 @@ fn told(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, String>
     Ok(shown)
 }
 
-fn finding(one: &Finding, reader: &Reader) -> Result<String, Untold> {
+fn finding(one: &Finding, reader: &Reader) -> Result<String, TextError> {
     let told = words::of_finding(one);
     words::text(&told.code, &told.numbers, reader)
 }

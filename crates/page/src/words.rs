@@ -38,7 +38,7 @@ pub(crate) enum Asked {
     Catalogue,
 }
 
-pub(crate) fn told(asked: Asked) -> Result<serde_json::Value, String> {
+pub(crate) fn texts_of(asked: Asked) -> Result<serde_json::Value, String> {
     Ok(json!(match asked {
         Asked::Text { code, numbers, reader } => words::text(&code, &numbers, &reader).map_err(|e| e.to_string())?,
         Asked::Number(value, digits) => words::number(value, digits),

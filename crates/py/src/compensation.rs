@@ -208,7 +208,7 @@ impl Compensation {
 
 /// Names of how a compensation stands, in the order of their numbers.
 #[pyfunction]
-pub fn standings() -> Vec<&'static str> {
+pub fn compensation_states() -> Vec<&'static str> {
     Standing::ALL.iter().map(|standing| standing.name()).collect()
 }
 

@@ -16,7 +16,7 @@ use pyo3::types::{PyDict, PyList, PyMapping};
 /// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
 /// Gives the `answer` in plain types, and what PV and the valve's
 /// position said, each None where it was not asked; where it could not be fitted, only why: `unfit`, a word and its number.
-/// `glapp.fit` is the door for people.
+/// `glapp.fit` is the public function.
 #[pyfunction]
 pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResult<Bound<'py, PyDict>> {
     let batches = columns(&batches)?;

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use crate::columns::rows_of;
 use crate::plain::plain;
 
-/// Finds K, Ti and Td; `glapp.identify` is the door for people, and has the sentences.
+/// Finds K, Ti and Td; `glapp.identify` is the public function, and has the sentences.
 ///
 /// `reason` is None where the law may be used; `values` are there where a law was found, `settings` where it could be a
 /// controller's.

@@ -4,9 +4,9 @@ mod analysis;
 mod auto_tuner;
 mod backlash;
 mod blocks;
-mod census;
 mod columns;
 mod compensation;
+mod data_statistics;
 mod detector;
 mod fit;
 mod history;
@@ -53,7 +53,7 @@ mod _glapp {
         doubts,
     };
     #[pymodule_export]
-    use crate::compensation::{Compensation, OverCompensation, compensation_bounds, standings};
+    use crate::compensation::{Compensation, OverCompensation, compensation_bounds, compensation_states};
     #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod, filter_time, process_gain, reasons};
     #[pymodule_export]
@@ -110,7 +110,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::windows::Windows;
     #[pymodule_export]
-    use crate::words::{catalogue, clock, count, duration, number, overview, quantity, sentence, to_text, told};
+    use crate::words::{catalogue, clock, count, duration, number, overview, quantity, sentence, texts_of, to_text};
     #[pymodule_export]
     use crate::wrong_sign::WrongSign;
 }

@@ -4,8 +4,8 @@ use glapp_analysis::quality::{Interval, Known, Law};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::census::Counts;
 use crate::columns::{Signal, rows_of};
+use crate::data_statistics::Counts;
 use crate::plain::plain;
 
 /// `glapp.Identification`, as far as a recording is held against it.
@@ -47,15 +47,15 @@ pub fn inspect<'py>(
     pv: Signal<'py>,
     op: Option<Signal<'py>>,
     flags: Option<PyReadonlyArray1<'py, u8>>,
-    census: Counts,
+    statistics: Counts,
     settings: (Option<f64>, Option<f64>, Option<f64>),
     identification: Option<Identification>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (k, ti, td) = settings;
     let known = Known { k, ti, td, law: identification.map(Identification::law) };
-    let census = census.into();
+    let statistics = statistics.into();
     let rows = rows_of(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref())?;
-    let found = py.detach(|| glapp_analysis::quality::inspect(&rows, &census, &known));
+    let found = py.detach(|| glapp_analysis::quality::inspect(&rows, &statistics, &known));
     plain(py, &found)
 }
 

@@ -1,7 +1,7 @@
 //! What a person reads: messages, numbers and answers as text. The words stand in `crates/analysis/src/words`.
 
 use crate::plain::plain;
-use glapp_analysis::words::{self, Headline, Numbers, Reader, Said, Value};
+use glapp_analysis::words::{self, AnswerFacts, Headline, Numbers, Reader, Value};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyList, PyString};
@@ -71,17 +71,17 @@ pub fn to_text(
 
 /// The three parts of an answer, from its document and what its sentences need beside it (JSON).
 #[pyfunction]
-#[pyo3(signature = (said, *, name="", pv_unit=None, op_unit=None))]
-pub fn told<'py>(
+#[pyo3(signature = (facts, *, name="", pv_unit=None, op_unit=None))]
+pub fn texts_of<'py>(
     py: Python<'py>,
-    said: &str,
+    facts: &str,
     name: &str,
     pv_unit: Option<String>,
     op_unit: Option<String>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let said: Said = serde_json::from_str(said).map_err(wrong)?;
-    let told = words::told(&said, &reader(name, pv_unit, op_unit, None, 2)).map_err(wrong)?;
-    plain(py, &told)
+    let facts: AnswerFacts = serde_json::from_str(facts).map_err(wrong)?;
+    let texts = words::texts_of(&facts, &reader(name, pv_unit, op_unit, None, 2)).map_err(wrong)?;
+    plain(py, &texts)
 }
 
 /// All loops of a run in short; of each its headline (JSON).

@@ -37,7 +37,7 @@ pub(crate) const MOST_INPUTS: usize = 5;
 /// What a module is handed at its inputs, in the order of its kind's ports.
 pub(crate) type Inputs = [Forward<f64>; MOST_INPUTS];
 /// What the modules at its inputs are told.
-pub(crate) type Told = [Backward<f64>; MOST_INPUTS];
+pub(crate) type BackwardSignals = [Backward<f64>; MOST_INPUTS];
 
 /// All kinds, in the order of the documentation.
 static KINDS: [&Kind; 19] = [
@@ -124,7 +124,7 @@ pub(crate) trait Work: Send + Sync {
     fn forward(&mut self, inputs: &Inputs, h: f64) -> Forward<f64>;
 
     /// The backward pass: what its followers tell, where it has any; gives what each of its inputs is told.
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told;
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals;
 
     /// The output of this scan of a module that is a delay.
     fn output(&self) -> Forward<f64> {
@@ -438,7 +438,7 @@ fn open() -> Backward<f64> {
 }
 
 /// What is told at the first input of a module whose followers tell `back`, by one that has nothing to add.
-fn passed(back: Option<Backward<f64>>) -> Told {
+fn passed(back: Option<Backward<f64>>) -> BackwardSignals {
     [back.unwrap_or_default(), open(), open(), open(), open()]
 }
 

@@ -116,7 +116,7 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
 
 
 def _block(result: Result, why: bool) -> None:
-    told = words.told(result)
+    told = words.texts_of(result)
     head = Text("  ").join(
         filter(None, [styled(_name(result), style="bold"), styled(told["headline"]), _verdict(result)])
     )

@@ -73,7 +73,7 @@ def open_files(
     for file in files:
         opened += _from_settings(file) if _is_toml(file) else opened_with(file, settings)
     asked = [entry.name for entry in opened]
-    opened = _told_apart(opened)
+    opened = _named_apart(opened)
     return _only(opened, asked, options.loop)
 
 
@@ -200,7 +200,7 @@ def _refused(error: InputError, file: Path, loop: Loop | None = None) -> Refused
     return Refused(name, source, error, loop)
 
 
-def _told_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | Valve | Refused]:
+def _named_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | Valve | Refused]:
     """Loops of the same name get as much of their files' paths before it as tells them apart."""
     same: dict[str, list[int]] = {}
     for i, entry in enumerate(opened):

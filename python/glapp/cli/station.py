@@ -40,14 +40,14 @@ def station(
         list[str] | None,
         typer.Option(metavar="NAME", help="A name browsers call it by, beside --host; may be repeated."),
     ] = None,
-    door: Annotated[
-        str | None, typer.Option(metavar="URL", help="The service's door, where the folder does not say.")
+    api_url: Annotated[
+        str | None, typer.Option(metavar="URL", help="Address of the service's API, where the folder does not say it.")
     ] = None,
     trust: Annotated[
-        Path | None, typer.Option(metavar="PEM", help="Certificate of a door that no public authority has signed.")
+        Path | None, typer.Option(metavar="PEM", help="Certificate of an API that no public authority has signed.")
     ] = None,
 ) -> None:
-    """Show the plant's valves in the browser: overview, loops, events. Commands go through the service's door.
+    """Show the plant's valves in the browser: overview, loops, events. Commands go through the service's API.
 
     Everybody logs in with the name and password that the service knows. docs/station.md has all of it.
     """
@@ -57,7 +57,7 @@ def station(
     beside = _demo(data, loops, days, scan) if demo else contextlib.nullcontext()
     known = data / "first-login.txt" if demo and host in ("127.0.0.1", "localhost", "::1") else None
     with suppress(KeyboardInterrupt), beside:
-        asyncio.run(_serve(data, given, hosts, door, trust, known))
+        asyncio.run(_serve(data, given, hosts, api_url, trust, known))
 
 
 async def _serve(
@@ -68,15 +68,15 @@ async def _serve(
     trust: Path | None,
     known: Path | None,
 ) -> None:
-    from ..service.door import Door as Server
+    from ..service.api import ApiServer
     from ..station.app import app_of
-    from ..station.client import Door
+    from ..station.client import ApiClient
     from ..station.pages import Station
     from ..station.view import View
 
-    made = Station(View(data), Door(data, url, trust))
+    made = Station(View(data), ApiClient(data, url, trust))
     app = app_of(made, hosts, secure=given["certificate"] is not None, first_login=known)
-    opened = Server(app, **given)
+    opened = ApiServer(app, **given)
     out.print(f"The window is at {opened.url}.", soft_wrap=True)
     if known is not None:
         out.print("It is a demonstration: name and password are filled in.", soft_wrap=True)
@@ -87,7 +87,7 @@ async def _serve(
 @contextlib.contextmanager
 def _demo(data: Path, loops: int | None, days: float | None, scan: float | None) -> Iterator[None]:
     """A simulated plant with the service beside it, in a process of its own, as long as the window is open."""
-    from ..service.memory import Lock
+    from ..service.store import Lock
 
     data.mkdir(parents=True, exist_ok=True)
     holder = Lock.holder(data)
@@ -97,7 +97,7 @@ def _demo(data: Path, loops: int | None, days: float | None, scan: float | None)
             file=str(data),
             hint="without --demo the window shows what that service writes",
         )
-    (data / "door").unlink(missing_ok=True)
+    (data / "api-url").unlink(missing_ok=True)
     words = ["run", "--demo", "--data", str(data), "--port", "0"]
     for name, value in (("--loops", loops), ("--days", days), ("--scan", scan)):
         words += [] if value is None else [name, str(value)]
@@ -113,7 +113,7 @@ def _demo(data: Path, loops: int | None, days: float | None, scan: float | None)
     )
     try:
         until = time.monotonic() + 60.0
-        while not (data / "door").exists():
+        while not (data / "api-url").exists():
             if child.poll() is not None or time.monotonic() > until:
                 raise CommandError(f"the service did not start: {data / 'demo.log'} tells why")
             time.sleep(0.2)

@@ -25,9 +25,9 @@ from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, s
 
 if TYPE_CHECKING:
     from ..loop import Loop
+    from ..service.monitor import Bounds
     from ..service.plant import SimPlant
     from ..service.security import Security
-    from ..service.watch import Bounds
 
 __all__ = ["watch"]
 
@@ -38,10 +38,10 @@ _SOON = 0.01
 """How often such a plant tells its values [s]: it waits for each u_FF."""
 
 TOKEN = "GLAPP_TOKEN"
-"""The environment's variable that may hold a token of the door."""
+"""The environment's variable that may hold a token of the API."""
 
-_DOOR = "http://127.0.0.1:8107"
-"""Where the door is, where nothing else is said."""
+_API_URL = "http://127.0.0.1:8107"
+"""Address of the API, where none is given."""
 
 
 class _Group(TyperGroup):
@@ -78,7 +78,7 @@ every night, and compensate where an engineer has enabled it. Everything is kept
 )
 
 Data = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the database and the signals.")]
-Url = Annotated[str, typer.Option("--door", metavar="URL", help="Where the service's door is.")]
+Url = Annotated[str, typer.Option("--api-url", metavar="URL", help="Where the service's API is.")]
 User = Annotated[
     str | None, typer.Option("--user", metavar="NAME", help=f"Who asks; else the token in {TOKEN}, or that of `login`.")
 ]
@@ -91,7 +91,7 @@ def _ours(text: str, metavar: str, low: int | None = None, high: int | None = No
 @watch.command(
     epilog=examples(
         "glapp watch loops.toml --data plant",
-        "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate door.pem --key door.key",
+        "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate service.pem --key service.key",
         "glapp watch --demo",
         "glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42",
         "glapp watch --demo --opcua-port 4841",
@@ -112,7 +112,7 @@ def run(
         float | None,
         typer.Option(metavar="DAY", help="On which of these days the simulated plant's worn valves are repaired."),
     ] = None,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the door listens at.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the API listens at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8107,
     certificate: Certificate = None,
     key: Key = None,
@@ -136,7 +136,7 @@ def run(
     """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
     need("watch", "service", "argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is told as an event
-    from ..service.watch import Bounds
+    from ..service.monitor import Bounds
 
     if demo == (settings is not None):
         raise CommandError("name a loops.toml, or say --demo")
@@ -157,10 +157,10 @@ def run(
         fit_longest=fit_longest,
         wait=wait,
     )
-    door = {"host": host, "port": port, "certificate": certificate, "key": key}
+    address = {"host": host, "port": port, "certificate": certificate, "key": key}
     plant = {"loops": loops, "days": days, "scan": scan, "repair": repair} if demo else None
     with suppress(KeyboardInterrupt):
-        asyncio.run(_serve(settings, data, bounds, door, plant, ours))
+        asyncio.run(_serve(settings, data, bounds, address, plant, ours))
 
 
 def _security(certificate: Path | None, key: Path | None, user: str | None, file: Path | None) -> Security:
@@ -178,20 +178,20 @@ async def _serve(
     settings: Path | None,
     data: Path,
     bounds: Bounds,
-    door: dict[str, Any],
+    address: dict[str, Any],
     demo: dict[str, Any] | None,
     ours: dict[str, Any] | None,
 ) -> None:
     from ..reading.settings import parse_settings, read_settings
     from ..service import demonstration
+    from ..service.api import ApiServer, app_of
     from ..service.connection import Connection, read_connection
-    from ..service.door import Door, app_of
-    from ..service.memory import Memory
+    from ..service.monitor import Monitor
     from ..service.opcua import OpcUa
     from ..service.plant import SimPlant
     from ..service.server import AnswerServer
+    from ..service.store import Store
     from ..service.users import Users, first_user
-    from ..service.watch import Watch
 
     async with AsyncExitStack() as stack:
         connection: Connection | None
@@ -216,11 +216,11 @@ async def _serve(
             data.mkdir(parents=True, exist_ok=True)
             fresh = not (data / "glapp.db").exists() and not (data / "signals").exists()
             if simulated is not None and fresh:  # before the plant goes on from there
-                memory = Memory(data)
+                store = Store(data)
                 try:
-                    demonstration.begin(memory, simulated, known, time.time())
+                    demonstration.begin(store, simulated, known, time.time())
                 finally:
-                    memory.close()
+                    store.close()
             await stack.enter_async_context(plant)
             text.write_text(plant.settings(), encoding="utf-8")
             connection = read_connection(text)
@@ -236,20 +236,20 @@ async def _serve(
             connection = read_connection(settings)
         if connection is None:
             raise InputError("has no table [opcua]", file=str(settings), hint="write its url: `glapp tags` does")
-        memory = Memory(data)
-        stack.callback(memory.close)
-        if memory.found is not None:
-            say_note(memory.found)
-        first_user(memory, time.time())
-        one = Watch(known, memory, bounds=bounds, compensable=_compensable(known), clock=clock, hurries=hurries)
+        store = Store(data)
+        stack.callback(store.close)
+        if store.found is not None:
+            say_note(store.found)
+        first_user(store, time.time())
+        one = Monitor(known, store, bounds=bounds, compensable=_compensable(known), clock=clock, hurries=hurries)
         if hurries:
             plant.follow = one.caught_up
-        hosts = ("127.0.0.1", "localhost", "[::1]", door["host"])
-        opened = Door(app_of(one, Users(memory), hosts=hosts), **door)
+        hosts = ("127.0.0.1", "localhost", "[::1]", address["host"])
+        opened = ApiServer(app_of(one, Users(store), hosts=hosts), **address)
         source = OpcUa(connection, known, since=one.since())
-        write_file(data / "door", opened.url)  # who waits for it reads the whole of it
+        write_file(data / "api-url", opened.url)  # who waits for it reads the whole of it
         out.print(
-            f"Watching {len(known)} loops at {connection.url}; data in {data}, door at {opened.url}.", soft_wrap=True
+            f"Watching {len(known)} loops at {connection.url}; data in {data}, API at {opened.url}.", soft_wrap=True
         )
         say_first_login(data)
         work = [one.run(source), opened.open()]
@@ -289,7 +289,7 @@ def status(
     as_json: Annotated[bool, typer.Option("--json", metavar="", help="One JSON object, nothing else.")] = False,
 ) -> None:
     """Show what the service last saw of every loop; it need not run."""
-    from ..service.memory import Lock, Reader
+    from ..service.store import Lock, Reader
 
     with Reader(data) as reader:
         shown, holder = reader.shown(), Lock.holder(data)
@@ -305,7 +305,7 @@ def status(
     at, body = shown
     rows.append(("as of", f"{_moment(at)}, {_age(time.time() - at)} ago"))
     if body["failing"]:
-        rows.append(("memory", body["failing"]))
+        rows.append(("store", body["failing"]))
     if body.get("damaged"):
         rows.append(("database", body["damaged"]))
     out.print(key_values(rows))
@@ -348,7 +348,7 @@ def events(
     ] = False,
 ) -> None:
     """Show what happened, the newest last."""
-    from ..service.memory import Reader
+    from ..service.store import Reader
 
     with Reader(data) as reader:
         found = reader.commands(loop, most) if commands else reader.events(loop, most)
@@ -368,7 +368,7 @@ def backup(
     data: Data = Path("glapp-data"),
 ) -> None:
     """Copy the database, while the service runs or not; signals are files, in DIR/signals."""
-    from ..service.memory import backup as copy
+    from ..service.store import backup as copy
 
     copy(data, file)
     out.print(f"Copied the database of {data} to {file}.", soft_wrap=True)
@@ -380,7 +380,7 @@ def restore(
     data: Data = Path("glapp-data"),
 ) -> None:
     """Put a copy in the place of the database; the old one is set aside, and compensation is off."""
-    from ..service.memory import restore as put_back
+    from ..service.store import restore as put_back
 
     aside = put_back(data, file)
     out.print(f"Restored {file} into {data}.", soft_wrap=True)
@@ -388,17 +388,17 @@ def restore(
         say_note(f"the database that was there is {aside.name} now")
 
 
-# What is asked of the service goes through its door, in the name of who asks.
+# What is asked of the service goes through its API, in the name of who asks.
 
 
 @watch.command(epilog=examples("glapp watch login engineer"))
 def login(
     user: Annotated[str, typer.Argument(metavar="NAME", help="Your name there.")],
-    door: Url = _DOOR,
+    api_url: Url = _API_URL,
 ) -> None:
     """Log in: the token is kept for twelve hours in a file that only you can read."""
     need("watch", "service", "httpx")
-    token = _token_of(door, user)
+    token = _token_of(api_url, user)
     path = _kept()
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
@@ -407,13 +407,15 @@ def login(
     out.print(f"Logged in as {user}.", soft_wrap=True)
 
 
-@watch.command(epilog=examples("glapp watch drill FIC101"))
-def drill(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+@watch.command(epilog=examples("glapp watch watchdog-test FIC101"))
+def watchdog_test(
+    loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None
+) -> None:
     """See once that the plant takes a small u_FF away when its watchdog stands still; only then is a loop enabled.
 
     There is one watchdog for all loops: where it stands still, the plant takes u_FF of every loop away.
     """
-    _asked(door, user, "POST", f"/loops/{_part(loop)}/drill")
+    _asked(api_url, user, "POST", f"/loops/{_part(loop)}/watchdog-test")
     text = (
         f"{loop}: `glapp watch events` tells how it ended, in five minutes at the latest. There is one watchdog for "
         "all loops: where u_FF of one cannot be taken away, the plant takes it away from every loop."
@@ -422,21 +424,21 @@ def drill(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOO
 
 
 @watch.command(epilog=examples("glapp watch enable FIC101"))
-def enable(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+def enable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """Let a loop be compensated, in your name; an engineer may."""
-    _told(_asked(door, user, "POST", f"/loops/{_part(loop)}/enable"))
+    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/enable"))
 
 
 @watch.command(epilog=examples("glapp watch disable FIC101"))
-def disable(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+def disable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """End the compensation of a loop; an operator may."""
-    _told(_asked(door, user, "POST", f"/loops/{_part(loop)}/disable"))
+    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/disable"))
 
 
 @watch.command(epilog=examples("glapp watch fit FIC101"))
-def fit(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+def fit(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """Have a loop fitted now; an operator may."""
-    _asked(door, user, "POST", f"/loops/{_part(loop)}/fit")
+    _asked(api_url, user, "POST", f"/loops/{_part(loop)}/fit")
     out.print(f"{loop} is fitted: `glapp watch status` shows the answer when it is there.", soft_wrap=True)
 
 
@@ -447,13 +449,13 @@ def fit(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR,
 def set_(
     loop: Annotated[str, typer.Argument(metavar="LOOP")],
     values: Annotated[list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="NAME= is: as before.")] = None,
-    door: Url = _DOOR,
+    api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
     """Show the parameters of a loop's detector and compensation, or change some; an engineer may."""
     path = f"/loops/{_part(loop)}/parameters"
     if not values:
-        _told(_asked(door, user, "GET", path))
+        _print_values(_asked(api_url, user, "GET", path))
         return
     wanted: dict[str, float | None] = {}
     for one in values:
@@ -464,23 +466,23 @@ def set_(
             raise CommandError(f"{one}: {value!r} is not a number") from None
         if not equals or not math.isfinite(wanted[name] or 0.0):
             raise CommandError(f"{one}: write NAME=VALUE, with a number")
-    _told(_asked(door, user, "POST", path, {"values": wanted}))
+    _print_values(_asked(api_url, user, "POST", path, {"values": wanted}))
 
 
 @watch.command(name="take-over", epilog=examples("glapp watch take-over FIC101"))
 def take_over(
     loop: Annotated[str, typer.Argument(metavar="LOOP")],
     answer: Annotated[int | None, typer.Option(metavar="ID", help="Which answer; the newest where not given.")] = None,
-    door: Url = _DOOR,
+    api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
     """Take over what a fit found: the width to compensate, Kp, and K and Ti where they are not known."""
     if answer is None:
-        found = _asked(door, user, "GET", f"/loops/{_part(loop)}/answers?most=1")
+        found = _asked(api_url, user, "GET", f"/loops/{_part(loop)}/answers?most=1")
         if not found:
             raise InputError("has no answer yet", loop=loop, hint=f"glapp watch fit {loop}")
         answer = found[0]["id"]
-    _told(_asked(door, user, "POST", f"/loops/{_part(loop)}/take_over", {"answer": answer}))
+    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/take_over", {"answer": answer}))
 
 
 users = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Who may do what: viewer, operator, engineer.")
@@ -488,9 +490,9 @@ watch.add_typer(users, name="users")
 
 
 @users.command(name="list", epilog=examples("glapp watch users list"))
-def list_(door: Url = _DOOR, user: User = None) -> None:
+def list_(api_url: Url = _API_URL, user: User = None) -> None:
     """Name and role of every user."""
-    for one in _asked(door, user, "GET", "/users"):
+    for one in _asked(api_url, user, "GET", "/users"):
         out.print(f"{one['name']}  {one['role']}", soft_wrap=True)
 
 
@@ -499,19 +501,19 @@ def add(
     name: Annotated[str, typer.Argument(metavar="NAME")],
     role: Annotated[str, typer.Option(metavar="ROLE", help="viewer, operator or engineer.")] = "viewer",
     keep_password: Annotated[bool, typer.Option("--keep-password", metavar="", help="Change the role alone.")] = False,
-    door: Url = _DOOR,
+    api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
     """Add a user, or change role and password of one."""
     password = None if keep_password else typer.prompt(f"Password of {name}", hide_input=True, confirmation_prompt=True)
-    _asked(door, user, "PUT", f"/users/{_part(name)}", {"role": role, "password": password})
+    _asked(api_url, user, "PUT", f"/users/{_part(name)}", {"role": role, "password": password})
     out.print(f"{name} is {role}.", soft_wrap=True)
 
 
 @users.command(epilog=examples("glapp watch users remove anna"))
-def remove(name: Annotated[str, typer.Argument(metavar="NAME")], door: Url = _DOOR, user: User = None) -> None:
+def remove(name: Annotated[str, typer.Argument(metavar="NAME")], api_url: Url = _API_URL, user: User = None) -> None:
     """Take a user out."""
-    _asked(door, user, "DELETE", f"/users/{_part(name)}")
+    _asked(api_url, user, "DELETE", f"/users/{_part(name)}")
     out.print(f"{name} is a user no more.", soft_wrap=True)
 
 
@@ -521,26 +523,26 @@ def _kept() -> Path:
     return Path(base) / "glapp" / "token"
 
 
-def _token_of(door: str, user: str) -> str:
+def _token_of(api_url: str, user: str) -> str:
     password = typer.prompt(f"Password of {user}", hide_input=True, err=True)
-    return str(_request(door, "POST", "/login", {"user": user, "password": password}, None)["token"])
+    return str(_request(api_url, "POST", "/login", {"user": user, "password": password}, None)["token"])
 
 
-def _asked(door: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
+def _asked(api_url: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
     """What the service answers."""
     need("watch", "service", "httpx")
     if user is not None:
-        token = _token_of(door, user)
+        token = _token_of(api_url, user)
     elif TOKEN in os.environ:
         token = os.environ[TOKEN]
     elif _kept().is_file():
         token = _kept().read_text(encoding="utf-8").strip()
     else:
         raise InputError("nobody is logged in", hint="glapp watch login NAME")
-    return _request(door, method, path, body, token)
+    return _request(api_url, method, path, body, token)
 
 
-def _request(door: str, method: str, path: str, body: Any, token: str | None) -> Any:
+def _request(api_url: str, method: str, path: str, body: Any, token: str | None) -> Any:
     import httpx
 
     headers = {} if token is None else {"Authorization": f"Bearer {token}"}
@@ -548,10 +550,10 @@ def _request(door: str, method: str, path: str, body: Any, token: str | None) ->
     if content is not None:
         headers["Content-Type"] = "application/json"
     try:
-        reply = httpx.request(method, door + path, headers=headers, content=content, timeout=30, trust_env=False)
+        reply = httpx.request(method, api_url + path, headers=headers, content=content, timeout=30, trust_env=False)
     except (httpx.HTTPError, httpx.InvalidURL) as error:
-        hint = "is glapp watch running? DIR/door says where"
-        raise InputError(f"does not answer: {error}", parameter=door, hint=hint) from None
+        hint = "is glapp watch running? DIR/api-url says where"
+        raise InputError(f"does not answer: {error}", parameter=api_url, hint=hint) from None
     try:
         said = reply.json()
     except ValueError:
@@ -570,7 +572,7 @@ def _part(name: str) -> str:
     return quote(name, safe="")
 
 
-def _told(values: dict[str, Any]) -> None:
+def _print_values(values: dict[str, Any]) -> None:
     out.print(key_values([(name, "" if value is None else str(value)) for name, value in values.items()]))
 
 

@@ -23,7 +23,7 @@ import pyarrow as pa
 
 from .. import _glapp
 from ..errors import unforeseen
-from ..estimate import why_told
+from ..estimate import why_text
 from ..loop import Loop
 from .windows import US, Signal, on_pv, signals_of
 
@@ -176,7 +176,7 @@ def _heard(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[st
         "since": pinned["since"],
         "crossings": heard["crossings"],
         "crossings_code": None if heard["why"] is None else heard["why"]["code"],
-        "crossings_reason": why_told(answer, loop, [], None),
+        "crossings_reason": why_text(answer, loop, [], None),
         **{name: heard[name] for name in ("d_hat", "noise_floor", "detections", "half_periods", "tf")},
         "rejected": json.dumps(rejected, sort_keys=True),
         **{name: told[name] for name in ("k", "ti", "td", "b", "kp", "h")},

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from ..reading.columns import LABELS, Signals, choose, is_long, understand
+from ..reading.columns import LABELS, SignalColumns, choose, is_long, understand
 from ..reading.times import Clock
 from ..reading.values import (
     CellFault,
@@ -47,7 +47,7 @@ from ..reading.values import (
     words_for_bad,
 )
 from ..reading.wide import Reader
-from .problems import Problem
+from .problems import DataIssue
 from .settings import NAMES
 
 __all__ = [
@@ -192,7 +192,7 @@ def day_name(day: int) -> str:
     return date.fromordinal(719163 + day).isoformat()
 
 
-def files_of(lake: Path) -> tuple[list[str], list[Problem]]:
+def files_of(lake: Path) -> tuple[list[str], list[DataIssue]]:
     """The Parquet files of a lake, by name; folders and files that begin with `_` or `.` are left out.
 
     Of a Delta table only the files that its log names are taken.
@@ -213,7 +213,7 @@ def files_of(lake: Path) -> tuple[list[str], list[Problem]]:
             inside = {name for name in found if not table or name.startswith(f"{table}/")}
             found = (found - inside) | (inside & files)
             problems += [
-                Problem("unreadable", "is named by the table's log and is not there", _COPY, file=name)
+                DataIssue("unreadable", "is named by the table's log and is not there", _COPY, file=name)
                 for name in sorted(files - inside)
             ]
     if not found:
@@ -224,16 +224,16 @@ def files_of(lake: Path) -> tuple[list[str], list[Problem]]:
 _COPY = "copy it anew from where it came"
 
 
-def _walked(lake: Path) -> tuple[set[str], list[Problem]]:
+def _walked(lake: Path) -> tuple[set[str], list[DataIssue]]:
     """The Parquet files below a folder, and what there is that is not read."""
     found: set[str] = set()
-    problems: list[Problem] = []
+    problems: list[DataIssue] = []
     others: dict[str, list[str]] = {}
 
     def unread(error: OSError) -> None:
         name = Path(error.filename).relative_to(lake).as_posix()
         what = f"is a folder that cannot be read: {error.strerror}"
-        problems.append(Problem("folder", what, "give the reader the right to it", file=name))
+        problems.append(DataIssue("folder", what, "give the reader the right to it", file=name))
 
     for where, folders, files in os.walk(lake, onerror=unread):
         at = Path(where)
@@ -242,7 +242,7 @@ def _walked(lake: Path) -> tuple[set[str], list[Problem]]:
             if (at / name).is_symlink():
                 what = "is a link to a folder, and is not followed"
                 place = (at / name).relative_to(lake).as_posix()
-                problems.append(Problem("folder", what, "put the files themselves into the lake", file=place))
+                problems.append(DataIssue("folder", what, "put the files themselves into the lake", file=place))
         for name in sorted(files):
             place = (at / name).relative_to(lake).as_posix()
             if name.startswith(("_", ".")) or (at == lake and name in NAMES):
@@ -252,39 +252,39 @@ def _walked(lake: Path) -> tuple[set[str], list[Problem]]:
             elif (at / name).exists():
                 found.add(place)
             else:
-                problems.append(Problem("unreadable", "is a link to nowhere", _COPY, file=place))
+                problems.append(DataIssue("unreadable", "is a link to nowhere", _COPY, file=place))
     for ending, names in others.items():
         kind = f"end in {ending}" if ending else "have no ending"
         what = f"{len(names)} {'files' if len(names) > 1 else 'file'} that {kind} and not in .parquet: not read"
-        problems.append(Problem("not_read", what, "convert what has signals, or leave it", file=names[0]))
+        problems.append(DataIssue("not_read", what, "convert what has signals, or leave it", file=names[0]))
     return found, problems
 
 
-def _delta_files(lake: Path, table: str) -> tuple[set[str] | None, list[Problem]]:
+def _delta_files(lake: Path, table: str) -> tuple[set[str] | None, list[DataIssue]]:
     """The files of the latest version of a Delta table, relative to the lake; None where nothing can tell them."""
     place = f"{table}/_delta_log" if table else "_delta_log"
     try:
         from deltalake import DeltaTable
     except ImportError:
         what = "is a Delta table, and deltalake is not installed: all its files are read, also those that it took out"
-        return None, [Problem("delta", what, "pip install 'glapp[delta]', or vacuum the table first", file=place)]
+        return None, [DataIssue("delta", what, "pip install 'glapp[delta]', or vacuum the table first", file=place)]
     try:
         known = DeltaTable(lake / table)
         more = set(known.protocol().reader_features or ()) & {"deletionVectors", "columnMapping"}
         if more:
             what = f"is a Delta table with {' and '.join(sorted(more))}, which its files alone do not show: left out"
             todo = "purge its deletion vectors, or write it anew without column mapping"
-            return set(), [Problem("unreadable", what, todo, file=place)]
+            return set(), [DataIssue("unreadable", what, todo, file=place)]
         root = (lake / table).resolve()
         paths = [Path(unquote(urlsplit(uri).path) if "://" in uri else uri) for uri in known.file_uris()]
         inside = [path.resolve().relative_to(root).as_posix() for path in paths]
     except Exception as error:  # the library has kinds of its own for a damaged log
         what = f"is a Delta table whose log cannot be read, and is left out: {_line(error)}"
-        return set(), [Problem("unreadable", what, "copy the table anew from where it came", file=place)]
+        return set(), [DataIssue("unreadable", what, "copy the table anew from where it came", file=place)]
     return {f"{table}/{name}" if table else name for name in inside}, []
 
 
-def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, list[Problem]]:
+def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, list[DataIssue]]:
     """Look at a file: its columns, and of each group of rows its time and tags. None where it cannot be used at all."""
     path = lake / name
     try:
@@ -294,7 +294,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
             rows = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
     except Exception as error:  # the library has no one kind for a damaged file
         what = f"is not a readable Parquet file: {_line(error)}"
-        return None, [Problem("unreadable", what, _COPY, file=name)]
+        return None, [DataIssue("unreadable", what, _COPY, file=name)]
     folders = _folders(name)
     every = (*columns, *(key for key in folders if key not in columns))
     long = is_long(every)
@@ -303,13 +303,13 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     what = f"its columns are {', '.join(every[:12]) or 'none'}"
     if bare.column("time") is None:
         what += "; no time is among them"
-        return None, [Problem("schema", what, "a file has time, tag and value, or time and PV of a loop", file=name)]
-    if not long and not Signals(every).groups:
+        return None, [DataIssue("schema", what, "a file has time, tag and value, or time and PV of a loop", file=name)]
+    if not long and not SignalColumns(every).groups:
         what += "; neither tag and value nor a PV with SP or OP is among them"
-        return None, [Problem("schema", what, "name columns in loops.toml, or leave the file out", file=name)]
+        return None, [DataIssue("schema", what, "name columns in loops.toml, or leave the file out", file=name)]
     if not sum(rows):
-        return None, [Problem("empty", "has no rows", "nothing, where nothing was recorded", file=name)]
-    problems: list[Problem] = []
+        return None, [DataIssue("empty", "has no rows", "nothing, where nothing was recorded", file=name)]
+    problems: list[DataIssue] = []
     groups: list[Group] = []
     qualities: dict[str, None] = {}
     without: Counter[str] = Counter()
@@ -324,30 +324,30 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
                     what = f"its times cannot be read: {fault.what}"
                     row = sum(rows[:i]) + done + 1
                     todo = fault.hint or "write them as timestamps"
-                    problems.append(Problem("time", what, todo, name, row, rows=group.rows))
+                    problems.append(DataIssue("time", what, todo, name, row, rows=group.rows))
                 done += group.rows
         except Exception as error:
             groups.append(Group(i, n - done))
             problems.append(_damaged(name, i, sum(rows[:i]) + done, n - done, error))
     for code, what in _LACKING.items():
         if n := without[code]:
-            problems.append(Problem(code, f"{n} rows have no {what}: they are left out", _REPAIR, name, rows=n))
+            problems.append(DataIssue(code, f"{n} rows have no {what}: they are left out", _REPAIR, name, rows=n))
     if not any(group.readable for group in groups):  # its columns may still tell which loops are lost
         return replace(bare, groups=tuple(groups)), problems
     if zone is None and _naive(path, bare):
         what = "its times have no zone, and are taken for UTC"
-        problems.append(Problem("no_zone", what, "name it: --time-zone, or time_zone in [defaults]", file=name))
+        problems.append(DataIssue("no_zone", what, "name it: --time-zone, or time_zone in [defaults]", file=name))
     try:
         digits = _digits(path, bare)
     except InputError as error:
         digits = Digits("")
-        problems.append(Problem("value", error.what, error.hint or "write all numbers alike", file=name))
+        problems.append(DataIssue("value", error.what, error.hint or "write all numbers alike", file=name))
     return replace(bare, groups=tuple(groups), qualities=tuple(qualities)[:_MOST_WORDS], digits=digits), problems
 
 
-def _damaged(name: str, group: int, done: int, rows: int, error: Exception) -> Problem:
+def _damaged(name: str, group: int, done: int, rows: int, error: Exception) -> DataIssue:
     what = f"row group {group} is damaged, {rows} rows are left out: {_line(error)}"
-    return Problem("damaged", what, "copy the file anew from where it came", name, done + 1, rows=rows)
+    return DataIssue("damaged", what, "copy the file anew from where it came", name, done + 1, rows=rows)
 
 
 def _line(error: Exception) -> str:
@@ -492,23 +492,23 @@ class Places:
 
 def places(
     files: Sequence[File], given: Sequence[Loop] | None, defaults: Mapping[str, Any]
-) -> tuple[Places, list[Problem]]:
+) -> tuple[Places, list[DataIssue]]:
     """Which tag and which column is which signal of which loop; without settings, the loops that the names show."""
-    tags = Signals(sorted(set().union(*(file.tags for file in files if file.long))))
-    problems: list[Problem] = []
+    tags = SignalColumns(sorted(set().union(*(file.tags for file in files if file.long))))
+    problems: list[DataIssue] = []
     found: dict[str, dict[str, str]] = {}  # loop to role to tag
     columns: dict[str, dict[str, dict[str, str]]] = {}  # file to loop to role to column
     loops = {loop.name: loop for loop in given or ()}
     used: set[str] = set()
 
-    def of(signals: Signals, loop: Loop, group: str | None, label: str, *, long: bool) -> dict[str, str] | None:
+    def of(signals: SignalColumns, loop: Loop, group: str | None, label: str, *, long: bool) -> dict[str, str] | None:
         try:
             return {
                 role: name for role, name in choose(signals, loop, group, label, tags=long).items() if role in SIGNALS
             }
         except InputError as error:
             todo = error.hint or "name its tags in the settings: columns"
-            problems.append(Problem("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
+            problems.append(DataIssue("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
             return None
 
     if tags.names:
@@ -524,27 +524,29 @@ def places(
     for file in files:
         if file.long:
             continue
-        signals = Signals(file.columns)
+        signals = SignalColumns(file.columns)
         for name, group in signals.loops(file.stem).items():
             known = loops.get(name) if given is not None else loops.setdefault(name, Loop(**{**defaults, "name": name}))
             if known is None:
                 what = f"has signals of {name}, which no settings name"
-                problems.append(Problem("no_settings", what, "add the loop to the settings", file=file.name, loop=name))
+                problems.append(
+                    DataIssue("no_settings", what, "add the loop to the settings", file=file.name, loop=name)
+                )
             elif chosen := of(signals, known, group, file.name, long=False):
                 columns.setdefault(file.name, {})[name] = chosen
-    for signals, label in ((tags, ""), *((Signals(file.columns), file.name) for file in files if not file.long)):
+    for signals, label in ((tags, ""), *((SignalColumns(file.columns), file.name) for file in files if not file.long)):
         for name in sorted(set(signals.passed_over) - set(loops)):
             what = f"{name} has PV and OP and no SP: it is taken for no loop, because others have SP"
-            problems.append(Problem("no_sp", what, "name it in the settings where it is one", file=label, loop=name))
+            problems.append(DataIssue("no_sp", what, "name it in the settings where it is one", file=label, loop=name))
     if given is not None:
         for group in sorted(set(tags.groups) - set(found)):
             if not any(tags.meant(role, group) and set(tags.meant(role, group)) <= used for role in ("pv",)):
                 what = f"the lake holds the tags of {group}, which no settings name"
-                problems.append(Problem("no_settings", what, "add the loop to the settings", loop=group))
+                problems.append(DataIssue("no_settings", what, "add the loop to the settings", loop=group))
     having = sorted(set(found) | {name for file in columns.values() for name in file})
     for name in sorted({loop.name for loop in given or ()} - set(having)):
         what = "its settings are there, and none of its tags"
-        problems.append(Problem("no_tags", what, "check the names of the tags, and the export", loop=name))
+        problems.append(DataIssue("no_tags", what, "check the names of the tags, and the export", loop=name))
     place = {name: i for i, name in enumerate(having)}
 
     def numbered(chosen: Mapping[str, Mapping[str, str]]) -> dict[str, tuple[int, int]]:
@@ -584,13 +586,13 @@ class _Part:
 
 def rows_of(
     lake: Path, files: Iterable[File], known: Places, wanted: range, begin: int, end: int
-) -> tuple[dict[int, pa.Table], list[Problem]]:
+) -> tuple[dict[int, pa.Table], list[DataIssue]]:
     """The rows of some loops from `begin` to before `end` [µs since 1970 UTC], a table of `ROWS` a loop.
 
     What of a file is damaged is left out, told with its place, and the others are read.
     """
     parts: list[_Part] = []
-    problems: list[Problem] = []
+    problems: list[DataIssue] = []
     for file in files:
         for part, wrong in _parts(lake, file, known, wanted, begin, end):
             problems += wrong
@@ -629,7 +631,7 @@ class _Asked:
 
 def _parts(
     lake: Path, file: File, known: Places, wanted: range, begin: int, end: int
-) -> Iterator[tuple[_Part | None, list[Problem]]]:
+) -> Iterator[tuple[_Part | None, list[DataIssue]]]:
     """What a file holds of these loops within that time, a million rows at a time, and what is wrong with it."""
     at, done = known.of(file), 0
     for i, several in groupby(file.groups, key=lambda group: group.of):
@@ -650,7 +652,7 @@ def _parts(
 
 def _of_group(
     lake: Path, file: File, i: int, places: Sequence[tuple[int, int]], rows: int, done: int, asked: _Asked
-) -> Iterator[tuple[_Part | None, list[Problem]]]:
+) -> Iterator[tuple[_Part | None, list[DataIssue]]]:
     """The parts and problems of one group of rows, of which those at `places` are wanted."""
     time, tag, value, quality = (file.column(role) for role in ("time", "tag", "value", "quality"))
     columns = [time, quality, *((tag, value, file.unit_column) if file.long else asked.names)]
@@ -661,13 +663,13 @@ def _of_group(
         for table in _batches(lake / file.name, i, stored, coded):
             upto = at + len(table)
             if any(first < upto and last > at for first, last in places):
-                problems: list[Problem] = []
+                problems: list[DataIssue] = []
                 try:
                     yield read(table, file, asked, done + at, problems), problems
                 except CellFault as fault:
                     todo = fault.hint or "copy the file anew from where it came"
                     row = done + at + fault.index + 1
-                    yield None, [Problem("damaged", fault.what, todo, file.name, row, rows=len(table))]
+                    yield None, [DataIssue("damaged", fault.what, todo, file.name, row, rows=len(table))]
             at = upto
             if at >= places[-1][1]:
                 return
@@ -676,16 +678,16 @@ def _of_group(
 
 
 def _within(
-    table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[Problem]
+    table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     t, good, doubtful = _micros(table.column(str(file.column("time"))), file)
     if doubtful:
         what = f"{doubtful} rows stand in the hour in which the clocks of {file.zone} change, and are left out"
-        problems.append(Problem("clock_change", what, "export with times in UTC", file.name, done + 1, rows=doubtful))
+        problems.append(DataIssue("clock_change", what, "export with times in UTC", file.name, done + 1, rows=doubtful))
     return t, good & (t >= asked.begin) & (t < asked.end)
 
 
-def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[Problem]) -> _Part:
+def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]) -> _Part:
     tag, value, quality, unit = file.column("tag"), file.column("value"), file.column("quality"), file.unit_column
     known, names = asked.known, asked.names
     t, keep = _within(table, file, asked, done, problems)
@@ -715,7 +717,7 @@ def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
     return _Part(loop, signal, t, values, bad)
 
 
-def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[Problem]) -> _Part:
+def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]) -> _Part:
     quality, known = file.column("quality"), asked.known
     t, keep = _within(table, file, asked, done, problems)
     rows = np.flatnonzero(keep)
@@ -737,7 +739,7 @@ def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
 
 
 def _values(
-    cells: pa.Array, role: str, loop: Loop, file: File, name: str, rows: NDArray[np.int64], problems: list[Problem]
+    cells: pa.Array, role: str, loop: Loop, file: File, name: str, rows: NDArray[np.int64], problems: list[DataIssue]
 ) -> NDArray[np.float64]:
     """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, and told once a file and tag."""
     reader = Reader(loop, None, file.digits, Quality((), words_for_bad(loop.bad_values)))
@@ -750,22 +752,22 @@ def _values(
             if fault.value is None or not len(rows) or not is_text(plain(cells).type):
                 row = int(rows[0]) + 1 if len(rows) else None
                 todo, n = "export numbers", len(cells)
-                problems.append(Problem("value", fault.what, todo, file.name, row, name, loop.name, rows=n))
+                problems.append(DataIssue("value", fault.what, todo, file.name, row, name, loop.name, rows=n))
                 break
             texts = pc.utf8_trim_whitespace(plain(cells))
             wrong = pc.equal(texts, str(fault.value).strip()).fill_null(False)
             n, todo = pc.sum(wrong).as_py(), fault.hint or "name it in bad_values"
             row = int(rows[fault.index]) + 1
-            problems.append(Problem("value", fault.what, todo, file.name, row, name, loop.name, rows=n))
+            problems.append(DataIssue("value", fault.what, todo, file.name, row, name, loop.name, rows=n))
             cells = pc.if_else(wrong, pa.scalar("MAN" if role == "mode" else "", pa.string()), texts)
     else:
         what = f"has more than {_MOST_WORDS} different words that are no number: all {len(cells)} rows count as missing"
         row = int(rows[0]) + 1
-        problems.append(Problem("value", what, "export numbers", file.name, row, name, loop.name, rows=len(cells)))
+        problems.append(DataIssue("value", what, "export numbers", file.name, row, name, loop.name, rows=len(cells)))
     return np.full(len(cells), missing)
 
 
-def _bad(file: File, cells: pa.Array | None, done: int, problems: list[Problem], rows: int) -> NDArray[np.bool_]:
+def _bad(file: File, cells: pa.Array | None, done: int, problems: list[DataIssue], rows: int) -> NDArray[np.bool_]:
     """Which rows are of bad quality, whichever of the three ways of telling it a file has; an unknown word is bad."""
     if cells is None or not len(cells):
         return np.zeros(rows, np.bool_)
@@ -783,12 +785,12 @@ def _bad(file: File, cells: pa.Array | None, done: int, problems: list[Problem],
     for word in unknown:
         what = f"the quality {word!r} is not known, its rows count as bad"
         todo = "export qualities as Good and Bad, or as codes of OPC"
-        problems.append(Problem("quality", what, todo, file.name, done + 1))
+        problems.append(DataIssue("quality", what, todo, file.name, done + 1))
     return found
 
 
 def _units(
-    codes: NDArray[np.int64], cells: pa.Array, asked: _Asked, file: File, done: int, problems: list[Problem]
+    codes: NDArray[np.int64], cells: pa.Array, asked: _Asked, file: File, done: int, problems: list[DataIssue]
 ) -> NDArray[np.bool_]:
     """Which rows are in the unit that the loop's settings tell; where they tell none, all are."""
     fits = np.ones(len(codes), np.bool_)
@@ -809,9 +811,11 @@ def _units(
     return fits
 
 
-def _unit_problem(file: File, tag: str, loop: str, told: str, wants: str, n: int, row: int) -> Problem:
+def _unit_problem(file: File, tag: str, loop: str, told: str, wants: str, n: int, row: int) -> DataIssue:
     what = f"{n} rows are in {told}, and the loop's settings say {wants}: they are left out"
-    return Problem("unit", what, "convert them, or correct the unit in the settings", file.name, row, tag, loop, rows=n)
+    return DataIssue(
+        "unit", what, "convert them, or correct the unit in the settings", file.name, row, tag, loop, rows=n
+    )
 
 
 def _unit_of(loop: Loop, signal: int) -> str | None:

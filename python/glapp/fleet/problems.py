@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import pyarrow as pa
 
-__all__ = ["LEFT_OUT", "LOST", "PROBLEMS", "Problem", "problem_table", "problems_of"]
+__all__ = ["LEFT_OUT", "LOST", "PROBLEMS", "DataIssue", "problem_table", "problems_of"]
 
 LOST = frozenset({"changed", "damaged", "folder", "time", "unreadable"})
 """Codes of what is there and could not be read: a file, a folder, or some rows of a file."""
@@ -16,7 +16,7 @@ LEFT_OUT = frozenset({"clock_change", "no_tag", "no_time", "unit", "value"})
 """Codes of rows that were read and not used."""
 
 
-class Problem(NamedTuple):
+class DataIssue(NamedTuple):
     """One fault, and where it is.
 
     Attributes
@@ -49,18 +49,18 @@ class Problem(NamedTuple):
 PROBLEMS = pa.schema(
     [
         pa.field(name, pa.int64() if name in ("row", "rows") else pa.string(), nullable=name == "row")
-        for name in Problem._fields
+        for name in DataIssue._fields
     ]
 )
 """Schema of `problems.parquet`."""
 
 
-def problem_table(problems: Iterable[Problem]) -> pa.Table:
+def problem_table(problems: Iterable[DataIssue]) -> pa.Table:
     """A row a problem, each once, in an order that does not hang on who found it first.
 
     Examples
     --------
-    >>> twice = [Problem("damaged", "is damaged", "copy it again", file="a.parquet", row=1)] * 2
+    >>> twice = [DataIssue("damaged", "is damaged", "copy it again", file="a.parquet", row=1)] * 2
     >>> problem_table(twice).num_rows
     1
     """
@@ -68,6 +68,6 @@ def problem_table(problems: Iterable[Problem]) -> pa.Table:
     return pa.Table.from_pylist([p._asdict() for p in rows], schema=PROBLEMS)
 
 
-def problems_of(table: pa.Table) -> list[Problem]:
+def problems_of(table: pa.Table) -> list[DataIssue]:
     """The problems of such a table."""
-    return [Problem(**row) for row in table.to_pylist()]
+    return [DataIssue(**row) for row in table.to_pylist()]

@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from ..errors import InputError
 from ..writing import write_file, write_parquet
-from .problems import Problem
+from .problems import DataIssue
 
 __all__ = ["INPUTS", "TABLES", "digest", "manifest", "publish", "read", "read_piece", "write_piece"]
 
@@ -61,7 +61,7 @@ def digest(*parts: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, problems: Iterable[Problem] = ()) -> None:
+def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, problems: Iterable[DataIssue] = ()) -> None:
     """A Parquet file that is whole, or not there; a group of rows a table.
 
     Raises
@@ -81,11 +81,11 @@ def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, probl
         ) from None
 
 
-def read_piece(path: Path, **how: Any) -> tuple[pa.Table, list[Problem]]:
+def read_piece(path: Path, **how: Any) -> tuple[pa.Table, list[DataIssue]]:
     """A piece, and the problems that were met in making it."""
     table = pq.read_table(path, use_threads=False, partitioning=None, **how)
     told = json.loads((table.schema.metadata or {}).get(_PROBLEMS, b"[]"))
-    return table.replace_schema_metadata(), [Problem(*problem) for problem in told]
+    return table.replace_schema_metadata(), [DataIssue(*problem) for problem in told]
 
 
 def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any]) -> dict[str, Any]:

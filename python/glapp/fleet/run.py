@@ -35,11 +35,11 @@ import pyarrow.compute as pc
 
 from ..errors import InputError
 from ..loop import Loop
-from ..service.memory import Lock
+from ..service.store import Lock
 from ..writing import write_file
 from .history import CROSSINGS, FOLLOWED, follow
 from .lake import DAY, File, Places, files_of, index_file, loop_of_path, places, rows_of, touched
-from .problems import LEFT_OUT, LOST, Problem, problem_table, problems_of
+from .problems import LEFT_OUT, LOST, DataIssue, problem_table, problems_of
 from .results import INPUTS, digest, publish, read_piece, write_piece
 from .settings import NAMES, read_loops
 from .windows import DAYS, FITS, LOOPS, SAMPLES, WINDOWS, choose, cut, judge, look, refused
@@ -124,7 +124,7 @@ class Plan:
     places: Places
     units: tuple[Unit, ...]
     files: tuple[File, ...]
-    problems: tuple[Problem, ...]
+    problems: tuple[DataIssue, ...]
     fits: int
     settings: str
 
@@ -132,7 +132,7 @@ class Plan:
 class Engine(Protocol):
     """Who does the work: it gives the rows of DAYS, CROSSINGS, WINDOWS and LOOPS by these names, and what was wrong."""
 
-    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[Problem]]:
+    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
         """Do all of it."""
 
 
@@ -249,14 +249,14 @@ REFUSED = ("loop_tags", "no_tags", "settings", "unreadable")
 """Codes of problems of the plan that leave a loop without a row, the one to be told first."""
 
 
-def _whole(loops: pa.Table, plan: Plan, problems: Sequence[Problem]) -> tuple[pa.Table, list[Problem]]:
+def _whole(loops: pa.Table, plan: Plan, problems: Sequence[DataIssue]) -> tuple[pa.Table, list[DataIssue]]:
     """The answers with a row of every loop that is known and was not judged, refused with its reason.
 
     Each row gets how many files with its signals, or parts of them, could not be read. A loop that only its files'
     names tell is one of those that were lost with all their files.
     """
     known = {loop.name: loop for loop in (*plan.given, *plan.places.loops)}
-    more: list[Problem] = []
+    more: list[DataIssue] = []
     judged = set(loops["loop"].to_pylist())
     lost = _parts_lost(plan, problems)
     why = {one.file: f": {one.file}: {one.what}" for one in reversed(problems) if one.code in LOST}
@@ -265,7 +265,7 @@ def _whole(loops: pa.Table, plan: Plan, problems: Sequence[Problem]) -> tuple[pa
         if loop.name not in judged:
             first = next(iter(lost.get(loop.name, [])), "")
             what = f"none of its rows can be used, and it is not judged{why.get(first, '')}"
-            more.append(Problem("no_rows", what, "see what is wrong with its files", loop=loop.name))
+            more.append(DataIssue("no_rows", what, "see what is wrong with its files", loop=loop.name))
             rows.append(refused(loop, "no_rows", what))
             judged.add(loop.name)
     for code in REFUSED:
@@ -283,7 +283,7 @@ def _whole(loops: pa.Table, plan: Plan, problems: Sequence[Problem]) -> tuple[pa
     return table.set_column(LOOPS.get_field_index("lost"), LOOPS.field("lost"), pa.array(counts, pa.int64())), more
 
 
-def _parts_lost(plan: Plan, problems: Sequence[Problem]) -> dict[str, list[str]]:
+def _parts_lost(plan: Plan, problems: Sequence[DataIssue]) -> dict[str, list[str]]:
     """Files of every loop of which something could not be read, once a part that is lost."""
     of_file: dict[str, int] = {}
     for name, _ in {(one.file, one.row) for one in problems if one.code in LOST}:
@@ -297,7 +297,7 @@ def _parts_lost(plan: Plan, problems: Sequence[Problem]) -> dict[str, list[str]]
     return found
 
 
-def _changed(plan: Plan) -> list[Problem]:
+def _changed(plan: Plan) -> list[DataIssue]:
     """Files that are others now than when they were looked at: what was read of them may be of either."""
 
     def state(file: File) -> tuple[int, int] | None:
@@ -309,7 +309,7 @@ def _changed(plan: Plan) -> list[Problem]:
 
     what, todo = "changed while it was read", "run it once more, when nothing writes into the lake"
     return [
-        Problem("changed", what, todo, file.name) for file in plan.files if state(file) != (file.size, file.mtime_ns)
+        DataIssue("changed", what, todo, file.name) for file in plan.files if state(file) != (file.size, file.mtime_ns)
     ]
 
 
@@ -359,7 +359,7 @@ def plan_of(
 
 def _indexed(
     lake: Path, names: Sequence[str], folder: Path, zone: str | None, workers: int
-) -> Iterable[tuple[File | None, list[Problem]]]:
+) -> Iterable[tuple[File | None, list[DataIssue]]]:
     """The look at every file, from the last run where it has not changed."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = {}
@@ -369,11 +369,11 @@ def _indexed(
     for old in set(folder.iterdir()) - set(paths.values()):
         old.unlink()
 
-    def one(name: str) -> tuple[File | None, list[Problem]]:
+    def one(name: str) -> tuple[File | None, list[DataIssue]]:
         path = paths[name]
         if path.exists():
             known, told = json.loads(path.read_text(encoding="utf-8"))
-            return None if known is None else File.of(known), [Problem(*problem) for problem in told]
+            return None if known is None else File.of(known), [DataIssue(*problem) for problem in told]
         file, wrong = index_file(lake, name, zone)
         write_file(path, json.dumps([None if file is None else asdict(file), [list(one) for one in wrong]]))
         return file, wrong
@@ -476,10 +476,10 @@ class _Local:
     def __init__(self, workers: int) -> None:
         self.workers = workers
 
-    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[Problem]]:
+    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
         """See `Engine`."""
         work = out / "work"
-        problems: list[Problem] = []
+        problems: list[DataIssue] = []
         with ProcessPoolExecutor(
             self.workers,
             mp_context=multiprocessing.get_context("spawn"),
@@ -582,7 +582,7 @@ def crossings_of(paths: Iterable[Path]) -> pa.Table:
     return heard.filter(pc.and_(pc.is_valid(heard["day"]), pc.is_valid(heard["crossings"])))
 
 
-def together(paths: Iterable[Path], schema: pa.Schema, problems: list[Problem]) -> pa.Table:
+def together(paths: Iterable[Path], schema: pa.Schema, problems: list[DataIssue]) -> pa.Table:
     """The columns of a schema of several pieces, and what was wrong in making them."""
     tables = []
     for path in paths:
@@ -650,18 +650,18 @@ def _look(i: int) -> None:
     write_piece(work / "days" / f"{unit.key}.parquet", [pa.concat_tables(tables)] if tables else [], DAYS, problems)
 
 
-def looked(plan: Plan, unit: Unit) -> tuple[list[pa.Table], list[Problem]]:
+def looked(plan: Plan, unit: Unit) -> tuple[list[pa.Table], list[DataIssue]]:
     """The look at every loop of a unit, in their order."""
     rows, problems = unit_rows(plan, unit)
     return [look(table, plan.places.loops[k], unit.day, unit.part) for k, table in sorted(rows.items())], problems
 
 
-def unit_rows(plan: Plan, unit: Unit) -> tuple[dict[int, pa.Table], list[Problem]]:
+def unit_rows(plan: Plan, unit: Unit) -> tuple[dict[int, pa.Table], list[DataIssue]]:
     """The rows of a unit, by the place of their loop."""
     return rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.begin, unit.end)
 
 
-def read_again(plan: Plan, unit: Unit, known: Iterable[Problem]) -> dict[int, pa.Table]:
+def read_again(plan: Plan, unit: Unit, known: Iterable[DataIssue]) -> dict[int, pa.Table]:
     """The rows of a unit that was looked at, with the problems that were met then.
 
     Raises
@@ -676,7 +676,7 @@ def read_again(plan: Plan, unit: Unit, known: Iterable[Problem]) -> dict[int, pa
     return rows
 
 
-def problems_at(path: Path) -> list[Problem]:
+def problems_at(path: Path) -> list[DataIssue]:
     """The problems that were met in making a piece."""
     return read_piece(path, columns=["loop"])[1]
 
@@ -752,13 +752,13 @@ def judged_key(samples: pa.Table, days: pa.Table, crossings: pa.Table, loop: Loo
     return digest(version("glapp"), _FORM, settings, signals, of)
 
 
-def write_judged(work: Path, key: str, row: pa.Table, windows: pa.Table, problems: Iterable[Problem]) -> None:
+def write_judged(work: Path, key: str, row: pa.Table, windows: pa.Table, problems: Iterable[DataIssue]) -> None:
     """Write the answer of a loop, its windows first: where the piece of its row is, both are."""
     write_piece(work / "of_loops" / f"{key}.parquet", [windows], WINDOWS)
     write_piece(work / "loops" / f"{key}.parquet", [row], LOOPS, problems)
 
 
-def answers_of(work: Path, keys: Sequence[str], problems: list[Problem]) -> tuple[pa.Table, pa.Table]:
+def answers_of(work: Path, keys: Sequence[str], problems: list[DataIssue]) -> tuple[pa.Table, pa.Table]:
     """Rows of LOOPS and WINDOWS, and what was wrong in making them."""
     loops = together([work / "loops" / f"{key}.parquet" for key in keys], LOOPS, problems)
     return loops, together([work / "of_loops" / f"{key}.parquet" for key in keys], WINDOWS, [])

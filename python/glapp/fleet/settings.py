@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from ..errors import InputError
 from ..loop import Loop
 from ..reading.settings import read_each
-from .problems import Problem
+from .problems import DataIssue
 
 __all__ = ["NAMES", "read_loops"]
 
@@ -21,7 +21,7 @@ NAMES = ("loops.toml", "loops.parquet", "loops.csv")
 """Names that are looked for in a lake where no settings are given."""
 
 
-def read_loops(path: Path) -> tuple[list[Loop], list[Problem]]:
+def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
     """The loops of a loops.toml, or of a CSV or Parquet table with a row a loop; a loop with a fault is a problem.
 
     The columns of a table are the keys of a loops.toml with a dot for what stands in a table of its own
@@ -40,14 +40,14 @@ def read_loops(path: Path) -> tuple[list[Loop], list[Problem]]:
     loops = [loop for loop in each if isinstance(loop, Loop)]
     twice = {loop.name for loop in loops if [other.name for other in loops].count(loop.name) > 1}
     problems = [
-        Problem(
+        DataIssue(
             "settings", error.what, error.hint or "correct the settings", path.name, error.row, loop=error.loop or ""
         )
         for error in each
         if isinstance(error, InputError)
     ]
     problems += [
-        Problem("settings", "stands there more than once, and is left out", "leave one", path.name, loop=name)
+        DataIssue("settings", "stands there more than once, and is left out", "leave one", path.name, loop=name)
         for name in sorted(twice)
     ]
     if not loops:

@@ -29,7 +29,7 @@ import pyarrow.compute as pc
 from ..errors import InputError
 from .history import FOLLOWED, follow
 from .lake import ROWS
-from .problems import Problem
+from .problems import DataIssue
 from .results import write_piece
 from .run import (
     Plan,
@@ -71,7 +71,7 @@ _KNOWN = "loop string, days binary, crossings binary"
 _LOOPS = "key string, loops binary, windows binary, problems string"
 
 
-def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[Problem]]:
+def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
     """See `glapp.fleet.run.Engine`; the session is the one that there is, else one of this machine.
 
     Raises
@@ -85,7 +85,7 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[
         raise InputError("needs PySpark", parameter="engine", hint="pip install 'glapp[spark]', and Java 17") from None
     os.environ.setdefault("PYSPARK_PYTHON", sys.executable)  # a worker of this machine has what we have
     spark = SparkSession.builder.appName("glapp fleet").getOrCreate()
-    work, problems = out / "work", list[Problem]()
+    work, problems = out / "work", list[DataIssue]()
     looks = [work / "days" / f"{unit.key}.parquet" for unit in plan.units]
     _look_at(spark, plan, looks, stage)
     days = together(looks, DAYS, problems)
@@ -98,7 +98,7 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[
     return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
 
 
-def _units(spark: Any, plan: Plan, which: Sequence[int], known: dict[int, list[Problem]] | None = None) -> Any:
+def _units(spark: Any, plan: Plan, which: Sequence[int], known: dict[int, list[DataIssue]] | None = None) -> Any:
     """The rows of units; of such as were looked at the problems that were met then."""
     ids = spark.createDataFrame([(i,) for i in which], "id int").repartition(len(which))
     return ids.mapInArrow(_reader(plan, known), _ROWS)
@@ -110,11 +110,11 @@ def _look_at(spark: Any, plan: Plan, paths: Sequence[Path], stage: Stage) -> Non
     stage("days", len(paths), len(paths) - len(missing))
     for some in _at_a_time(plan, missing):
         made: dict[int, dict[str, pa.Table]] = {i: {} for i in some}
-        wrong: dict[int, list[Problem]] = {i: [] for i in some}
+        wrong: dict[int, list[DataIssue]] = {i: [] for i in some}
         groups = _units(spark, plan, some).groupBy("unit", "loop").applyInArrow(_looker(plan), _LOOKED)
         for unit, loop, table, problem in groups.collect():
             if problem is not None:
-                wrong[unit].append(Problem(*json.loads(problem)))
+                wrong[unit].append(DataIssue(*json.loads(problem)))
             else:
                 made[unit][loop] = _table(table)
         for i in some:
@@ -209,7 +209,7 @@ def _judged(spark: Any, plan: Plan, work: Path, days: pa.Table, crossings: pa.Ta
         for key, row, several, wrong in groups.collect():
             keys.append(key)
             if row is not None:
-                problems = [Problem(*problem) for problem in json.loads(wrong)]
+                problems = [DataIssue(*problem) for problem in json.loads(wrong)]
                 write_judged(work, key, _table(row), _table(several), problems)
         stage("loops", len(order), len(keys))
     return sorted(keys)
@@ -228,7 +228,7 @@ def _table(made: bytes) -> pa.Table:
 
 
 def _reader(
-    plan: Plan, known: dict[int, list[Problem]] | None
+    plan: Plan, known: dict[int, list[DataIssue]] | None
 ) -> Callable[[Iterator[pa.RecordBatch]], Iterator[pa.RecordBatch]]:
     """Units to their rows; a problem is a row of no loop, where it is not known from the look at them."""
 
@@ -256,7 +256,7 @@ def _reader(
     return read
 
 
-def _problem_rows(problems: list[Problem], unit: int) -> pa.RecordBatch:
+def _problem_rows(problems: list[DataIssue], unit: int) -> pa.RecordBatch:
     n = len(problems)
     none = [pa.nulls(n, field.type) for field in ROWS]
     told = pa.array([json.dumps(list(problem)) for problem in problems], pa.string())
@@ -307,7 +307,7 @@ def _follower(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.
 
 
 def _cutter(
-    plan: Plan, chosen: dict[tuple[int, int], list[tuple[int, int]]], known: dict[int, list[Problem]]
+    plan: Plan, chosen: dict[tuple[int, int], list[tuple[int, int]]], known: dict[int, list[DataIssue]]
 ) -> Callable[[Iterator[pa.RecordBatch]], Iterator[pa.RecordBatch]]:
     def cutted(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in batches:

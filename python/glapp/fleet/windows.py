@@ -35,7 +35,7 @@ from ..report import words
 from ..result import HalfPeriods, Harm, Result, Settings, decide, harm_of
 from ..samples import Samples
 from .lake import SIGNALS, day_name
-from .problems import Problem
+from .problems import DataIssue
 
 __all__ = [
     "DAYS",
@@ -451,7 +451,7 @@ def cut(rows: pa.Table, loop: Loop, windows: Sequence[tuple[int, int]]) -> pa.Ta
 
 def judge(
     samples: pa.Table, days: pa.Table, crossings: pa.Table, loop: Loop
-) -> tuple[pa.Table, pa.Table, list[Problem]]:
+) -> tuple[pa.Table, pa.Table, list[DataIssue]]:
     """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and what was wrong with its rows.
 
     Parameters
@@ -475,7 +475,7 @@ def judge(
         recordings, short = _recordings(samples, loop)
         if short:
             what = f"{short} chosen windows have fewer than two values of PV, and are not fitted"
-            problems.append(Problem("window", what, "nothing; more rows a day give better windows", loop=loop.name))
+            problems.append(DataIssue("window", what, "nothing; more rows a day give better windows", loop=loop.name))
         if recordings:
             of = [_look_of(one, looks) for one in recordings]
             known = [_known(day) for day in of]
@@ -486,13 +486,13 @@ def judge(
                     what = f"{100 * said.repeated:.0f} % of the window's PV stands in an earlier one: it counts there"
                     day = windows[-1]["first"]
                     problems.append(
-                        Problem(
+                        DataIssue(
                             "replayed", what, "check the export", loop=loop.name, day=_moment(day).date().isoformat()
                         )
                     )
     except Exception as error:  # not to lose all other loops
         told = error if isinstance(error, InputError) else unforeseen(error, None, loop.name)
-        problems.append(Problem("fault", str(told), "report it", loop=loop.name))
+        problems.append(DataIssue("fault", str(told), "report it", loop=loop.name))
         return refused(loop, "fault", str(told), looks), WINDOWS.empty_table(), problems
     if fit is None:
         fit = _not_fitted(looks, loop)
@@ -748,10 +748,10 @@ def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence
     return told if told != "evidence" else next((of[one] for one in findings if one in of), told)
 
 
-def _problems(loop: Loop, looks: list[dict[str, Any]], crossings: list[dict[str, Any]]) -> list[Problem]:
+def _problems(loop: Loop, looks: list[dict[str, Any]], crossings: list[dict[str, Any]]) -> list[DataIssue]:
     """What a loop's days tell that is wrong with the lake and not with the loop, and faults over its crossings."""
     found = [
-        Problem("fault", day["crossings_reason"], "report it", loop=loop.name, day=day_name(day["day"]))
+        DataIssue("fault", day["crossings_reason"], "report it", loop=loop.name, day=day_name(day["day"]))
         for day in crossings
         if day["crossings_code"] == "fault"
     ]
@@ -760,13 +760,13 @@ def _problems(loop: Loop, looks: list[dict[str, Any]], crossings: list[dict[str,
         if day["doubled"]:
             what = f"{day['doubled']} rows stand there more than once, and count once"
             found.append(
-                Problem("doubled", what, "nothing; or take out what was exported twice", **when, rows=day["doubled"])
+                DataIssue("doubled", what, "nothing; or take out what was exported twice", **when, rows=day["doubled"])
             )
         if day["contradicting"]:
             what = f"{day['contradicting']} rows say something else of a moment than others: these moments count as bad"
             todo = "find out which export is right, and take out the other"
-            found.append(Problem("contradicting", what, todo, **when, rows=day["contradicting"]))
+            found.append(DataIssue("contradicting", what, todo, **when, rows=day["contradicting"]))
         if day["unfit_code"] in ("outside_span", "unusable", "fault"):
             todo = "check unit and span in the settings" if day["unfit_code"] == "outside_span" else "check the export"
-            found.append(Problem(day["unfit_code"], day["unfit_reason"], todo, **when, rows=day["rows"]))
+            found.append(DataIssue(day["unfit_code"], day["unfit_reason"], todo, **when, rows=day["rows"]))
     return found

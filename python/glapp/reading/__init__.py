@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
 from . import apart, bounds
-from .columns import Signals, choose, is_long
+from .columns import SignalColumns, choose, is_long
 from .csv import CsvSource, encoding_of
 from .each import all_or_none, each
 from .excel import sheets
@@ -206,12 +206,12 @@ def _text(path: Path, label: str) -> Source:
 def _recordings(
     source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
 ) -> list[Recording | InputError]:
-    if source.nameless is not None and not tagged(source) and not _told(loops, defaults):
+    if source.nameless is not None and not tagged(source) and not _pv_column_given(loops, defaults):
         raise source.nameless
     source = shaped(source, loops or (), defaults or {})
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
-    signals = Signals(source.names, source.time)
+    signals = SignalColumns(source.names, source.time)
     found: dict[str, str] = {}
     if loops is None:
         found = signals.loops(stem)
@@ -225,7 +225,7 @@ def _recordings(
     return each(loops, make, source.label)
 
 
-def _told(loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None) -> bool:
+def _pv_column_given(loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None) -> bool:
     """Whether somebody says which column is PV."""
     if loops is None:
         return Loop(**{**(defaults or {}), "name": "loop"}).columns.pv is not None

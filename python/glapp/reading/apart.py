@@ -334,7 +334,7 @@ def serve(memory: int) -> None:
                 head = pickle.dumps((True, answer, 0 if data is None else data.size))
             except Exception as error:
                 running = None
-                head = pickle.dumps((False, _told(error), 0))
+                head = pickle.dumps((False, _error_of(error), 0))
             _count(0.0)
             answers.write(head)
             if data is not None:
@@ -342,7 +342,7 @@ def serve(memory: int) -> None:
             answers.flush()
 
 
-def _told(error: Exception) -> InputError:
+def _error_of(error: Exception) -> InputError:
     if isinstance(error, MemoryError):
         return InputError(f"asks for more memory than the {bounds.MEMORY >> 20} MiB that are allowed", hint=_HINT)
     return error if isinstance(error, InputError) else unforeseen(error, None)

@@ -22,7 +22,7 @@ from ..errors import InputError
 from ..loop import Loop
 from .names import CURRENT, LIMITS, SIGNALS, WEAK, WHOLE, folded
 
-__all__ = ["LABELS", "Signals", "choose", "is_long", "time_of", "understand"]
+__all__ = ["LABELS", "SignalColumns", "choose", "is_long", "time_of", "understand"]
 
 LABELS = {
     "time": "time",
@@ -155,7 +155,7 @@ def is_long(names: Sequence[str]) -> bool:
     return {"tag", "value"} <= set(roles) and "pv" not in roles
 
 
-class Signals:
+class SignalColumns:
     """The columns of a wide table, or the tags of a long one, each name understood once for all loops.
 
     Parameters
@@ -177,7 +177,7 @@ class Signals:
 
     Examples
     --------
-    >>> Signals(["t", "FIC101.SP", "FIC101.PV", "TI7.PV", "FIC102.PV", "FIC102.SP"]).groups
+    >>> SignalColumns(["t", "FIC101.SP", "FIC101.PV", "TI7.PV", "FIC102.PV", "FIC102.SP"]).groups
     ['FIC101', 'FIC102']
     """
 
@@ -219,7 +219,7 @@ class Signals:
 
         Examples
         --------
-        >>> Signals(["t", "SP", "PV", "FIC1.SP", "FIC1.PV"]).loops("FIC1")
+        >>> SignalColumns(["t", "SP", "PV", "FIC1.SP", "FIC1.PV"]).loops("FIC1")
         {'FIC1 (no prefix)': '', 'FIC1': 'FIC1'}
         """
         bare = stem if stem not in self._exact else f"{stem} (no prefix)"
@@ -272,13 +272,13 @@ def _settled(words: Mapping[str, list[str]], have: set[str]) -> list[tuple[str, 
 
 
 def choose(
-    signals: Signals, loop: Loop, group: str | None, label: str, *, tags: bool = False, kind: str = "column"
+    signals: SignalColumns, loop: Loop, group: str | None, label: str, *, tags: bool = False, kind: str = "column"
 ) -> dict[str, str]:
     """Column (or tag) for every role of one loop that has one: named by the user, or guessed within `group`.
 
     Parameters
     ----------
-    signals : Signals
+    signals : SignalColumns
         Columns or tags there are.
     loop : Loop
         Its `columns` win over guesses; an empty string there means "there is none".
@@ -323,7 +323,7 @@ def choose(
     return chosen
 
 
-def _named(signals: Signals, named: str, role: str, loop: Loop, label: str, kind: str) -> str:
+def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str, kind: str) -> str:
     same = signals.named(named)
     if len(same) == 1:
         return same[0]
@@ -345,7 +345,7 @@ def _named(signals: Signals, named: str, role: str, loop: Loop, label: str, kind
     )
 
 
-def _guess(signals: Signals, role: str, group: str | None, label: str, kind: str) -> str | None:
+def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kind: str) -> str | None:
     if group is None and role != "time":
         return None
     fits = signals.meant(role, group or "")

@@ -33,7 +33,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..quality import Finding, own_times
 from ..recording import BAD, Batch, Recording, finished
-from .columns import LABELS, Signals, choose, understand
+from .columns import LABELS, SignalColumns, choose, understand
 from .each import each
 from .names import folded
 from .source import Source
@@ -244,12 +244,12 @@ class LongRecording(Recording):
         self.loop = with_units(loop, self.units)
         self.t0: datetime | None = store.clock.t0
         self.zone = store.clock.zone
-        self._told: list[Finding] = []
+        self._found_here: list[Finding] = []
 
     @property
     def found(self) -> Sequence[Finding]:  # type: ignore[override]
         """What was noticed when it was opened and read."""
-        return [*self._store.clock.found, *self._told]
+        return [*self._store.clock.found, *self._found_here]
 
     def fraction_read(self) -> float | None:
         """Share of the file that is read; the file is read once for all its loops."""
@@ -266,7 +266,7 @@ class LongRecording(Recording):
         if not np.isfinite(np.where(pv.bad, np.nan, pv.value)).any():
             raise InputError(f"holds no number in {len(pv.t)} rows", file=self.source, tag=self._chosen["pv"])
         sorted_tags = {role: _in_order(tag) for role, tag in tags.items() if role != "pv"}
-        pv, self._told = _rows(pv, sorted_tags)
+        pv, self._found_here = _rows(pv, sorted_tags)
         for start in range(0, len(pv.t), rows):
             part = slice(start, start + rows)
             t = pv.t[part]
@@ -326,7 +326,7 @@ def long_recordings(
         Where the table cannot be used.
     """
     store = _Store(source, loops or [Loop(**{**(defaults or {}), "name": stem})])
-    signals = Signals(store.names())
+    signals = SignalColumns(store.names())
     found: dict[str, str] = {}
     if loops is None:
         found = signals.loops(stem)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from .columns import Signals, is_long, time_of, understand
+from .columns import SignalColumns, is_long, time_of, understand
 from .names import MILLISECONDS, folded
 from .source import Source
 from .times import is_date, is_time_of_day, looks_like_stamp
@@ -248,7 +248,7 @@ def _on_own_rows(source: Source, time: int, loops: Sequence[Loop]) -> bool:
     if named := [loop.columns for loop in loops if loop.columns.pv]:
         groups = [{role: name for role in _OWN if (name := getattr(columns, role))} for columns in named]
     else:
-        signals = Signals(source.names, source.time)
+        signals = SignalColumns(source.names, source.time)
         meant = [{role: signals.meant(role, group) for role in _OWN} for group in signals.groups[:_GROUPS]]
         groups = [{role: names[0] for role, names in group.items() if len(names) == 1} for group in meant]
     for group in groups:

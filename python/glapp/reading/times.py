@@ -318,7 +318,7 @@ class Clock:
                     step is not None and (step < 0.004 or (step < 0.05 and (dated or usual)))
                 )
                 if sure or step is None or step < 0.05 or dated:
-                    self._told(calendar, sure, text, float(head[0]), step)
+                    self._note_time_unit(calendar, sure, text, float(head[0]), step)
                 return calendar if sure else "seconds"
         if self._unit is not None:
             return self._unit
@@ -329,7 +329,7 @@ class Clock:
             raise CellFault(0, f"{text} is too large for seconds", _STATE_COUNT, text, "time unit")
         return "seconds"
 
-    def _told(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
+    def _note_time_unit(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
         date = _moment(round((first - _TO_1970[calendar]) * 86_400_000), 1000)
         told = assumed_time(self._name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure)
         self.found.append(told)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Bar", "LoopView", "bar"]
 
-Rows = list[tuple[str, ...]]
+TableRows = list[tuple[str, ...]]
 
 _GRAVITY = {"refuse": "refused", "warning": "warning", "info": "note"}
 
@@ -106,10 +106,10 @@ class LoopView:
         return words.why(self.r)
 
     @property
-    def source(self) -> Rows:
+    def source(self) -> TableRows:
         """What the recording is."""
         r, loop = self.r, self.r.loop
-        rows: Rows = [("File", r.source)]
+        rows: TableRows = [("File", r.source)]
         if r.trace is not None and len(r.trace.t):
             first, last = float(np.nanmin(r.trace.t)), float(np.nanmax(r.trace.t))
             start, end = words.clock(r.t0, first), words.clock(r.t0, last)
@@ -129,7 +129,7 @@ class LoopView:
         return next((one.source for one in recordings if one.shown), None)
 
     @property
-    def recordings(self) -> Rows:
+    def recordings(self) -> TableRows:
         """What each of several recordings says alone, and why one does not count."""
         if self.r.fit is None:
             return []
@@ -146,7 +146,7 @@ class LoopView:
         ]
 
     @property
-    def process(self) -> Rows:
+    def process(self) -> TableRows:
         """The process that came with the fit."""
         if self.r.fit is None or (p := self.r.fit.process) is None:
             return []
@@ -164,12 +164,12 @@ class LoopView:
         return self.r.crossings != "refused" or self.r.total_half_periods > 0
 
     @property
-    def crossings(self) -> Rows:
+    def crossings(self) -> TableRows:
         """What came of the zero crossings."""
         r, unit = self.r, words.op_unit(self.r)
         if not self.analysed:
             return []
-        rows: Rows = [("A PLC would show", words.crossing(r))]
+        rows: TableRows = [("A PLC would show", words.crossing(r))]
         rows += [("Half-periods", str(r.total_half_periods)), ("Detections", str(r.detections))]
         if r.repeatability is not None and r.detections > 1:
             low, high = r.repeatability
@@ -188,14 +188,14 @@ class LoopView:
         return [(name, n, f"{words.number(100 * n / total, 2)} %") for name, n in counts if n]
 
     @property
-    def quality(self) -> Rows:
+    def quality(self) -> TableRows:
         """Findings on the recording, the gravest first: severity, its word, the finding, its evidence."""
         order = list(_GRAVITY)
         found = sorted(self.r.quality, key=lambda f: order.index(f.severity))
         return [(f.severity, _GRAVITY[f.severity], f.text, _evidence(f.evidence)) for f in found]
 
     @property
-    def settings(self) -> Rows:
+    def settings(self) -> TableRows:
         """Settings as the maker writes them, as the detector used them, and where from."""
         r, s, loop = self.r, self.r.settings, self.r.loop
         if loop.controller is None and s.k is None:
@@ -241,7 +241,7 @@ class LoopView:
         return [(label, given, used, s.notes.get(note, "")) for label, given, used, note in rows]
 
     @property
-    def identification(self) -> Rows:
+    def identification(self) -> TableRows:
         """The controller as the moves of OP show it, whether that was used or not."""
         f = self.r.identification
         if f is None:

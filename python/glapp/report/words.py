@@ -146,7 +146,7 @@ def judged(result: Result) -> bool:
     return result.answer.valve in ("gap", "no_gap")
 
 
-def said(result: Result) -> dict[str, Any]:
+def facts_of(result: Result) -> dict[str, Any]:
     """The one answer under the names of its document, and beside it what its sentences need more."""
     f, ranked, positioner = result.fit, ranked_reasons(result), result.loop.positioner
     contradicts = f is not None and f.through_pv is not None and f.verdict == "cannot_tell"
@@ -176,10 +176,10 @@ def said(result: Result) -> dict[str, Any]:
     }
 
 
-def told(result: Result) -> dict[str, Any]:
+def texts_of(result: Result) -> dict[str, Any]:
     """The answer in words, all its parts by name: `so`, `do`, `short`, `why`, `headline`, `of_span` and more."""
-    text = json.dumps(_finite(said(result)))
-    found: dict[str, Any] = _glapp.told(text, name=result.name, pv_unit=result.loop.pv_unit, op_unit=result.unit)
+    text = json.dumps(_finite(facts_of(result)))
+    found: dict[str, Any] = _glapp.texts_of(text, name=result.name, pv_unit=result.loop.pv_unit, op_unit=result.unit)
     return found
 
 
@@ -224,11 +224,6 @@ def crossing(result: Result) -> str:
     return _part(result, "plc")
 
 
-def struck(result: Result) -> str:
-    """Say why the crossings' width does not stand beside the fit; empty where it does."""
-    return "" if result.answer.struck is None else _part(result, "crossing")
-
-
 def lead(result: Result) -> str:
     """Tell what is so, in one sentence for the person who plans the maintenance."""
     return _part(result, "so")
@@ -236,7 +231,7 @@ def lead(result: Result) -> str:
 
 def why(result: Result) -> list[str]:
     """Tell what the answer stands on, a sentence each."""
-    found: list[str] = told(result)["why"]
+    found: list[str] = texts_of(result)["why"]
     return found
 
 
@@ -257,7 +252,7 @@ def todo(result: Result) -> str:
 
 
 def _part(result: Result, name: str) -> str:
-    return str(told(result)[name])
+    return str(texts_of(result)[name])
 
 
 def comparisons(result: Result, i: int) -> list[tuple[str, bool | None]]:

@@ -1,1 +1,1 @@
-"""The plant's service: connection, memory, commands."""
+"""The plant's service: connection, store, commands."""

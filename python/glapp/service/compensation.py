@@ -21,12 +21,12 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from .settable import check, of_plant, usual_of
 from .signal import Signal, Value
 
-__all__ = ["TOLD", "Compensator", "detection_beside"]
+__all__ = ["TEXT_OF_STATE", "Compensator", "detection_beside"]
 
-STANDINGS: list[str] = _glapp.standings()
+COMPENSATION_STATES: list[str] = _glapp.compensation_states()
 """Names of the numbers of `standing`."""
 
-TOLD = {
+TEXT_OF_STATE = {
     "active": "It compensates.",
     "not_enabled": "Nobody enabled it.",
     "not_auto": "The controller is in manual: u_FF is 0.",
@@ -52,7 +52,7 @@ _ARRIVALS = 20
 """So many of the latest values tell how old they are when they come."""
 
 _FINAL = ("over_compensated", "too_many_reversals", "too_much_travel", "worse", "not_followed", "no_estimate")
-"""Standings after which nothing is compensated until a person enables it anew."""
+"""States after which nothing is compensated until a person enables it anew."""
 
 
 def detection_beside(loop: Loop, period: float, **chosen: Any) -> Graph:
@@ -160,7 +160,7 @@ class Compensator:
     @property
     def standing(self) -> str:
         """Whether it compensates ("active"), and else why not."""
-        return STANDINGS[int(self._graph["watch.standing"])]
+        return COMPENSATION_STATES[int(self._graph["watch.standing"])]
 
     @property
     def u_ff(self) -> float:
@@ -344,22 +344,22 @@ class Compensator:
         )
         beside["watch.compensate"] = 1.0
         beside.scan(sp=0.0, pv=0.0, flags=0.0, op=0.0, u_ff=0.0)
-        late = STANDINGS[int(beside["watch.standing"])] == "too_late"
+        late = COMPENSATION_STATES[int(beside["watch.standing"])] == "too_late"
         return f"more than the core allows with Ti = {asked['ti']:g} s" if late else None
 
     def disable(self, why: str, withdrawn: str | None = None) -> None:
         """End it: u_FF goes to 0 in `comp_release`, and it stays off until a person enables it.
 
-        `withdrawn` is the standing by which the core withdrew it, where the core did.
+        `withdrawn` is the state by which the core withdrew it, where the core did.
         """
         if self.enabled:
             self._graph["watch.compensate"] = 0.0
             self.why_off, self.withdrawn = why, withdrawn
 
     @property
-    def told_off(self) -> str:
+    def why_off_text(self) -> str:
         """Why it is off, in a sentence."""
-        return f"{self.why_off}." if self.withdrawn is None else TOLD[self.withdrawn]
+        return f"{self.why_off}." if self.withdrawn is None else TEXT_OF_STATE[self.withdrawn]
 
     def lost(self, why: str) -> None:
         """The connection is gone: it is off, and what is found afterwards is ramped to 0.

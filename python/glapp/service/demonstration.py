@@ -36,11 +36,11 @@ from ..loop import Loop
 from ..modules import Plant, ProcessSim
 from ..writing import write_file
 from .fits import answered
-from .memory import COLUMNS, Half, Memory
 from .plant import Kind, SimLoop
-from .recordings import Signals
-from .rows import Rows
+from .recordings import SignalStore
+from .rows import Resampler
 from .signal import Event
+from .store import COLUMNS, Half, Store
 
 __all__ = ["SCAN", "answers", "begin", "loops", "made"]
 
@@ -124,12 +124,12 @@ def _rows(loop: SimLoop, start: float, scans: int) -> NDArray[np.float64]:
     return np.column_stack([start + SCAN * np.arange(scans), sp, pv, op, none, np.full(scans, np.nan), none])
 
 
-def begin(memory: Memory, simulated: Sequence[SimLoop], known: Sequence[Loop], now: float) -> None:
+def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now: float) -> None:
     """Store what a service that had watched these loops would have: signals, half-periods, answers, states.
 
     Parameters
     ----------
-    memory : Memory
+    store : Store
         Of a folder in which nothing is yet.
     simulated : sequence of SimLoop
         The loops; they go on from where this ends.
@@ -140,14 +140,14 @@ def begin(memory: Memory, simulated: Sequence[SimLoop], known: Sequence[Loop], n
 
     Raises
     ------
-    MemoryFull, OSError
+    StoreFull, OSError
         Where it cannot be written.
     """
     today = _midnight(now)
     recorded = _recorded(simulated, today, now)
     position = int(1000.0 * now)
-    ids = memory.know(known)
-    Signals(memory.folder).save(
+    ids = store.know(known)
+    SignalStore(store.folder).save(
         {name: (np.full(len(rows), position, np.int64), rows) for name, rows in recorded.items()}, position
     )
     halves: list[Half] = []
@@ -161,14 +161,14 @@ def begin(memory: Memory, simulated: Sequence[SimLoop], known: Sequence[Loop], n
         columns = [getattr(table, name).tolist() for name in COLUMNS]
         ended = [(id, number, *row, 0) for number, row in enumerate(zip(*columns, strict=True), 1)]
         halves += ended
-        state = {"rows": Rows(SCAN).save(), "number": len(ended), "detector": detector.save()}
+        state = {"rows": Resampler(SCAN).save(), "number": len(ended), "detector": detector.save()}
         states[id] = json.dumps(state)
     events = [Event(now, None, "demonstration", "a simulated plant: what is older than this was simulated in advance")]
     for name, answer in answers(today).items():
-        memory.answer(name, answer)
+        store.answer(name, answer)
         events.append(Event(answer["time"], name, "answer", f"{answer['verdict']}: {answer['reason']}"))
-    memory.add([], halves, sorted(events, key=lambda event: event.time))
-    memory.save(position, states)
+    store.add([], halves, sorted(events, key=lambda event: event.time))
+    store.save(position, states)
 
 
 def answers(today: datetime) -> dict[str, dict[str, Any]]:
@@ -205,7 +205,7 @@ def made(loop: str | None = None) -> dict[str, dict[str, Any]]:
         simulated = loops()
         known = parse_settings(SimPlant(simulated, scan=SCAN).settings(), "the demonstration", Path())
         recorded = _recorded(simulated, _EPOCH, now)
-        Signals(Path(folder)).save({name: (np.ones(len(x), np.int64), x) for name, x in recorded.items()}, 1)
+        SignalStore(Path(folder)).save({name: (np.ones(len(x), np.int64), x) for name, x in recorded.items()}, 1)
         first, last = (_EPOCH - timedelta(days=DAYS)).timestamp(), _EPOCH.timestamp()
         for i, one in enumerate(known):
             if loop in (None, one.name):

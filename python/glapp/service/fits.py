@@ -1,4 +1,4 @@
-"""The joint fit over the recordings that are kept of a loop: in a process of its own, so that the watch goes on."""
+"""The joint fit over the recordings that are kept of a loop: in a process of its own, so that the monitor goes on."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..estimate import analyze
 from ..loop import Loop
 from ..many import analyze_recordings
 from ..result import Result
-from .recordings import Signals
+from .recordings import SignalStore
 
 __all__ = ["answer", "answered", "row_of"]
 
@@ -45,7 +45,7 @@ def answer(to: Connection, folder: Path, settings: str, begin: float, end: float
             to.send(answered(folder, settings, begin, end))
         except InputError as error:
             to.send(str(error))
-        except Exception as error:  # it must not end the watch
+        except Exception as error:  # it must not end the monitor
             to.send(f"{type(error).__name__}: {error}")
         finally:
             faulthandler.cancel_dump_traceback_later()
@@ -69,7 +69,7 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
         Where there is no recording, or it cannot be read.
     """
     loop = Loop(**json.loads(settings))
-    recordings = Signals(folder).recordings(loop, begin, end)
+    recordings = SignalStore(folder).recordings(loop, begin, end)
     if not recordings:
         raise InputError("has no recording to fit yet", loop=loop.name)
     result = analyze(recordings[0]) if len(recordings) == 1 else analyze_recordings(recordings)

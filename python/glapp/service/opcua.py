@@ -105,7 +105,7 @@ class _Feed:
 
 
 @dataclass(slots=True)
-class _Told:
+class _EventCount:
     """How often something happened since it was told last."""
 
     loop: str | None
@@ -176,7 +176,7 @@ class OpcUa:
         for tag in self._tags:
             self._newest[tag.loop] = max(self._newest[tag.loop], tag.last)
         self._tell_to: Tell | None = None
-        self._told: dict[tuple[str, str | None], _Told] = {}
+        self._told: dict[tuple[str, str | None], _EventCount] = {}
         self._rushes: dict[str, _Rush] = {}
         self._uris: dict[int, str] = {}
         self._clock = _Clock()
@@ -283,7 +283,7 @@ class OpcUa:
         # While values wait to be handed on, nothing is known to have stood still.
         return newest if link is None or link.waiting or not link.caught_up else max(newest, link.heard)
 
-    async def beat(self) -> None:
+    async def heartbeat(self) -> None:
         """Count the plant's watchdog up.
 
         Raises
@@ -294,22 +294,22 @@ class OpcUa:
         if self._connection.watchdog is None:
             raise WriteRefused("not_named", "opcua.watchdog is not given: the plant would not notice that we end")
         link = self._link
-        if link is None or link.beat is None:
-            raise WriteRefused("not_connected", "the watchdog cannot be beaten: there is no connection")
-        node, kind, count = link.beat
+        if link is None or link.heartbeat is None:
+            raise WriteRefused("not_connected", "the watchdog cannot be counted up: there is no connection")
+        node, kind, count = link.heartbeat
         count = (count + 1) % 30_000
         value: object = bool(count % 2) if kind is ua.VariantType.Boolean else count
         if kind in (ua.VariantType.Float, ua.VariantType.Double):
             value = float(count)
         elif kind in (ua.VariantType.Byte, ua.VariantType.SByte):
             value = count % 100
-        link.beat = (node, kind, count)
+        link.heartbeat = (node, kind, count)
         try:
             [status] = await link.client.uaclient.write_attributes(
                 [node], [ua.DataValue(ua.Variant(value, kind))], ua.AttributeIds.Value
             )
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"the watchdog cannot be beaten: {reason(error)}") from None
+            raise WriteRefused("not_connected", f"the watchdog cannot be counted up: {reason(error)}") from None
         if not status.is_good():
             raise WriteRefused("by_server", f"the server refuses the watchdog: {status.name}")
 
@@ -424,7 +424,7 @@ class OpcUa:
                 if seen.Value is None or not isinstance(seen.Value.Value, _NUMBERS):
                     self._event("tag_missing", None, f"opcua.watchdog: {self._connection.watchdog} is no number")
                 else:
-                    link.beat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
+                    link.heartbeat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
 
     async def _limits(self, link: _Link) -> None:
         """How many tags the server takes in one request."""
@@ -645,7 +645,7 @@ class OpcUa:
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
-            self._say("type_changed", _Told(tag.loop, text))
+            self._say("type_changed", _EventCount(tag.loop, text))
         tag.kind = kind
 
     # ----------------------------------------------------------------- history
@@ -681,7 +681,7 @@ class OpcUa:
             begins[loop] = max(newest - _MARGIN - 2.0 * interval, until - self._connection.history)
             if begins[loop] > newest:
                 text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
-                self._say("not_backfilled", _Told(loop, text))
+                self._say("not_backfilled", _EventCount(loop, text))
         waiting = deque(sorted(begins, key=lambda loop: begins[loop]))
         while waiting and not link.no_history:
             begin = begins[waiting[0]]
@@ -783,13 +783,13 @@ class OpcUa:
         key = (kind, None if about is None else about.name)
         told = self._told.get(key)
         if told is None:
-            told = self._told[key] = _Told(None if about is None else about.loop)
+            told = self._told[key] = _EventCount(None if about is None else about.loop)
         told.text, told.many = text, many
         told.count += count
         if time.monotonic() - told.at >= _AGAIN:
             self._say(kind, told)
 
-    def _say(self, kind: str, told: _Told) -> None:
+    def _say(self, kind: str, told: _EventCount) -> None:
         """Tell it, but for what is one of very many: they are counted together."""
         now = time.monotonic()
         more = f" ({told.count} {told.many})" if told.count > 1 and told.many else ""
@@ -828,7 +828,7 @@ class _Link:
         self.without: set[int] = set()
         self.retried = time.monotonic()
         self.subscription: int | None = None
-        self.beat: tuple[ua.NodeId, ua.VariantType, int] | None = None
+        self.heartbeat: tuple[ua.NodeId, ua.VariantType, int] | None = None
         self.queue: deque[list[Any]] = deque()
         self.waiting, self._most = 0, connection.queue
         self.wake = asyncio.Event()

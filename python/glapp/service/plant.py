@@ -437,7 +437,7 @@ class SimPlant:
         self._ids: dict[tuple[str, Signal], ua.NodeId] = {}
         self._u_ff = dict.fromkeys(self._loops, 0.0)
         self._slope: dict[str, float] = {}
-        self._beats: tuple[object, float] = (None, -math.inf)
+        self._heartbeats: tuple[object, float] = (None, -math.inf)
         self._server: Server | None = None
         self._namespaces = 0
         self._task: asyncio.Task[None] | None = None
@@ -585,11 +585,11 @@ class SimPlant:
                     history.records[node_id], history.types[node_id] = record, kind
                 waiting = ua.StatusCodes.BadWaitingForInitialData
                 await server.write_attribute_value(node_id, _data_value(self.time, 0.0, kind, waiting))
-        self._beat_id = ua.NodeId("Watchdog", index)
-        beat = await server.nodes.objects.add_variable(
-            self._beat_id, f"{index}:Watchdog", ua.Variant(0, ua.VariantType.UInt32)
+        self._heartbeat_id = ua.NodeId("Watchdog", index)
+        heartbeat = await server.nodes.objects.add_variable(
+            self._heartbeat_id, f"{index}:Watchdog", ua.Variant(0, ua.VariantType.UInt32)
         )
-        await beat.set_writable()
+        await heartbeat.set_writable()
 
         @uamethod  # type: ignore[untyped-decorator]
         def fault(parent: ua.NodeId, kind: str, loop: str, seconds: float) -> str:
@@ -638,13 +638,13 @@ class SimPlant:
                 await self._tell(loop, values, t)
 
     def _alive(self, now: float) -> bool:
-        """Whether the watchdog was beaten lately."""
+        """Whether the watchdog was counted up lately."""
         if self._server is not None:
-            seen = self._server.iserver.aspace.read_attribute_value(self._beat_id, ua.AttributeIds.Value)
-            beat = seen.Value.Value if seen.Value is not None else None
-            if beat != self._beats[0]:
-                self._beats = (beat, now if self._beats[0] is not None else -math.inf)
-        return now - self._beats[1] <= self._watchdog
+            seen = self._server.iserver.aspace.read_attribute_value(self._heartbeat_id, ua.AttributeIds.Value)
+            heartbeat = seen.Value.Value if seen.Value is not None else None
+            if heartbeat != self._heartbeats[0]:
+                self._heartbeats = (heartbeat, now if self._heartbeats[0] is not None else -math.inf)
+        return now - self._heartbeats[1] <= self._watchdog
 
     async def _feed_forward(self, loop: SimLoop, alive: bool, t: float) -> None:
         """What the control system does with u_FF: it takes what was written, and ramps it out where nobody is alive."""

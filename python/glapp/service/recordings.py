@@ -6,7 +6,7 @@
     signals/2026-11-22/FIC101.parquet                 a loop of a day that is
 
 A file is written beside and then takes its name, and is never changed: it is whole, or it is not there. The number in
-the name of an open part is that of the last entry (`glapp.service.memory.Entry`) in it. A part is put into the files of
+the name of an open part is that of the last entry (`glapp.service.store.Entry`) in it. A part is put into the files of
 its day when that is over, each file tells the last entry in it, and the part goes when all have it: whatever is cut
 short is done again, and no row is there twice.
 """
@@ -32,7 +32,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO, Recording
 from ..samples import Samples
 from ..writing import write_parquet
 
-__all__ = ["Signals", "loop_of", "table_of"]
+__all__ = ["SignalStore", "loop_of", "table_of"]
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ _FIELDS = pa.schema(
 _OPEN = pa.schema([("loop", pa.string()), *_FIELDS])
 
 
-class Signals:
+class SignalStore:
     """The recordings of a data folder.
 
     Parameters
@@ -106,7 +106,7 @@ class Signals:
         if day not in self._saved:
             files = (self.folder / str(day)).glob("*.parquet")
             open_parts = (through for of, through, _ in self._parts() if of == day)
-            self._saved[day] = max((*(_told(path) for path in files), *open_parts), default=-1)
+            self._saved[day] = max((*(_through(path) for path in files), *open_parts), default=-1)
         return self._saved[day]
 
     def close_days(self, now: float) -> list[date]:
@@ -144,7 +144,7 @@ class Signals:
         """Put a loop's rows of the parts into its file, but for those that it has."""
         done, pieces = -1, []
         if path.exists():
-            done = _told(path)
+            done = _through(path)
             pieces.append(pq.read_table(path).cast(_FIELDS))
         for through, table in tables:
             if through > done:
@@ -200,7 +200,7 @@ class Signals:
             if not first <= day <= last:
                 continue
             if path.exists():
-                through[day] = _told(path)
+                through[day] = _through(path)
                 pieces.append(pq.read_table(path, filters=within).cast(_FIELDS))
             for of, number, part in sorted(self._parts()):
                 if of == day and number > through.get(day, -1):
@@ -274,7 +274,7 @@ def _clipped(seconds: float) -> int:
     return int(min(max(seconds, -6.2e10), 2.5e11) * 1e6) if not math.isnan(seconds) else 0
 
 
-def _told(path: Path) -> int:
+def _through(path: Path) -> int:
     """Number of the last entry in the file of a day."""
     return int((pq.read_schema(path).metadata or {}).get(_THROUGH, b"-1"))
 

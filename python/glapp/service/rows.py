@@ -34,10 +34,10 @@ from typing import Any, NamedTuple, Self
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from .signal import Signal
 
-__all__ = ["ALIVE", "CODES", "LOST", "Rows", "Sample"]
+__all__ = ["ALIVE", "CODES", "LOST", "Resampler", "Sample"]
 
 CODES = {signal: code for code, signal in enumerate(Signal)}
-"""Number of each signal, as it is kept in the memory: its place in `Signal`."""
+"""Number of each signal, as it is kept in the store: its place in `Signal`."""
 
 ALIVE, LOST = 255, 254
 """Numbers of what is no value: the loop's connection lived at a time; it was lost."""
@@ -75,7 +75,7 @@ class Sample(NamedTuple):
     u_ff: float
 
 
-class Rows:
+class Resampler:
     """Values in, samples out, of one loop.
 
     Parameters
@@ -91,7 +91,7 @@ class Rows:
 
     Examples
     --------
-    >>> rows = Rows(1.0, wait=0.0)
+    >>> rows = Resampler(1.0, wait=0.0)
     >>> rows.take(SP, 0.0, 50.0, True, now=0.1)
     >>> for t in (0.0, 1.0, 2.0):
     ...     rows.take(PV, t, 49.0 + t, True, now=t + 0.1)

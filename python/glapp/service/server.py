@@ -1,4 +1,4 @@
-"""What the watch has to say of each loop, for other programs by OPC UA: a server of which nothing can be written.
+"""What the monitor has to say of each loop, for other programs by OPC UA: a server of which nothing can be written.
 
 One object a loop, in the folder Loops; `NODES` tells what is in each. A value changes when what it says does, with the
 time from which on it says so: of an answer, when it was given.
@@ -24,13 +24,13 @@ from asyncua.common.node import Node as UaNode
 from asyncua.crypto.permission_rules import SimpleRoleRuleset, User, UserRole
 
 from ..errors import InputError
-from .door import loopback
+from .api import loopback
+from .monitor import Health
 from .plant import free_port
 from .security import Security, secure
 from .users import SHORTEST, TRIES, TRIES_WITHIN
-from .watch import Health
 
-__all__ = ["DI", "NAMESPACE", "NODES", "AnswerServer", "Node", "said_of"]
+__all__ = ["DI", "NAMESPACE", "NODES", "AnswerServer", "Node", "node_values"]
 
 NAMESPACE = "urn:glapp:loops"
 """URI of the namespace in which the loops stand."""
@@ -92,7 +92,7 @@ _OF_ANSWER = {
 }
 
 
-class Said(NamedTuple):
+class NodeValue(NamedTuple):
     """What a variable says.
 
     Attributes
@@ -110,24 +110,24 @@ class Said(NamedTuple):
     time: float | None = None
 
 
-def said_of(loop: Mapping[str, Any]) -> dict[str, Said]:
+def node_values(loop: Mapping[str, Any]) -> dict[str, NodeValue]:
     """What each of `NODES` says of a loop.
 
     Parameters
     ----------
     loop : mapping
-        The loop's part of `Watch.status`.
+        The loop's part of `Monitor.status`.
 
     Returns
     -------
-    dict of str to Said
+    dict of str to NodeValue
         Its status is BadWaitingForInitialData before the first fit or PV, BadNoData where a fit gives no such value,
         BadNotSupported where the loop has no node for u_FF, BadNoCommunication of u_FF where the connection is lost.
 
     Examples
     --------
     >>> loop = {"answer": None, "seen": 1.7e9, "lost": False, "accepted": 7, "health": "NORMAL"}
-    >>> said = said_of(loop)
+    >>> said = node_values(loop)
     >>> said["Detections"].value, said["LastSeen"].value.isoformat()
     (7, '2023-11-14T22:13:20+00:00')
     >>> ua.StatusCode(said["Width"].status).name
@@ -135,28 +135,28 @@ def said_of(loop: Mapping[str, Any]) -> dict[str, Said]:
     """
     codes = ua.StatusCodes
     answer, made, seen = loop["answer"], loop.get("compensation"), loop["seen"]
-    said: dict[str, Said] = {}
+    said: dict[str, NodeValue] = {}
     for name, key in _OF_ANSWER.items():
         if answer is None:
-            said[name] = Said(None, codes.BadWaitingForInitialData)
+            said[name] = NodeValue(None, codes.BadWaitingForInitialData)
         else:
-            said[name] = _said(answer[key], codes.BadNoData, answer["time"])
+            said[name] = _node_value(answer[key], codes.BadNoData, answer["time"])
     if made is None:
-        said["Standing"] = said["UFf"] = Said(None, codes.BadNotSupported)
+        said["Standing"] = said["UFf"] = NodeValue(None, codes.BadNotSupported)
     else:
-        said["Standing"] = Said(made["standing"], codes.Good)
-        said["UFf"] = _said(None if loop["lost"] else made["u_ff"], codes.BadNoCommunication)
-    said["Detections"] = Said(loop["accepted"], codes.Good)
-    said["LastSeen"] = _said(None if seen is None else _moment(seen), codes.BadWaitingForInitialData, seen)
-    said["DeviceHealth"] = Said(int(Health[loop["health"]]), codes.Good)
+        said["Standing"] = NodeValue(made["standing"], codes.Good)
+        said["UFf"] = _node_value(None if loop["lost"] else made["u_ff"], codes.BadNoCommunication)
+    said["Detections"] = NodeValue(loop["accepted"], codes.Good)
+    said["LastSeen"] = _node_value(None if seen is None else _moment(seen), codes.BadWaitingForInitialData, seen)
+    said["DeviceHealth"] = NodeValue(int(Health[loop["health"]]), codes.Good)
     return said
 
 
-def _said(value: Any, otherwise: int, at: float | None = None) -> Said:
+def _node_value(value: Any, otherwise: int, at: float | None = None) -> NodeValue:
     """A value where there is one, and else why not."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return Said(None, otherwise, at)
-    return Said(value, ua.StatusCodes.Good, at)
+        return NodeValue(None, otherwise, at)
+    return NodeValue(value, ua.StatusCodes.Good, at)
 
 
 def _moment(seconds: float) -> datetime:
@@ -212,7 +212,7 @@ class AnswerServer:
     Parameters
     ----------
     status : callable
-        What `Watch.status` gives; its loops must not change.
+        What `Monitor.status` gives; its loops must not change.
     port : int
         Where it listens; 0 for any free one.
     host : str
@@ -259,7 +259,7 @@ class AnswerServer:
         self.url = f"opc.tcp://{host}:{port or free_port()}/glapp/loops"
         self._server: Server | None = None
         self._ids: dict[tuple[str, str], ua.NodeId] = {}
-        self._last: dict[tuple[str, str], Said] = {}
+        self._last: dict[tuple[str, str], NodeValue] = {}
 
     async def __aenter__(self) -> Self:
         server = Server(user_manager=_Readers(self._security.users))
@@ -305,7 +305,7 @@ class AnswerServer:
         assert self._server is not None
         aspace = self._server.iserver.aspace
         for loop, status in self._status()["loops"].items():
-            for name, said in said_of(status).items():
+            for name, said in node_values(status).items():
                 if self._last.get((loop, name)) == said:
                     continue
                 self._last[loop, name] = said

@@ -124,5 +124,5 @@ class Source(Protocol):
     def alive(self, loop: str) -> float | None:
         """When the loop was last heard of at all, by a value or by a sign that none has changed [s since 1970 UTC]."""
 
-    async def beat(self) -> None:
+    async def heartbeat(self) -> None:
         """Tell the plant's watchdog that this program is alive."""

@@ -17,7 +17,7 @@ from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerifyMismatchError
 
 from ..errors import InputError
-from .memory import Memory, Reader
+from .store import Reader, Store
 
 __all__ = ["Attempt", "Person", "Role", "Tries", "Users", "first_user", "station_key"]
 
@@ -234,25 +234,25 @@ class Users:
 
     Parameters
     ----------
-    memory : Memory
+    store : Store
         Where they are.
     cost : PasswordHasher, optional
         How passwords are hashed; Argon2id with the library's own costs where not given.
     """
 
-    def __init__(self, memory: Memory, cost: PasswordHasher | None = None) -> None:
-        self._memory = memory
+    def __init__(self, store: Store, cost: PasswordHasher | None = None) -> None:
+        self._store = store
         self._hasher = cost or PasswordHasher()
         self._nobody = self._hasher.hash(secrets.token_hex())
         self._writing = threading.Lock()
         self._counting = threading.Lock()  # held for no write, so that who counts a try waits for no disk
-        self._names = {row["name"] for row in listed(memory)}
-        known = memory.one("SELECT value FROM meta WHERE name = 'known_addresses'")
+        self._names = {row["name"] for row in listed(store)}
+        known = store.one("SELECT value FROM meta WHERE name = 'known_addresses'")
         self._tries = Tries(None if known is None else json.loads(known["value"]))
         # Here and not only in the database: whom a token stands for is known though no disk answers.
         self._logins = {
             row["digest"]: (Person(row["name"], Role.named(row["role"])), row["expires"])
-            for row in memory.rows("SELECT digest, name, role, expires FROM tokens JOIN users ON name = person")
+            for row in store.rows("SELECT digest, name, role, expires FROM tokens JOIN users ON name = person")
         }
 
     def put(self, name: str, role: str, password: str | None, now: float) -> None:
@@ -268,7 +268,7 @@ class Users:
                 "must have 1 to 64 printable characters", parameter="name", value=name, bound="1 to 64 characters"
             )
         rank = Role.named(role)
-        old = self._memory.one("SELECT role, password FROM users WHERE name = ?", name)
+        old = self._store.one("SELECT role, password FROM users WHERE name = ?", name)
         if password is None and old is None:
             raise InputError("is required for a new user", parameter="password", bound="required")
         if password is not None and not SHORTEST <= len(password) <= 1000:
@@ -277,8 +277,8 @@ class Users:
             self._not_the_last(name)
         digest = old["password"] if password is None and old is not None else self._hasher.hash(password or "")
         with self._writing:
-            self._memory.write("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", name, role, digest, now)
-            self._memory.write("DELETE FROM tokens WHERE person = ?", name)
+            self._store.write("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", name, role, digest, now)
+            self._store.write("DELETE FROM tokens WHERE person = ?", name)
             self._end(name)
             self._names.add(name)
 
@@ -292,7 +292,7 @@ class Users:
         """
         self._not_the_last(name)
         with self._writing:
-            if not self._memory.write("DELETE FROM users WHERE name = ?", name):  # and with it the tokens
+            if not self._store.write("DELETE FROM users WHERE name = ?", name):  # and with it the tokens
                 raise InputError("no such user", parameter="name", value=name)
             self._end(name)
             self._names.discard(name)
@@ -303,8 +303,8 @@ class Users:
         self._logins = {digest: login for digest, login in self._logins.items() if login[0].name != name}
 
     def _not_the_last(self, name: str) -> None:
-        others = self._memory.one("SELECT 1 FROM users WHERE role = 'engineer' AND name <> ?", name)
-        own = self._memory.one("SELECT 1 FROM users WHERE role = 'engineer' AND name = ?", name)
+        others = self._store.one("SELECT 1 FROM users WHERE role = 'engineer' AND name <> ?", name)
+        own = self._store.one("SELECT 1 FROM users WHERE role = 'engineer' AND name = ?", name)
         if own and not others:
             raise InputError("is the last engineer", parameter="name", value=name, hint="make another one first")
 
@@ -344,32 +344,32 @@ class Users:
             For a wrong name or password, with the same message.
         """
         query = "SELECT role, password FROM users WHERE name = ?"
-        known = self._memory.one(query, attempt.name)
+        known = self._store.one(query, attempt.name)
         try:
             self._hasher.verify(known["password"] if known else self._nobody, password)
         except (VerifyMismatchError, InvalidHashError):
             known = None
         token = secrets.token_urlsafe(32)
         with self._writing:
-            if known is None or self._memory.one(query, attempt.name) != known:  # it was changed meanwhile
+            if known is None or self._store.one(query, attempt.name) != known:  # it was changed meanwhile
                 raise Refused("wrong name or password")
             person = Person(attempt.name, Role.named(known["role"]))
             if any(until <= now for _, until in self._logins.values()):
-                self._memory.write("DELETE FROM tokens WHERE expires <= ?", now)
-            self._memory.write("INSERT INTO tokens VALUES (?, ?, ?)", digest_of(token), person.name, now + LOGIN_LASTS)
+                self._store.write("DELETE FROM tokens WHERE expires <= ?", now)
+            self._store.write("INSERT INTO tokens VALUES (?, ?, ?)", digest_of(token), person.name, now + LOGIN_LASTS)
             self._logins = {digest: login for digest, login in self._logins.items() if login[1] > now}
             self._logins[digest_of(token)] = person, now + LOGIN_LASTS
             with self._counting:
                 known_now = json.dumps(self._tries.known) if self._tries.succeeded(attempt) else None
             if known_now is not None:
-                self._memory.write("INSERT OR REPLACE INTO meta VALUES ('known_addresses', ?)", known_now)
+                self._store.write("INSERT OR REPLACE INTO meta VALUES ('known_addresses', ?)", known_now)
         return token, person
 
     def log_out(self, token: str) -> None:
         """The token is good for nothing any more."""
         with self._writing:
             self._logins.pop(digest_of(token), None)
-            self._memory.write("DELETE FROM tokens WHERE digest = ?", digest_of(token))
+            self._store.write("DELETE FROM tokens WHERE digest = ?", digest_of(token))
 
     def of(self, token: str, now: float) -> Person | None:
         """Who a token stands for; None where it does not, or no longer."""
@@ -431,18 +431,18 @@ class RefusedLogins:
         )
 
 
-def listed(memory: Reader) -> list[dict[str, str]]:
+def listed(store: Reader) -> list[dict[str, str]]:
     """Name and role of every user."""
-    return memory.rows("SELECT name, role FROM users ORDER BY name")
+    return store.rows("SELECT name, role FROM users ORDER BY name")
 
 
-def first_user(memory: Memory, now: float) -> None:
+def first_user(store: Store, now: float) -> None:
     """Make `engineer` where there is no user yet; its password is written to `first-login.txt` of the folder."""
-    if listed(memory):
+    if listed(store):
         return
     password = secrets.token_urlsafe(12)
-    _written(memory.folder / "first-login.txt", f"user engineer\npassword {password}\n")
-    Users(memory).put("engineer", "engineer", password, now)
+    _written(store.folder / "first-login.txt", f"user engineer\npassword {password}\n")
+    Users(store).put("engineer", "engineer", password, now)
 
 
 def station_key(folder: Path) -> str:

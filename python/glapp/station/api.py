@@ -1,7 +1,7 @@
 """What the window shows, for programs and for its own pages: HTTP that only reads.
 
 Whoever asks shows a token of the service (`Authorization: Bearer …`) or, as the pages do, the session of a person who
-is logged in. There is no request here that changes anything: commands go through the service's own door.
+is logged in. There is no request here that changes anything: commands go through the service's own API.
 """
 
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..service.listener import logged_in
 from .client import Gone, Refused
 from .pages import Station, all_events
-from .view import Row
+from .view import LoopRow
 
 __all__ = ["api_of"]
 
@@ -69,7 +69,7 @@ class Overview(BaseModel):
     why: str | None = Field(description="Why the database cannot be read; what was last known stays.")
     version: int = Field(description="For `since` of the next request.")
     whole: bool = Field(description="Whether these are all loops, and not only those that have changed.")
-    loops: list[Row]
+    loops: list[LoopRow]
     gone: list[str] = Field(description="Loops that are not watched any more.")
 
 
@@ -87,7 +87,7 @@ class Detections(BaseModel):
 class One(BaseModel):
     """A loop."""
 
-    row: Row = Field(description="As in the overview.")
+    row: LoopRow = Field(description="As in the overview.")
     answer: dict[str, Any] | None = Field(description="The one answer of `glapp analyze --json`; null before a fit.")
     slope: float | None = Field(description="How the width moves [OP unit per 30 days]; null where that is not known.")
     spread: float | None = Field(description="Half of the slope's 95 % interval [the same].")
@@ -159,7 +159,7 @@ def api_of(station: Station) -> FastAPI:
         """A token of the service for a user. It opens no page: this sets no cookie."""
         address = request.client.host if request.client is not None else ""
         try:
-            found = await station.door.log_in(wanted.user, wanted.password, address)
+            found = await station.api.log_in(wanted.user, wanted.password, address)
         except Refused as refused:
             headers = {"WWW-Authenticate": "Bearer"} if refused.status == 401 else None
             raise HTTPException(refused.status if refused.status < 500 else 503, str(refused), headers) from None

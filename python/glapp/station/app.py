@@ -99,7 +99,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     ) -> Response:
         address = request.client.host if request.client is not None else ""
         try:
-            found = await station.door.log_in(user, password, address)
+            found = await station.api.log_in(user, password, address)
         except (Gone, Refused) as error:
             said = str(error)
             return _login(said[:1].upper() + said[1:], loop=loop)
@@ -117,7 +117,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
         session = station.who(request)
         station.sessions.end(session.id)
         with suppress(Gone, Refused):  # the token ends by itself; here it is forgotten
-            await station.door.asked("POST", "/logout", session.token)
+            await station.api.asked("POST", "/logout", session.token)
         return RedirectResponse("/login", 303)
 
     @app.post("/theme")
@@ -170,7 +170,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     async def end() -> None:
         for task in tasks:
             task.cancel()
-        await station.door.close()
+        await station.api.close()
 
     pages.on_startup(begin)
     pages.on_shutdown(end)

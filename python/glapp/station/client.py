@@ -1,6 +1,6 @@
-"""The service's door, asked in a person's name.
+"""The service's API, asked in a person's name.
 
-Nothing is believed that the door has not answered: where it does not answer, or refuses, that is an exception with the
+Nothing is believed that the API has not answered: where it does not answer, or refuses, that is an exception with the
 sentence that the person is shown.
 """
 
@@ -19,7 +19,7 @@ import httpx
 
 from ..errors import InputError
 
-__all__ = ["Door", "Gone", "Refused"]
+__all__ = ["ApiClient", "Gone", "Refused"]
 
 READS = 80
 """So many requests that only look are under way, of the 100 connections that httpx has: the others are for commands."""
@@ -43,17 +43,17 @@ class Refused(Exception):  # noqa: N818 - a refusal is an answer
         self.status = status
 
 
-class Door:
-    """The door of a service.
+class ApiClient:
+    """The API of a service.
 
     Parameters
     ----------
     folder : Path
-        The data folder, where the service writes down where its door is.
+        The data folder, where the service writes down where its API is.
     url : str, optional
         Where it is instead.
     trust : Path, optional
-        A certificate to trust, for a door with TLS whose certificate no public authority has signed.
+        A certificate to trust, for an API with TLS whose certificate no public authority has signed.
 
     Raises
     ------
@@ -85,9 +85,9 @@ class Door:
         if self._given is not None:
             return self._given.rstrip("/")
         try:
-            return (self._folder / "door").read_text(encoding="utf-8").strip()
+            return (self._folder / "api-url").read_text(encoding="utf-8").strip()
         except OSError:
-            raise Gone(f"the service has not told where its door is: {self._folder / 'door'} is not there") from None
+            raise Gone(f"the service has not told where its API is: {self._folder / 'api-url'} is not there") from None
 
     async def close(self) -> None:
         """Let go of its connections."""

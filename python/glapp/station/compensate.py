@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..report.words import number, quantity
-from ..service.compensation import TOLD
+from ..service.compensation import TEXT_OF_STATE
 from .parameters import NO_LIMIT
 
 __all__ = ["Calm", "Plan", "calm", "plan", "why_off"]
@@ -25,7 +25,7 @@ def why_off(made: Mapping[str, Any]) -> str:
     """
     if made["withdrawn"] is None:
         return f"It is off: {made['why_off'] or 'nobody enabled it'}."
-    return f"It is off. {TOLD[made['withdrawn']]}"
+    return f"It is off. {TEXT_OF_STATE[made['withdrawn']]}"
 
 
 _FROM = {1: "which a person typed", 2: "the lower limit of the fit that was taken over", 3: "the on-line estimate"}
@@ -61,7 +61,7 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
     Parameters
     ----------
     parameters : mapping
-        As the door gives them.
+        As the API gives them.
     unit : str
         Of OP.
 

@@ -11,9 +11,9 @@ from typing import Any
 from nicegui import ui
 
 from ..report.words import duration, quantity
-from ..service.compensation import TOLD
+from ..service.compensation import TEXT_OF_STATE
+from ..service.monitor import SEEN
 from ..service.settable import usual_of
-from ..service.watch import SEEN
 from . import charts
 from .client import loop_path
 from .compensate import calm, plan, why_off
@@ -29,7 +29,7 @@ CALM_AFTER = 20.0
 AGAIN = 3.0
 """What goes on is looked at again after so long [s]."""
 
-Signals = Callable[[float, float], Awaitable[dict[str, Any]]]
+ReadSignals = Callable[[float, float], Awaitable[dict[str, Any]]]
 Ask = Callable[[str], Awaitable[Any]]
 
 
@@ -45,12 +45,12 @@ class CompensationPage:
     loop : str
         Which loop.
     ask : callable
-        Something from the door, by its path; None where it does not say.
+        Something from the API, by its path; None where it does not say.
     signals : callable
         Samples from when to when [s since 1970 UTC].
     """
 
-    def __init__(self, station: Station, session: Session, loop: str, ask: Ask, signals: Signals) -> None:
+    def __init__(self, station: Station, session: Session, loop: str, ask: Ask, signals: ReadSignals) -> None:
         self.station, self.session, self.loop = station, session, loop
         self._ask, self._signals = ask, signals
         known = station.view.loops[loop]
@@ -58,7 +58,7 @@ class CompensationPage:
         self._engineer, self._operator = session.may("engineer"), session.may("operator")
 
     async def known(self) -> tuple[dict[str, Any], dict[str, Any]] | None:
-        """Parameters and status of the loop; None where the door does not say."""
+        """Parameters and status of the loop; None where the API does not say."""
         seen = await self._ask(loop_path(self.loop, "parameters"))
         status = None if seen is None else await self._ask("/status")
         return None if seen is None or status is None else (seen, status["loops"][self.loop])
@@ -86,7 +86,7 @@ class CompensationPage:
     async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
         made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
-        self._drilled, self._set = settings.get(SEEN), settings
+        self._tested, self._set = settings.get(SEEN), settings
         self.body.clear()
         with self.body:
             if made is None:
@@ -104,7 +104,7 @@ class CompensationPage:
     async def _go(self, what: str, body: dict[str, Any], said: str) -> bool:
         """A command; whatever comes of it, the dialog shows what is so afterwards."""
         path, token = loop_path(self.loop, what), self.session.token
-        asking = lambda: self.station.door.command(path, token, body)  # noqa: E731
+        asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
         return await command(self.station, self.session, asking, said) is not None
 
     async def _look(self) -> None:
@@ -112,7 +112,7 @@ class CompensationPage:
         status = self.station.view.shown["loops"].get(self.loop, {})
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
-        if settings.get(SEEN) != self._drilled or bool(made and made["enabled"]) != self._enabled:
+        if settings.get(SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
             await self._anew()
         elif self._enabled:
             await self._effect()
@@ -136,7 +136,7 @@ class CompensationPage:
             3: "by zero crossings: " + ("none yet" if estimate is None else f"{quantity(estimate, unit)} now"),
         }
         with ui.element("div").classes("bar"):
-            self.source = ui.radio(options, value=source or None, on_change=self._told).props("dense")
+            self.source = ui.radio(options, value=source or None, on_change=self._describe).props("dense")
             self.size = (
                 ui.number(f"typed width [{unit}]", value=field(seen["comp_size"]), min=0, on_change=self._typed)
                 .props('dense outlined aria-label="typed width"')
@@ -148,9 +148,9 @@ class CompensationPage:
         self.why_not = ui.label()
         heading("3. Test that the plant switches it off if glapp stops", 2)
         with ui.element("div").classes("bar"):
-            drill = quiet("Test switching off", self._drill)
-            drill.props("" if self._engineer else "disable")
-            done = self._drilled
+            test = quiet("Test switching off", self._test_watchdog)
+            test.props("" if self._engineer else "disable")
+            done = self._tested
             self.test = ui.label(
                 "glapp writes a small u_FF and stops its heartbeat; the plant must take u_FF to 0 by itself."
                 if done is None
@@ -162,7 +162,7 @@ class CompensationPage:
                 "no-caps unelevated color=primary"
             )
             self.not_yet = ui.label().classes("small muted")
-        self._told()
+        self._describe()
 
     def _wanted(self) -> dict[str, Any]:
         """The parameters as they would be with the width that is chosen."""
@@ -194,9 +194,9 @@ class CompensationPage:
     def _typed(self) -> None:
         if self.source.value != 1 and self.size.value:
             self.source.set_value(1)
-        self._told()
+        self._describe()
 
-    def _told(self) -> None:
+    def _describe(self) -> None:
         chosen, seen = self._wanted(), self._seen
         used = not self._differs()
         found = plan(seen if used else chosen, self.op_unit)
@@ -219,7 +219,7 @@ class CompensationPage:
         self.on.props(remove="disable")
         if why:
             self.on.props("disable")
-        elif self._drilled is None:  # the service refuses it
+        elif self._tested is None:  # the service refuses it
             why = "First test switching off: nothing is enabled before that was seen."
         self.not_yet.set_text(why)
         self.why_not.set_visibility(bool(found.why_not))
@@ -241,8 +241,8 @@ class CompensationPage:
             await self._go("parameters", body, f"Set: {', '.join(names)}.")
         await self._anew()
 
-    async def _drill(self) -> None:
-        if await self._go("drill", {}, "The test is under way: it takes some seconds."):
+    async def _test_watchdog(self) -> None:
+        if await self._go("watchdog-test", {}, "The test is under way: it takes some seconds."):
             self.test.set_text("The test is under way. Events tell how it ends.")
 
     async def _enable(self) -> None:
@@ -253,7 +253,7 @@ class CompensationPage:
 
     async def _in_force(self, made: dict[str, Any]) -> None:
         unit = self.op_unit
-        ui.label(TOLD[made["standing"]]).style("font-weight: 600")
+        ui.label(TEXT_OF_STATE[made["standing"]]).style("font-weight: 600")
         if made["over"]:
             ui.label("Warning: the loop swings as if too much was compensated.").classes("high")
         ui.label(

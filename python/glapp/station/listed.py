@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 
-from .view import Row
+from .view import LoopRow
 
 __all__ = ["Listed"]
 
@@ -22,7 +22,7 @@ class Listed:
 
     Attributes
     ----------
-    rows : sequence of Row
+    rows : sequence of LoopRow
         In their order.
     version : int
         Greater after each look at which something had changed.
@@ -36,19 +36,19 @@ class Listed:
         By loop that is not watched any more the version since which it is not.
     """
 
-    rows: Sequence[Row] = ()
+    rows: Sequence[LoopRow] = ()
     version: int = 0
     first: int = dataclasses.field(default_factory=_first)
     since: Mapping[str, int] = dataclasses.field(default_factory=dict)
     texts: Mapping[str, str] = dataclasses.field(default_factory=dict)
     gone: Mapping[str, int] = dataclasses.field(default_factory=dict)
 
-    def after(self, rows: Sequence[Row]) -> Listed:
+    def after(self, rows: Sequence[LoopRow]) -> Listed:
         """What is listed after a look at which the rows were these.
 
         Examples
         --------
-        >>> row = Row("FIC101", 1, "", None, "", "none", "Not now", "", "Good", "now", "", "")
+        >>> row = LoopRow("FIC101", 1, "", None, "", "none", "Not now", "", "Good", "now", "", "")
         >>> one = Listed().after([row])
         >>> two = one.after([row, dataclasses.replace(row, loop="FIC102", rank=2)])
         >>> whole, texts, gone = two.changes(one.version)
@@ -81,5 +81,5 @@ class Listed:
         return False, rows, [name for name, at in self.gone.items() if at > since]
 
 
-def _text(row: Row) -> str:
-    return json.dumps({name: getattr(row, name) for name in Row.__slots__})
+def _text(row: LoopRow) -> str:
+    return json.dumps({name: getattr(row, name) for name in LoopRow.__slots__})

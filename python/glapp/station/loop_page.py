@@ -18,15 +18,15 @@ from starlette.requests import Request
 from ..errors import InputError
 from ..modules import Backlash, Graph, Input, Output
 from ..report.words import MEANINGS, METHODS, NAMES, count, number, quantity, sentence
-from ..service.compensation import TOLD
-from ..service.recordings import Signals
+from ..service.compensation import TEXT_OF_STATE
+from ..service.recordings import SignalStore
 from ..service.settable import Bound
 from . import charts
 from .client import Gone, Refused, loop_path
 from .compensate import why_off
 from .compensate_page import CompensationPage
 from .pages import Station, command, dialog_of, frame, heading, moment, quiet
-from .parameters import FIRST, GROUPS, PARAMETERS, changed, field, told
+from .parameters import FIRST, GROUPS, PARAMETERS, changed, command_text, field
 from .sessions import Session
 from .step_test_page import Wizard
 from .under_way import UnderWay
@@ -52,14 +52,14 @@ async def signals(station: Station, session: Session, loop: str, begin: float, e
     """Samples of a loop: from the service, and where that does not answer those on disk."""
     path = loop_path(loop, f"signals?begin={begin}&end={end}&most={MOST}")
     try:
-        found: dict[str, Any] = await station.door.asked("GET", path, session.token)
+        found: dict[str, Any] = await station.api.asked("GET", path, session.token)
         return found
     except (Gone, Refused):
         return await asyncio.to_thread(_from_disk, station, loop, begin, end)
 
 
 def _from_disk(station: Station, loop: str, begin: float, end: float) -> dict[str, Any]:
-    table = Signals(station.view.folder).read(loop, begin, end)
+    table = SignalStore(station.view.folder).read(loop, begin, end)
     every = max(1, -(-len(table) // MOST))
     found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
     found["time"] = [at.timestamp() for at in found["time"]]
@@ -157,12 +157,12 @@ class _Page:
             self._button("Step test", self.step_test)
 
     def _button(self, text: str, what: Callable[[], Awaitable[None]], role: str = "viewer") -> ui.button:
-        button = quiet(text, self._told(what))
+        button = quiet(text, self._reporting(what))
         if not self.session.may(role):
             button.props("disable").tooltip(f"needs the role {role}")
         return button
 
-    def _told(self, what: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
+    def _reporting(self, what: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
         """What a button does; a database that cannot be read is told at the button."""
 
         async def safely() -> None:
@@ -188,7 +188,7 @@ class _Page:
     def _signals(self) -> None:
         with ui.element("div").classes("card"):
             with ui.element("div").classes("bar"):
-                heading("Signals", 2)
+                heading("SignalStore", 2)
                 ui.element("span").classes("grow")
                 if any(self._spans()):
                     scales = {True: f"Scale: {100 * charts.PART:g} % of span", False: "by noise"}
@@ -228,11 +228,11 @@ class _Page:
 
     async def _scale(self, event: Any) -> None:
         self.by_span = bool(event.value)
-        await self._told(self.draw)()
+        await self._reporting(self.draw)()
 
     async def _window(self, event: Any) -> None:
         self.window = int(event.value)
-        await self._told(self.draw)()
+        await self._reporting(self.draw)()
 
     # What goes on
 
@@ -300,7 +300,7 @@ class _Page:
     async def often(self) -> None:
         """The newest values, from the service."""
         try:
-            values = await self.station.door.live(self.name, self.session.token, self.seen)
+            values = await self.station.api.live(self.name, self.session.token, self.seen)
         except (Gone, Refused) as error:
             if isinstance(error, Refused) and error.status == 401:
                 self.station.sessions.end(self.session.id)  # the frame leads to the login
@@ -365,7 +365,7 @@ class _Page:
         self.compensation.set_text(
             ""
             if made is None
-            else f"Compensation: {TOLD[made['standing']]}"
+            else f"Compensation: {TEXT_OF_STATE[made['standing']]}"
             if made["enabled"]
             else f"Compensation: {why_off(made)}"
         )
@@ -570,9 +570,9 @@ class _Page:
             await Wizard(loop, width, WINDOWS, self.window, last, self.session.dark).build()
 
     async def _ask(self, path: str) -> Any:
-        """Something from the door; None where it does not say."""
+        """Something from the API; None where it does not say."""
         try:
-            return await self.station.door.asked("GET", path, self.session.token)
+            return await self.station.api.asked("GET", path, self.session.token)
         except (Gone, Refused) as error:
             ui.notify(str(error), type="warning", timeout=0, close_button="Close", multi_line=True)
             return None
@@ -637,7 +637,7 @@ class _Page:
                     return
                 path = loop_path(self.name, "parameters")
                 what = ", ".join(body["values"])
-                asking = lambda: self.station.door.command(path, self.session.token, body)  # noqa: E731
+                asking = lambda: self.station.api.command(path, self.session.token, body)  # noqa: E731
                 if await command(self.station, self.session, asking, f"Set: {what}.") is not None:
                     dialog.close()
 
@@ -648,7 +648,7 @@ class _Page:
             else:
                 ui.label("Changing them needs the role engineer.").classes("small muted")
             heading("Who changed what, when", 2)
-            self._log(log, told)
+            self._log(log, command_text)
 
     def _log(self, rows: list[dict[str, Any]], text: Callable[[dict[str, Any]], str]) -> None:
         if not rows:
@@ -664,7 +664,7 @@ class _Page:
     async def fit(self) -> None:
         """Have it fitted now."""
         path = loop_path(self.name, "fit")
-        asking = lambda: self.station.door.command(path, self.session.token)  # noqa: E731
+        asking = lambda: self.station.api.command(path, self.session.token)  # noqa: E731
         await command(
             self.station, self.session, asking, f"{self.name} is fitted as soon as the fit before it is done."
         )

@@ -16,7 +16,7 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from ..report.words import duration
-from .client import Door, Gone, Refused
+from .client import ApiClient, Gone, Refused
 from .listed import Listed
 from .sessions import Session, Sessions, Tokens
 from .view import View, age
@@ -46,7 +46,7 @@ class Station:
     ----------
     view : View
         The database.
-    door : Door
+    api : ApiClient
         The service.
     sessions : Sessions
         Who is logged in.
@@ -55,7 +55,7 @@ class Station:
     """
 
     view: View
-    door: Door
+    api: ApiClient
     sessions: Sessions = field(init=False)
     listed: Listed = field(default_factory=Listed)
     _of: tuple[float | None, float] = (None, 0.0)
@@ -303,7 +303,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
     InputError
         Where the database cannot be read.
     """
-    from .parameters import told
+    from .parameters import command_text
 
     found = [
         {
@@ -324,7 +324,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
                 "loop": row["loop"] or "",
                 "kind": row["command"],
                 "who": f"{row['person']} ({row['role']})" if row["role"] else row["person"],
-                "text": told(row),
+                "text": command_text(row),
             }
         )
     found.sort(key=lambda one: -one["at"])

@@ -57,7 +57,7 @@ PARAMETERS: dict[str, Parameter] = {
     "comp_estimate": Parameter("whether the estimate may lower the width: 0 no, 1 yes", "1"),
     "ff_tolerance": Parameter("how far the u_FF read back may be off", "a tenth of the width"),
 }
-"""By the names of the service's door."""
+"""By the names of the service's API."""
 
 assert tuple(PARAMETERS) == (*DETECTOR, *SETTINGS)
 
@@ -91,7 +91,7 @@ def field(value: float | None) -> float | None:
 
 
 def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[str, Any]:
-    """What to ask the door: the values that are not as they were seen, and what was seen of just those.
+    """What to ask the API: the values that are not as they were seen, and what was seen of just those.
 
     Parameters
     ----------
@@ -114,10 +114,10 @@ def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[
     return {"values": values, "seen": {name: seen.get(name) for name in values}}
 
 
-def told(command: Mapping[str, Any]) -> str:
+def command_text(command: Mapping[str, Any]) -> str:
     """A command on parameters in a line: what was before, and what is after.
 
-    >>> told({"before": {"kp": 2.0}, "after": {"kp": 3.0}, "refused": None})
+    >>> command_text({"before": {"kp": 2.0}, "after": {"kp": 3.0}, "refused": None})
     'kp 2 → 3'
     """
     if command["refused"] is not None:

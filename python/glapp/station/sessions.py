@@ -28,7 +28,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..errors import InputError
 from ..service.listener import logged_in
-from ..service.memory import NAME, Reader
+from ..service.store import NAME, Reader
 from ..service.users import LOGIN_LASTS, Role, digest_of
 
 __all__ = ["COOKIE", "Guard", "Session", "Sessions", "Tokens"]

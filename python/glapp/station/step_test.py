@@ -18,7 +18,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
 from ..step_test import StepTest, step_test
 
-__all__ = ["FORMS", "place", "read", "read_apart", "read_file", "steps", "told"]
+__all__ = ["FORMS", "lines_of", "place", "read", "read_apart", "read_file", "steps"]
 
 FORMS = ("CSV", "Excel", "Parquet", "Arrow")
 """What a recording may be written as."""
@@ -30,7 +30,7 @@ def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
     Parameters
     ----------
     values : mapping
-        Columns as the door gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
+        Columns as the API gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
     loop : Loop
         Settings that go with them.
     """
@@ -144,7 +144,7 @@ def place(found: StepTest | None, manual: bool) -> int:
     return 3 if any(a == b for a, b in pairwise(moves)) else 2
 
 
-def told(found: StepTest, unit: str) -> list[str]:
+def lines_of(found: StepTest, unit: str) -> list[str]:
     """What a test gives, in sentences: the gap, the process gain, what each move tells, or why it tells nothing."""
     lines = []
     if found.d is not None:

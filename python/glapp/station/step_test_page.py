@@ -169,7 +169,7 @@ class Wizard:
         self.lines.clear()
         self.picture.clear()
         with self.lines:
-            for line in [nothing] if found is None else step_test.told(found, found.unit):
+            for line in [nothing] if found is None else step_test.lines_of(found, found.unit):
                 ui.label(line).classes("muted" if found is None else "")
         options = None if found is None else charts.step_test(found, dark=self.dark)
         if options is not None:

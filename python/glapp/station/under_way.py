@@ -65,7 +65,7 @@ class UnderWay:
         self._graph.scan(h=h, flags=float(flags), u_ff=0.0, **numbers)
 
     def take_all(self, values: Mapping[str, Sequence[Any]]) -> None:
-        """Samples as the door gives them."""
+        """Samples as the API gives them."""
         rows = zip(*(values[name] for name in ("time", "SP", "PV", "OP", "MODE", "QUALITY")), strict=True)
         for t, sp, pv, op, mode, quality in rows:
             self.take(t, sp, None if quality == "bad" else pv, op, auto=mode == "AUTO")

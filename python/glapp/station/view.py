@@ -21,10 +21,10 @@ from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
 from ..report.words import URGENCIES, VERDICTS, count, number
-from ..service.memory import Reader
-from ..service.watch import with_settings
+from ..service.monitor import with_settings
+from ..service.store import Reader
 
-__all__ = ["Row", "Trend", "View", "age", "as_csv", "summary", "trend"]
+__all__ = ["LoopRow", "Trend", "View", "age", "as_csv", "summary", "trend"]
 
 BEHIND = 20.0
 """The service writes what is to be seen every 5 s; after this time it is behind [s]."""
@@ -56,7 +56,7 @@ HEALTH = {
     "CHECK_FUNCTION": "Check function",
     "FAILURE": "Failure",
 }
-"""NAMUR NE 107 in its own words; what `glapp.service.watch.Health` never says is not here."""
+"""NAMUR NE 107 in its own words; what `glapp.service.monitor.Health` never says is not here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def trend(days: Sequence[float], widths: Sequence[float], errors: Sequence[float
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class LoopRow:
     """A loop in the overview.
 
     Attributes
@@ -365,7 +365,7 @@ class View:
 
     # What is shown
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[LoopRow]:
         """Every loop, what maintenance should do first before all else."""
         now = self.now
         found = []
@@ -388,7 +388,7 @@ class View:
             if status["good"] is False:
                 seen += f", bad: {status['note']}"
             rows.append(
-                Row(
+                LoopRow(
                     loop=name,
                     rank=rank + 1,
                     width=self.headline(name),
@@ -474,12 +474,12 @@ class View:
         return text
 
 
-def summary(rows: Sequence[Row], when: str = "tonight") -> str:
+def summary(rows: Sequence[LoopRow], when: str = "tonight") -> str:
     """The plant in a line; `when` is when those are judged that are not yet.
 
     >>> summary([])
     '0 loops. Nothing is urgent.'
-    >>> summary([Row("FIC101", 1, "", None, UNJUDGED, "unjudged", UNJUDGED, "", "–", "now", "", "")], "at 02:00")
+    >>> summary([LoopRow("FIC101", 1, "", None, UNJUDGED, "unjudged", UNJUDGED, "", "–", "now", "", "")], "at 02:00")
     '1 loop. 1 is not judged yet: at 02:00.'
     """
     swings = VERDICTS["oscillation"]
@@ -572,13 +572,13 @@ def age(seconds: float) -> str:
     return f"{seconds // 60:.0f} min"
 
 
-def as_csv(rows: Sequence[Row] | Sequence[Mapping[str, Any]]) -> str:
+def as_csv(rows: Sequence[LoopRow] | Sequence[Mapping[str, Any]]) -> str:
     r"""A table as CSV; no text in it is a formula to a spreadsheet.
 
     >>> as_csv([{"loop": "=1+1", "width": "−2"}])
     "loop,width\r\n'=1+1,−2\r\n"
     """
-    plain = [asdict(row) if isinstance(row, Row) else dict(row) for row in rows]
+    plain = [asdict(row) if isinstance(row, LoopRow) else dict(row) for row in rows]
     out = io.StringIO()
     if plain:
         writer = csv.DictWriter(out, list(plain[0]))

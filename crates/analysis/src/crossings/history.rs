@@ -1,6 +1,6 @@
 //! Crossings over a history that is longer than memory: it comes in pieces, and the state goes from one to the next.
 
-use super::verdict::{SAMPLES, Verdict, Why, said};
+use super::verdict::{SAMPLES, Verdict, Why, verdict_of};
 use super::{Crossings, Ladder, SavedError};
 use glapp_core::{Columns, DetectorSettings, ParameterError, Reason};
 use glapp_lanes::Instructions;
@@ -89,7 +89,7 @@ impl History {
     pub fn heard(&self) -> Heard {
         let place = self.ladder.choose();
         let rung = &self.ladder.rungs()[place];
-        let (crossings, why) = said(rung, || middle(&self.lengths[place]));
+        let (crossings, why) = verdict_of(rung, || middle(&self.lengths[place]));
         let told = matches!(crossings, Verdict::Estimate | Verdict::Provisional);
         let rejected = Reason::ALL.iter().zip(rung.reasons()).skip(1).filter(|(_, count)| **count > 0);
         Heard {

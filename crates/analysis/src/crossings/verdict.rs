@@ -142,7 +142,7 @@ pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Opti
     let Some(crossings) = crossings else {
         return (Refused, Some(if op { Why::NotIdentified } else { Why::NoLaw }));
     };
-    said(crossings, || {
+    verdict_of(crossings, || {
         let accepted = crossings.rows().iter().filter(|row| row.record.mask == 0);
         median(&mut accepted.map(|row| f64::from(row.record.half.n)).collect::<Vec<_>>())
     })
@@ -150,7 +150,7 @@ pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Opti
 
 /// What a detector's detections allow to be said, where nothing else is wrong; `samples` is the median of those in its accepted
 /// half-periods.
-pub(super) fn said(crossings: &Crossings, samples: impl FnOnce() -> f64) -> (Verdict, Option<Why>) {
+pub(super) fn verdict_of(crossings: &Crossings, samples: impl FnOnce() -> f64) -> (Verdict, Option<Why>) {
     use Verdict::{Estimate, NoEstimate, Provisional};
     let Some(estimate) = crossings.state().estimate() else {
         return (NoEstimate, Some(Why::NothingAccepted));

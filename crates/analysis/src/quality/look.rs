@@ -5,11 +5,11 @@ use std::ops::Range;
 use glapp_core::GAP_STEPS;
 
 use super::Known;
-use crate::{Census, Inspected, SORTED_ROWS, frozen_steps, median, resolution};
+use crate::{DataStatistics, Inspected, SORTED_ROWS, frozen_steps, median, resolution};
 
 pub(super) struct Look<'a> {
     pub rows: Inspected<'a>,
-    pub census: &'a Census,
+    pub statistics: &'a DataStatistics,
     pub known: &'a Known,
     /// SP − PV, or PV about its mean where SP is not recorded: whether it swings as a sinusoid is seen there as well.
     pub e: Vec<f64>,
@@ -28,7 +28,7 @@ pub(super) struct Look<'a> {
 }
 
 impl<'a> Look<'a> {
-    pub fn new(rows: &Inspected<'a>, census: &'a Census, known: &'a Known) -> Self {
+    pub fn new(rows: &Inspected<'a>, statistics: &'a DataStatistics, known: &'a Known) -> Self {
         let rows = rows.even();
         let Inspected { t, sp, pv, op, flags } = rows;
         let e: Vec<f64> = if let Some(sp) = sp {
@@ -52,7 +52,7 @@ impl<'a> Look<'a> {
             .collect();
         let frozen = frozen_steps(sp, pv, op);
         let (pv_grid, op_grid) = (resolution(pv), op.and_then(resolution));
-        Self { rows, census, known, e, h, good, step, frozen, pv_grid, op_grid }
+        Self { rows, statistics, known, e, h, good, step, frozen, pv_grid, op_grid }
     }
 
     /// Whether something is recorded anew in the step from row `k` to the next.
@@ -62,7 +62,7 @@ impl<'a> Look<'a> {
 
     /// Share of so many rows in all, 0 to 1.
     pub fn share(&self, count: u64) -> f64 {
-        if self.census.rows > 0 { count as f64 / self.census.rows as f64 } else { 0.0 }
+        if self.statistics.rows > 0 { count as f64 / self.statistics.rows as f64 } else { 0.0 }
     }
 }
 

@@ -12,7 +12,7 @@ const LIMITED: (f64, f64) = (0.05, 0.95);
 const SLAVE: f64 = 0.5;
 
 pub(super) fn mode(look: &Look<'_>, found: &mut Vec<Finding>) {
-    let c = look.census;
+    let c = look.statistics;
     if c.not_auto > 0 {
         let share = look.share(c.not_auto);
         let severity = if c.not_auto == c.rows {
@@ -47,8 +47,8 @@ pub(super) fn setpoint(look: &Look<'_>, found: &mut Vec<Finding>) {
         return;
     }
     // Pairs that a historian repeated say nothing of SP.
-    let pairs = look.census.rows as f64 - 1.0 - look.census.still as f64;
-    let moved = look.census.sp.changed;
+    let pairs = look.statistics.rows as f64 - 1.0 - look.statistics.still as f64;
+    let moved = look.statistics.sp.changed;
     let share = if pairs > 0.0 { moved as f64 / pairs } else { 0.0 };
     if share > SLAVE {
         found.push(Finding::new(Fault::CascadeSlave, Severity::Warning).with("sp_changes", moved).with("share", share));

@@ -12,7 +12,7 @@ const FEWEST_COMPARED: usize = 10;
 const SAME: f64 = 0.99;
 
 pub(super) fn numbers(look: &Look<'_>, found: &mut Vec<Finding>) {
-    let c = look.census;
+    let c = look.statistics;
     if c.rows == 0 {
         return;
     }
@@ -46,7 +46,7 @@ fn many(share: f64) -> Severity {
 }
 
 pub(super) fn constants(look: &Look<'_>, found: &mut Vec<Finding>) {
-    let c = look.census;
+    let c = look.statistics;
     if look.rows.sp.is_none() {
         found.push(Finding::new(Fault::NoSp, Severity::Info));
     }

@@ -27,7 +27,7 @@ fn look([t, sp, pv, op]: &[Vec<f64>; 4], flags: Option<&[u8]>, known: &Known) ->
     let rows = Inspected { t, sp: Some(sp), pv, op: Some(op), flags };
     let mut counter = Counter::new(3.0, None).unwrap();
     counter.run(&rows);
-    inspect(&rows, &counter.census, known)
+    inspect(&rows, &counter.statistics, known)
 }
 
 fn faults(signals: &[Vec<f64>; 4]) -> Vec<Fault> {
@@ -220,7 +220,7 @@ proptest! {
         counter.run(&rows);
         let seen = Interval { value: k, low, high: ti };
         let law = Law { usable: true, r2: Some(0.95), k: seen, ti: seen, td: seen };
-        for finding in inspect(&rows, &counter.census, &Known { k, ti, td: ti, law: Some(law) }) {
+        for finding in inspect(&rows, &counter.statistics, &Known { k, ti, td: ti, law: Some(law) }) {
             prop_assert!(finding.fault.severities().contains(&finding.severity), "{:?}", finding);
         }
     }
@@ -242,6 +242,6 @@ proptest! {
                 counter.run(&Inspected { t: &t, sp, pv: &pv, op, flags });
             }
         }
-        prop_assert_eq!(format!("{:?}", whole.census), format!("{:?}", parts.census));
+        prop_assert_eq!(format!("{:?}", whole.statistics), format!("{:?}", parts.statistics));
     }
 }

@@ -35,7 +35,7 @@ impl Rows {
         let rows = Inspected { t: &t, sp: Some(&self.sp), pv: &self.pv, op: Some(&self.op), flags };
         let mut counter = Counter::new(3.0, None).unwrap();
         counter.run(&rows);
-        inspect(&rows, &counter.census, known).iter().find(|one| one.fault == fault).map(|one| one.severity)
+        inspect(&rows, &counter.statistics, known).iter().find(|one| one.fault == fault).map(|one| one.severity)
     }
 
     fn finds(&self, fault: Fault) -> bool {

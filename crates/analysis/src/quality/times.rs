@@ -14,14 +14,14 @@ const CLOCK_CHANGE: (f64, f64) = (3600.0, 60.0);
 const COARSE: f64 = 1.0 / 5.0;
 
 pub(super) fn rows(look: &Look<'_>, found: &mut Vec<Finding>) {
-    let rows = look.census.rows;
+    let rows = look.statistics.rows;
     if rows < FEWEST_ROWS {
         found.push(Finding::new(Fault::TooFewRows, Severity::Refuse).with("rows", rows));
     }
 }
 
 pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
-    let c = look.census;
+    let c = look.statistics;
     if c.t_bad > 0 {
         let severity = if c.t_bad + 1 >= c.rows { Severity::Refuse } else { Severity::Warning };
         let finding = Finding::new(Fault::TimeMissing, severity).with("rows", c.t_bad);

@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     /// What the first move is said to be where the probability that PV did not answer is so large.
-    fn said(contrary: f64) -> Option<Evidence> {
+    fn evidence_at(contrary: f64) -> Option<Evidence> {
         let free = |step: f64| {
             let blocks = two_holds(step, 0.1, 0.0);
             Posterior::of(&blocks.levels(), &Axes::of(&blocks).unwrap(), 0.0, 1.0).unwrap()
@@ -141,9 +141,12 @@ mod tests {
     #[test]
     fn pv_answers_where_the_contrary_is_less_likely_than_one_in_two_thousand() {
         assert_eq!(
-            [said(0.5), said(6e-4), said(4e-4)],
+            [evidence_at(0.5), evidence_at(6e-4), evidence_at(4e-4)],
             [Some(Evidence::Unanswered), Some(Evidence::Unanswered), Some(Evidence::FirstMove)]
         );
-        assert_eq!([said(1.0 - 6e-4), said(1.0 - 4e-4)], [Some(Evidence::Unanswered), Some(Evidence::Opposite)]);
+        assert_eq!(
+            [evidence_at(1.0 - 6e-4), evidence_at(1.0 - 4e-4)],
+            [Some(Evidence::Unanswered), Some(Evidence::Opposite)]
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! The answer in three parts: what is so, what to do, and why.
 
-use super::said::{Corrected, Limit, Said};
-use super::{Message, Numbers, Reader, Subject, Untold, Value, sentence, text};
+use super::facts::{AnswerFacts, Corrected, Limit};
+use super::{Message, Numbers, Reader, Subject, TextError, Value, sentence, text};
 use serde::{Deserialize, Serialize};
 
 pub(super) const SUBJECT: Subject = Subject { name: "answer", sentences: SENTENCES, variants };
@@ -251,24 +251,24 @@ fn first<'a>(codes: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
 ///
 /// # Errors
 /// Where the answer has a verdict that the catalogue does not know.
-pub fn so(said: &Said, reader: &Reader) -> Result<String, Untold> {
-    let (cause, kind) = (said.cause.as_deref().unwrap_or_default(), said.width_kind.as_deref().unwrap_or_default());
-    let confidence = said.confidence.as_deref().unwrap_or_default();
+pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
+    let (cause, kind) = (facts.cause.as_deref().unwrap_or_default(), facts.width_kind.as_deref().unwrap_or_default());
+    let confidence = facts.confidence.as_deref().unwrap_or_default();
     let verdict = match confidence {
         "likely" | "none_seen" => confidence,
-        _ => &said.verdict,
+        _ => &facts.verdict,
     };
-    let reason = said.fit.as_ref().map_or("", |fit| &fit.why);
+    let reason = facts.fit.as_ref().map_or("", |fit| &fit.why);
     let open = ["may_be_a_gap", "families_disagree"].contains(&reason);
-    let contradicts = said.fit.as_ref().and_then(|fit| fit.position.as_deref()) == Some("contradicts");
-    let few = said.crossings.detections < FEW;
-    let most = said.fit.as_ref().and_then(|fit| fit.d);
-    let next_to_none = most.zip(said.high).is_some_and(|(most, high)| most < NEXT_TO_NONE * high);
+    let contradicts = facts.fit.as_ref().and_then(|fit| fit.position.as_deref()) == Some("contradicts");
+    let few = facts.crossings.detections < FEW;
+    let most = facts.fit.as_ref().and_then(|fit| fit.d);
+    let next_to_none = most.zip(facts.high).is_some_and(|(most, high)| most < NEXT_TO_NONE * high);
     let more = match verdict {
         "cannot_tell" if contradicts => vec!["contradicts"],
         "cannot_tell" if open && next_to_none => vec!["open up_to"],
-        "cannot_tell" if open && said.high.is_some() && said.low > Some(0.0) => vec!["open weak"],
-        "cannot_tell" if open && said.high.is_some() => vec!["open bound"],
+        "cannot_tell" if open && facts.high.is_some() && facts.low > Some(0.0) => vec!["open weak"],
+        "cannot_tell" if open && facts.high.is_some() => vec!["open bound"],
         "cannot_tell" if open => vec!["open"],
         "cannot_tell" => vec![reason],
         "provisional" | "estimate" if few => vec!["few"],
@@ -278,24 +278,24 @@ pub fn so(said: &Said, reader: &Reader) -> Result<String, Untold> {
         more.iter().filter(|word| !word.is_empty()).map(|word| format!("so {verdict} {word}")).collect();
     let plain = format!("so {verdict}");
     let code = first(codes.iter().map(String::as_str)).unwrap_or(&plain);
-    let span = said.width_percent_span.filter(|_| reader.op_unit != "%");
+    let span = facts.width_percent_span.filter(|_| reader.op_unit != "%");
     let span = clause(span.map(|percent| Message::new("answer.of_span").with("percent", percent)));
-    let reason = said.crossings.reason.clone().unwrap_or_default();
-    let told = said.message(code).with("span", span).with("beside", beside(said)).with("reason", bare(&reason));
+    let reason = facts.crossings.reason.clone().unwrap_or_default();
+    let told = facts.message(code).with("span", span).with("beside", beside(facts)).with("reason", bare(&reason));
     text(&told.code, &told.numbers, reader)
 }
 
 /// What the width is beyond, or how it has changed; empty where neither is to be told.
-fn beside(said: &Said) -> Value {
+fn beside(facts: &AnswerFacts) -> Value {
     // By crossings alone sound valves show more than the usual limit.
-    let tells = |limit: &&Limit| said.fitted() || limit.origin == "given";
-    let beyond = said.limit.as_ref().filter(|_| said.acceptable.as_deref() == Some("beyond")).filter(tells);
+    let tells = |limit: &&Limit| facts.fitted() || limit.origin == "given";
+    let beyond = facts.limit.as_ref().filter(|_| facts.acceptable.as_deref() == Some("beyond")).filter(tells);
     let percent = beyond.and_then(|limit| Some((limit.percent_span?, limit)));
     let beyond = percent.map(|(percent, limit)| {
         let code = if limit.origin == "nominal" { "answer.more_than_nominal" } else { "answer.more_than_given" };
         Message::new(code).with("percent", percent)
     });
-    let changed = said.trend.as_ref().and_then(|trend| {
+    let changed = facts.trend.as_ref().and_then(|trend| {
         let code = match trend.code.as_str() {
             "grows" => "answer.up_from",
             "shrinks" => "answer.down_from",
@@ -320,94 +320,94 @@ fn bare(text: &str) -> String {
 ///
 /// # Errors
 /// Where the answer has a next step that the catalogue does not know.
-pub fn doing(said: &Said, reader: &Reader) -> Result<String, Untold> {
-    let code = &said.next.code;
-    let of = said.next.of.as_deref().unwrap_or_default();
-    let test = said.step_test.as_ref().filter(|test| test.d.is_some());
+pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
+    let code = &facts.next.code;
+    let of = facts.next.of.as_deref().unwrap_or_default();
+    let test = facts.step_test.as_ref().filter(|test| test.d.is_some());
     let mut told = Vec::new();
-    if let Some(test) = test.filter(|_| said.next.tested) {
+    if let Some(test) = test.filter(|_| facts.next.tested) {
         let gives = Message::new("answer.do tested").with("d", test.d).with("low", test.low).with("high", test.high);
         told.push(text(&gives.code, &gives.numbers, reader)?);
         let left = [format!("do {code} {of} tested"), format!("do {code} tested")];
         if let Some(left) = first(left.iter().map(String::as_str)) {
-            told.push(text(&format!("answer.{left}"), &said.message("").numbers, reader)?);
+            told.push(text(&format!("answer.{left}"), &facts.message("").numbers, reader)?);
         }
         return Ok(told.join(" "));
     }
     if code == "remedy" {
-        return text(&format!("half_period_remedy.{of}"), &said.message("").numbers, reader);
+        return text(&format!("half_period_remedy.{of}"), &facts.message("").numbers, reader);
     }
-    let likely = if said.confidence.as_deref() == Some("likely") { "likely" } else { "" };
-    let origin = said.limit.as_ref().map_or("", |limit| &limit.origin);
+    let likely = if facts.confidence.as_deref() == Some("likely") { "likely" } else { "" };
+    let origin = facts.limit.as_ref().map_or("", |limit| &limit.origin);
     let codes =
         [format!("do {code} {likely}"), format!("do {code} {of}"), format!("do {code} {origin}"), format!("do {code}")];
     let code = first(codes.iter().map(String::as_str)).unwrap_or(code);
-    let percent = said.limit.as_ref().and_then(|limit| limit.percent_span);
-    let told = said.message(code).with("percent", percent);
+    let percent = facts.limit.as_ref().and_then(|limit| limit.percent_span);
+    let told = facts.message(code).with("percent", percent);
     text(&told.code, &told.numbers, reader)
 }
 
 /// What to do, in a word or two.
-fn short(said: &Said, reader: &Reader) -> Result<String, Untold> {
-    let code = &said.next.code;
+fn short(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
+    let code = &facts.next.code;
     let asks = ["further", "record_more", "probably_too_wide", "step_test", "remedy"].contains(&code.as_str());
-    let tested = asks && said.next.tested;
-    let likely = said.confidence.as_deref() == Some("likely");
+    let tested = asks && facts.next.tested;
+    let likely = facts.confidence.as_deref() == Some("likely");
     let codes = [format!("short {code} likely"), format!("short {code}")];
     let code = if tested {
         "short tested"
     } else {
         first(codes.iter().skip((!likely).into()).map(String::as_str)).unwrap_or(code)
     };
-    text(&format!("answer.{code}"), &said.message("").numbers, reader)
+    text(&format!("answer.{code}"), &facts.message("").numbers, reader)
 }
 
 /// Why, a sentence each: what the answer stands on, with the numbers of the likelihood.
 ///
 /// # Errors
 /// Where the answer has a code that the catalogue does not know.
-pub fn why(said: &Said, reader: &Reader) -> Result<Vec<String>, Untold> {
+pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
     // What is so says it already.
-    if said.verdict == "refused" {
+    if facts.verdict == "refused" {
         return Ok(Vec::new());
     }
-    let Some(fit) = said.fit.as_ref().filter(|_| said.fitted()) else {
-        return crossed(said, reader);
+    let Some(fit) = facts.fit.as_ref().filter(|_| facts.fitted()) else {
+        return crossed(facts, reader);
     };
     let tell = |told: Message| text(&told.code, &told.numbers, reader);
     let mut told = vec![sentence(&fit.reason)];
     if let Some((counted, all)) = fit.recordings.filter(|(_, all)| *all > 0) {
-        let counts = said.message("why counted").with("counted", Value::Count(counted)).with("all", Value::Count(all));
+        let counts = facts.message("why counted").with("counted", Value::Count(counted)).with("all", Value::Count(all));
         told.push(tell(counts)?);
     }
-    if let Some(days) = said.trend.as_ref().and_then(|trend| trend.days_to_limit) {
-        told.push(tell(said.message("why to_limit").with("days", days))?);
+    if let Some(days) = facts.trend.as_ref().and_then(|trend| trend.days_to_limit) {
+        told.push(tell(facts.message("why to_limit").with("days", days))?);
     }
-    if let Some(test) = said.step_test.as_ref().filter(|test| test.d.is_some() && !said.next.tested) {
-        let gives = said.message("why step_test").with("d", test.d).with("low", test.low).with("high", test.high);
+    if let Some(test) = facts.step_test.as_ref().filter(|test| test.d.is_some() && !facts.next.tested) {
+        let gives = facts.message("why step_test").with("d", test.d).with("low", test.low).with("high", test.high);
         told.push(tell(gives)?);
     }
-    if said.crossings.reason.as_ref() != Some(&fit.reason) {
-        told.push(crossing(said, reader)?);
+    if facts.crossings.reason.as_ref() != Some(&fit.reason) {
+        told.push(crossing(facts, reader)?);
     }
     Ok(told.into_iter().filter(|text| !text.is_empty()).collect())
 }
 
 /// What the zero crossings say beside a fit, in one line.
-fn crossing(said: &Said, reader: &Reader) -> Result<String, Untold> {
-    let code = match (&said.struck, said.crossings.d_hat, &said.crossings.reason) {
+fn crossing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
+    let code = match (&facts.struck, facts.crossings.d_hat, &facts.crossings.reason) {
         (Some(struck), _, _) => format!("why crossings {}", struck.code),
         (None, Some(_), _) => "why crossings".into(),
         (None, None, Some(_)) => "why crossings none".into(),
         (None, None, None) => return Ok(String::new()),
     };
-    let told = said.message(&code).with("reason", bare(said.crossings.reason.as_deref().unwrap_or_default()));
+    let told = facts.message(&code).with("reason", bare(facts.crossings.reason.as_deref().unwrap_or_default()));
     text(&told.code, &told.numbers, reader)
 }
 
 /// What a width of the zero crossings stands on, or why there is none; paragraphs.
-fn crossed(said: &Said, reader: &Reader) -> Result<Vec<String>, Untold> {
-    let of = &said.crossings;
+fn crossed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
+    let of = &facts.crossings;
     let halves = || Value::Count(of.half_periods);
     let tell = |told: Message| text(&told.code, &told.numbers, reader);
     let mut basis = Vec::new();
@@ -417,53 +417,54 @@ fn crossed(said: &Said, reader: &Reader) -> Result<Vec<String>, Untold> {
             return Ok(basis);
         }
         if of.detections == 0 {
-            basis.push(tell(said.message("crossed no_proof"))?);
+            basis.push(tell(facts.message("crossed no_proof"))?);
         }
     } else {
-        basis.push(tell(said.message("crossed from").with("half_periods", halves()))?);
-        if said.struck.is_none() {
+        basis.push(tell(facts.message("crossed from").with("half_periods", halves()))?);
+        if facts.struck.is_none() {
             if of.verdict == "provisional" {
-                basis.push(tell(said.message("crossed provisional").with("n", Value::Count(of.n)))?);
+                basis.push(tell(facts.message("crossed provisional").with("n", Value::Count(of.n)))?);
             }
             if let Some((low, high)) = of.repeatability.filter(|_| of.detections > 1) {
-                basis.push(tell(said.message("crossed repeat").with("low", low).with("high", high))?);
+                basis.push(tell(facts.message("crossed repeat").with("low", low).with("high", high))?);
             }
             if let Some(corrected) = &of.corrected {
-                basis.push(tell(unbiased(said, corrected))?);
+                basis.push(tell(unbiased(facts, corrected))?);
             }
             if let Some(floor) = of.noise_floor {
-                basis.push(tell(said.message("crossed noise").with("floor", floor))?);
+                basis.push(tell(facts.message("crossed noise").with("floor", floor))?);
             }
             if let Some(percent) = of.positioner {
-                basis.push(tell(said.message("crossed positioner").with("percent", percent))?);
+                basis.push(tell(facts.message("crossed positioner").with("percent", percent))?);
             }
         }
     }
     let mut paragraphs = vec![basis.join(" ")];
     if let Some((reason, count)) = &of.rejected {
         let [label, meaning] = ["half_period", "half_period_meaning"].map(|of| Message::new(format!("{of}.{reason}")));
-        let rejected = said.message("crossed rejected").with("label", label).with("meaning", meaning);
+        let rejected = facts.message("crossed rejected").with("label", label).with("meaning", meaning);
         paragraphs.push(tell(rejected.with("count", Value::Count(*count)).with("half_periods", halves()))?);
     }
-    if of.d_hat.is_some() && said.struck.is_none() {
-        let settle = if said.step_test.is_some() { "why step_test" } else { "crossed settle" };
-        let test = said.step_test.clone().unwrap_or_default();
-        let settle = said.message(settle).with("d", test.d).with("low", test.low).with("high", test.high);
-        paragraphs.push(format!("{} {}", tell(said.message("crossed doubt"))?, tell(settle)?));
+    if of.d_hat.is_some() && facts.struck.is_none() {
+        let settle = if facts.step_test.is_some() { "why step_test" } else { "crossed settle" };
+        let test = facts.step_test.clone().unwrap_or_default();
+        let settle = facts.message(settle).with("d", test.d).with("low", test.low).with("high", test.high);
+        paragraphs.push(format!("{} {}", tell(facts.message("crossed doubt"))?, tell(settle)?));
     }
     Ok(paragraphs.into_iter().filter(|text| !text.is_empty()).collect())
 }
 
 /// The crossings' width with its known bias taken out, or why it is not.
-fn unbiased(said: &Said, of: &Corrected) -> Message {
+fn unbiased(facts: &AnswerFacts, of: &Corrected) -> Message {
     if of.d.is_none() {
-        return said.message("crossed not_corrected").with("reason", of.reason.clone().unwrap_or_default());
+        return facts.message("crossed not_corrected").with("reason", of.reason.clone().unwrap_or_default());
     }
     let gain = of
         .kp_range
         .map(|(low, high)| Message::new("answer.crossed gain").with("kp", of.kp).with("low", low).with("high", high));
     let by = (of.travel != "op").then(|| Message::new("answer.crossed worked_out"));
-    said.message("crossed corrected")
+    facts
+        .message("crossed corrected")
         .with("d", of.d)
         .with("low", of.low)
         .with("high", of.high)
@@ -474,7 +475,7 @@ fn unbiased(said: &Said, of: &Corrected) -> Message {
 
 /// An answer in words.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Told {
+pub struct AnswerTexts {
     /// What is so, in one sentence.
     pub so: String,
     /// What to do.
@@ -500,22 +501,22 @@ pub struct Told {
 ///
 /// # Errors
 /// Where the answer has a code that the catalogue does not know.
-pub fn told(said: &Said, reader: &Reader) -> Result<Told, Untold> {
-    Ok(Told {
-        so: so(said, reader)?,
-        doing: doing(said, reader)?,
-        short: short(said, reader)?,
-        why: why(said, reader)?,
-        headline: headline(said, 1.0, reader)?,
-        of_span: of_span(said, reader)?,
-        plc: plc(said, reader)?,
-        crossing: crossing(said, reader)?,
-        crossed: crossed(said, reader)?,
+pub fn texts_of(facts: &AnswerFacts, reader: &Reader) -> Result<AnswerTexts, TextError> {
+    Ok(AnswerTexts {
+        so: so(facts, reader)?,
+        doing: doing(facts, reader)?,
+        short: short(facts, reader)?,
+        why: why(facts, reader)?,
+        headline: headline(facts, 1.0, reader)?,
+        of_span: of_span(facts, reader)?,
+        plc: plc(facts, reader)?,
+        crossing: crossing(facts, reader)?,
+        crossed: crossed(facts, reader)?,
     })
 }
 
-fn headline(said: &Said, scale: f64, reader: &Reader) -> Result<String, Untold> {
-    let code = match (said.verdict.as_str(), said.width, said.low, said.high) {
+fn headline(facts: &AnswerFacts, scale: f64, reader: &Reader) -> Result<String, TextError> {
+    let code = match (facts.verdict.as_str(), facts.width, facts.low, facts.high) {
         (_, None, None, None) => return Ok(String::new()),
         (_, _, None, None) => "headline",
         ("at_least", ..) => "headline at_least",
@@ -524,24 +525,24 @@ fn headline(said: &Said, scale: f64, reader: &Reader) -> Result<String, Untold> 
         _ => "headline interval",
     };
     let scaled = |x: Option<f64>| x.map(|x| scale * x);
-    let told = said.message(code).with("width", scaled(said.width));
-    let told = told.with("low", scaled(said.low)).with("high", scaled(said.high));
+    let told = facts.message(code).with("width", scaled(facts.width));
+    let told = told.with("low", scaled(facts.low)).with("high", scaled(facts.high));
     text(&told.code, &told.numbers, reader)
 }
 
-fn of_span(said: &Said, reader: &Reader) -> Result<String, Untold> {
-    let Some(span) = said.span.filter(|span| !(reader.op_unit == "%" && *span == 100.0)) else {
+fn of_span(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
+    let Some(span) = facts.span.filter(|span| !(reader.op_unit == "%" && *span == 100.0)) else {
         return Ok(String::new());
     };
-    if said.low.is_none() && said.high.is_none() {
+    if facts.low.is_none() && facts.high.is_none() {
         return Ok(String::new());
     }
-    headline(said, 100.0 / span, &Reader { op_unit: "% of span".into(), ..reader.clone() })
+    headline(facts, 100.0 / span, &Reader { op_unit: "% of span".into(), ..reader.clone() })
 }
 
-fn plc(said: &Said, reader: &Reader) -> Result<String, Untold> {
-    let code = said.struck.as_ref().map_or("plc".into(), |struck| format!("plc {}", struck.code));
-    let told = said.message(&code);
+fn plc(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
+    let code = facts.struck.as_ref().map_or("plc".into(), |struck| format!("plc {}", struck.code));
+    let told = facts.message(&code);
     text(&told.code, &told.numbers, reader)
 }
 
@@ -581,7 +582,7 @@ impl Headline {
 ///
 /// # Errors
 /// None but a fault of the catalogue.
-pub fn overview(run: &[Headline], reader: &Reader) -> Result<String, Untold> {
+pub fn overview(run: &[Headline], reader: &Reader) -> Result<String, TextError> {
     let counted = RUN.map(|kind| (kind, run.iter().filter(|one| one.counts_as() == kind).count()));
     let tell =
         |code: &str, n: usize| text(&format!("answer.run {code}"), &Message::new("").with("n", n).numbers, reader);

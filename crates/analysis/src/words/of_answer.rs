@@ -1,7 +1,7 @@
 //! What an analysis found: as messages, and as the input of the three parts of an answer.
 
-use super::said::{Corrected, Crossings, Fit};
-use super::{Message, Reader, Said, Untold, Value, of_fit, text};
+use super::facts::{Corrected, Crossings, Fit};
+use super::{AnswerFacts, Message, Reader, TextError, Value, of_fit, text};
 use crate::answer::{Answer, CorrectedAnswer};
 use crate::crossings::{NotCorrected, Travel, Why};
 use crate::fitted::{FitWhy, Fitted, Position};
@@ -136,19 +136,19 @@ pub fn of_fitted(answer: &Answer, fitted: &Fitted) -> Option<Message> {
     Some(Message::new(code).with("pv", through_pv).with("position", at_valve).with("verdict", verdict))
 }
 
-fn changed(said: Message, trend: Option<Message>) -> Message {
+fn changed(facts: Message, trend: Option<Message>) -> Message {
     match trend {
-        None => said,
-        Some(trend) => Message::new("fit.changed").with("said", said).with("trend", trend),
+        None => facts,
+        Some(trend) => Message::new("fit.changed").with("said", facts).with("trend", trend),
     }
 }
 
-impl Said {
+impl AnswerFacts {
     /// What an analysis found; `span` is the width of OP's [OP unit].
     ///
     /// # Errors
     /// Where a reason has no sentence.
-    pub fn of(answer: &Answer, fitted: Option<&Fitted>, span: Option<f64>, reader: &Reader) -> Result<Self, Untold> {
+    pub fn of(answer: &Answer, fitted: Option<&Fitted>, span: Option<f64>, reader: &Reader) -> Result<Self, TextError> {
         let tell = |told: Option<Message>| told.map(|told| text(&told.code, &told.numbers, reader)).transpose();
         // The document and the sentences made of it have one set of names.
         let document: Self = serde_json::from_value(json!(answer.answer)).unwrap_or_default();
@@ -165,7 +165,7 @@ impl Said {
         };
         let most = answer.reasons.iter().rev().filter(|(_, count)| *count > 0).max_by_key(|(_, count)| *count);
         let whole = |n: u64| i64::try_from(n).unwrap_or(i64::MAX);
-        let corrected = answer.corrected.as_ref().map(|of| -> Result<_, Untold> {
+        let corrected = answer.corrected.as_ref().map(|of| -> Result<_, TextError> {
             Ok(Corrected {
                 d: of.d,
                 low: of.low,

@@ -18,18 +18,18 @@
 //! | `list` | several messages, "and" between; without it they follow each other |
 
 use super::number::{self, dated, fixed, general, quantity, scientific};
-use super::{Numbers, Reader, Untold, Value, text};
+use super::{Numbers, Reader, TextError, Value, text};
 
 /// The sentence with its fields filled in.
-pub(super) fn filled(code: &str, sentence: &str, numbers: &dyn Numbers, reader: &Reader) -> Result<String, Untold> {
+pub(super) fn filled(code: &str, sentence: &str, numbers: &dyn Numbers, reader: &Reader) -> Result<String, TextError> {
     let mut told = String::with_capacity(2 * sentence.len());
     for part in parts(sentence) {
         match part {
             Part::Text(text) => told.push_str(text),
             Part::Field(name, format) => {
                 let value = numbers.value(name).or_else(|| of_reader(name, reader));
-                let value = value.ok_or_else(|| Untold::Number { code: code.into(), name: name.into() })?;
-                let wrong = || Untold::Format { code: code.into(), name: name.into(), format: format.into() };
+                let value = value.ok_or_else(|| TextError::Number { code: code.into(), name: name.into() })?;
+                let wrong = || TextError::Format { code: code.into(), name: name.into(), format: format.into() };
                 told.push_str(&written(&value, format, reader)?.ok_or_else(wrong)?);
             }
         }
@@ -76,7 +76,7 @@ fn of_reader(name: &str, reader: &Reader) -> Option<Value> {
 }
 
 /// None where the value is not of the kind that the format writes.
-fn written(value: &Value, format: &str, reader: &Reader) -> Result<Option<String>, Untold> {
+fn written(value: &Value, format: &str, reader: &Reader) -> Result<Option<String>, TextError> {
     Ok(match (format, value) {
         ("", Value::Message(message)) => Some(text(&message.code, &message.numbers, reader)?),
         ("" | "list", Value::List(all)) => {

@@ -81,7 +81,7 @@ fn a_code_stands_once_and_no_word_is_one_that_only_this_code_knows() {
 fn what_is_missing_is_named() {
     let none = BTreeMap::new();
     let reader = Reader::default();
-    assert_eq!(text("quality.nothing", &none, &reader), Err(Untold::Code("quality.nothing".into())));
+    assert_eq!(text("quality.nothing", &none, &reader), Err(TextError::Code("quality.nothing".into())));
     let missing = text("crossings.noise", &none, &reader).unwrap_err();
     assert_eq!(missing.to_string(), "message 'crossings.noise' has no 'd'");
     let wrong = Message::new("crossings.noise").with("d", "wide").with("floor", 1.0);
@@ -90,9 +90,9 @@ fn what_is_missing_is_named() {
 }
 
 /// An answer of a document, and what is told of it.
-fn told_of(said: Json) -> Told {
+fn texts_for(facts: Json) -> AnswerTexts {
     let reader = Reader { name: "FIC1".into(), op_unit: "%".into(), ..Reader::default() };
-    told(&serde_json::from_value(said).unwrap(), &reader).unwrap()
+    texts_of(&serde_json::from_value(facts).unwrap(), &reader).unwrap()
 }
 
 fn gap() -> Json {
@@ -104,17 +104,17 @@ fn gap() -> Json {
     })
 }
 
-fn with(mut said: Json, more: Json) -> Json {
+fn with(mut facts: Json, more: Json) -> Json {
     for (name, value) in more.as_object().unwrap() {
-        said[name] = value.clone();
+        facts[name] = value.clone();
     }
-    said
+    facts
 }
 
 #[test]
 fn an_answer_has_three_parts() {
     use serde_json::json;
-    let found = told_of(gap());
+    let found = texts_for(gap());
     assert_eq!(found.so, "The valve of FIC1 has a dead band of 4.01\u{a0}%OP (3.10 to 5.20, 95 %).");
     assert_eq!(
         found.doing,
@@ -125,23 +125,23 @@ fn an_answer_has_three_parts() {
     // The likelihood stands in the fold alone.
     assert!(!found.so.contains("likelihood") && !found.doing.contains("likelihood"));
 
-    let likely = told_of(with(gap(), json!({"confidence": "likely", "width_kind": "interval"})));
+    let likely = texts_for(with(gap(), json!({"confidence": "likely", "width_kind": "interval"})));
     assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of about 4.0\u{a0}% (3.10 to 5.20).");
     assert_eq!(likely.doing, "Confirm with a step test.");
-    let bound = told_of(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})));
+    let bound = texts_for(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})));
     assert_eq!(bound.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%.");
-    let unsure = told_of(with(gap(), json!({"width_kind": "unsure"})));
+    let unsure = texts_for(with(gap(), json!({"width_kind": "unsure"})));
     assert_eq!(unsure.so, "The valve of FIC1 has a dead band of about 4.0\u{a0}%, but how wide it is is not sure.");
-    let either = told_of(with(gap(), json!({"cause": "dead_band"})));
+    let either = texts_for(with(gap(), json!({"cause": "dead_band"})));
     assert!(either.so.contains("from packing or play"));
-    let none = told_of(with(gap(), json!({"confidence": "none_seen", "width": null, "high": 2.0})));
+    let none = texts_for(with(gap(), json!({"confidence": "none_seen", "width": null, "high": 2.0})));
     assert_eq!(none.so, "FIC1 shows no dead band, but one of up to 2\u{a0}% would not show.");
 
     let beyond = json!({"acceptable": "beyond", "limit": {"percent_span": 1.0, "origin": "nominal"}});
-    assert!(told_of(with(gap(), beyond)).so.ends_with(", 95 %), more than the usual 1\u{a0}% of span."));
+    assert!(texts_for(with(gap(), beyond)).so.ends_with(", 95 %), more than the usual 1\u{a0}% of span."));
     let grown = json!({"trend": {"code": "grows", "t": [0.0, 864_000.0], "d": [2.0, 4.0]}});
-    assert!(told_of(with(gap(), grown)).so.ends_with(", 95 %), up from 2 in 10 d."));
-    let tested = told_of(with(
+    assert!(texts_for(with(gap(), grown)).so.ends_with(", 95 %), up from 2 in 10 d."));
+    let tested = texts_for(with(
         gap(),
         json!({"step_test": {"d": 3.9, "low": 3.5, "high": 4.2},
         "next": {"code": "inspect", "of": "play", "tested": true}}),
@@ -160,16 +160,16 @@ fn what_cannot_be_told_says_what_is_probable() {
         "verdict": "cannot_tell", "valve": "unknown", "evidence": "weak", "next": {"code": "record_more"},
         "fit": {"why": "may_be_a_gap", "d": 4.01, "reason": "x"}, "crossings": {"verdict": "no_estimate"},
     });
-    assert_eq!(told_of(open.clone()).so, "FIC1: probably 4.0\u{a0}%, but no gap would explain the data too.");
-    let bound = told_of(with(open.clone(), json!({"high": 5.0})));
+    assert_eq!(texts_for(open.clone()).so, "FIC1: probably 4.0\u{a0}%, but no gap would explain the data too.");
+    let bound = texts_for(with(open.clone(), json!({"high": 5.0})));
     assert_eq!(bound.so, "FIC1: probably 4.0\u{a0}%, at most 5\u{a0}%, but no gap would explain the data too.");
-    let next_to_none = told_of(with(open, json!({"high": 50.0})));
+    let next_to_none = texts_for(with(open, json!({"high": 50.0})));
     assert_eq!(next_to_none.so, "FIC1 may have a dead band of up to 50\u{a0}%, or none.");
     let refused = json!({
         "verdict": "refused", "valve": "refused", "next": {"code": "correct"},
         "crossings": {"verdict": "refused", "reason": "OP stays at 20 % over the whole recording."},
     });
-    let refused = told_of(refused);
+    let refused = texts_for(refused);
     assert_eq!(refused.so, "FIC1 was not analysed: OP stays at 20 % over the whole recording.");
     assert!(refused.why.is_empty(), "it is said already");
     assert_eq!(refused.doing, "Correct what is named, then analyse again.");
@@ -201,8 +201,8 @@ fn every_verdict_and_every_next_step_has_its_sentence() {
     let steps = steps.into_iter().chain(["record_longer", "probably_too_wide", "step_test", "remedy"]);
     for (verdict, step) in verdicts.flat_map(|verdict| steps.clone().map(move |step| (verdict, step))) {
         let of = if step == "remedy" { serde_json::json!("too_short") } else { Json::Null };
-        let said = with(gap(), serde_json::json!({"verdict": verdict, "next": {"code": step, "of": of}}));
-        let told = told_of(said);
+        let facts = with(gap(), serde_json::json!({"verdict": verdict, "next": {"code": step, "of": of}}));
+        let told = texts_for(facts);
         assert!(told.so.ends_with('.') && told.doing.ends_with('.') && !told.short.is_empty(), "{verdict}, {step}");
     }
     for reason in glapp_core::Reason::ALL {

@@ -1,6 +1,6 @@
 //! A relay experiment between controller and valve.
 
-use super::{Inputs, Is, Kind, Module, Place, Required, Told, Unknown, Work, open, switch};
+use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Unknown, Work, open, switch};
 use crate::SimError;
 use glapp_core::auto_tuner::Found;
 use glapp_core::modules::{self, AutoTunerState};
@@ -75,7 +75,7 @@ impl Work for AutoTuner {
         self.block.forward(&mut self.state, x, pv, h)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         [self.block.backward(&mut self.state, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 

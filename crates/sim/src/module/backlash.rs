@@ -1,6 +1,6 @@
 //! A gap.
 
-use super::{Inputs, Kind, Module, Place, Required, Told, Unknown, Work, passed};
+use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Unknown, Work, passed};
 use crate::SimError;
 use glapp_core::{BacklashState, Backward, Forward};
 
@@ -27,7 +27,7 @@ impl Work for Backlash {
         self.block.forward(&mut self.state, x)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 

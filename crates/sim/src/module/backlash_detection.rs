@@ -1,6 +1,8 @@
 //! The detector, beside a controller.
 
-use super::{Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Told, Unknown, Work, compensation, open};
+use super::{
+    BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Unknown, Work, compensation, open,
+};
 use crate::SimError;
 use glapp_core::modules::{
     self, BacklashDetectionSettings, BacklashDetectionState, ForeignDetectionSettings, ForeignDetectionState, Read,
@@ -96,7 +98,7 @@ impl Work for BacklashDetection {
         self.block.forward(&mut self.state, sp, pv, h)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         self.block.backward(&mut self.state, back);
         [open(); MOST_INPUTS]
     }
@@ -139,7 +141,7 @@ impl Work for Beside {
         self.block.update(&mut self.state, sp, pv, &read, h)
     }
 
-    fn backward(&mut self, _back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, _back: Option<Backward<f64>>) -> BackwardSignals {
         [open(); MOST_INPUTS]
     }
 

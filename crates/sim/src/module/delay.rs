@@ -1,6 +1,6 @@
 //! Communication that takes its time.
 
-use super::{Inputs, Is, Kind, Module, Place, Required, Told, Work, passed};
+use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Work, passed};
 use crate::SimError;
 use crate::error::require;
 use glapp_core::{Backward, Forward};
@@ -35,7 +35,7 @@ impl Work for Delay {
         now
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 

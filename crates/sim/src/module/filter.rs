@@ -1,6 +1,6 @@
 //! Second-order low-pass filter.
 
-use super::{Inputs, Kind, Module, Place, Required, Told, Work, passed};
+use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Work, passed};
 use crate::SimError;
 use glapp_core::{Backward, Forward, SecondOrderFilter, SecondOrderFilterState};
 
@@ -25,7 +25,7 @@ impl Work for Filter2P {
         self.block.forward(&mut self.state, x, h)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 

@@ -1,6 +1,6 @@
 //! A valve that sticks and slips.
 
-use super::{Inputs, Is, Kind, Module, Place, Required, Told, Unknown, Work, passed};
+use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Unknown, Work, passed};
 use crate::valve::Moving;
 use crate::{SimError, Stem, StemModel, Valve};
 use glapp_core::status::BAD;
@@ -66,7 +66,7 @@ impl Work for Friction {
         }
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 
@@ -88,7 +88,7 @@ impl Work for Mechanism {
         Forward::new(self.moving.as_mut().map_or(x.value, |moving| moving.update(x.value)), x.flags)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 

@@ -1,6 +1,6 @@
 //! A value from outside.
 
-use super::{BACKWARD, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Told, Work, backward_named, open};
+use super::{BACKWARD, BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Work, backward_named, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward, ParameterError};
 
@@ -23,7 +23,7 @@ impl Work for Input {
         Forward::new(self.value, 0)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         self.seen = back.unwrap_or_default();
         [open(); MOST_INPUTS]
     }

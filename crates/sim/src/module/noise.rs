@@ -1,6 +1,6 @@
 //! Uniform noise.
 
-use super::{Inputs, Is, Kind, Module, Place, Required, Told, Work, passed};
+use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Work, passed};
 use crate::SimError;
 use glapp_core::{Backward, Forward, NoiseState};
 
@@ -27,7 +27,7 @@ impl Work for Noise {
         self.block.forward(&mut self.state, x)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 

@@ -1,6 +1,6 @@
 //! A value to outside.
 
-use super::{BACKWARD, Inputs, Kind, Module, Place, Told, Work, backward_named, passed};
+use super::{BACKWARD, BackwardSignals, Inputs, Kind, Module, Place, Work, backward_named, passed};
 use crate::SimError;
 use glapp_core::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
 use glapp_core::{Backward, Forward, ParameterError};
@@ -23,7 +23,7 @@ impl Work for Output {
         x
     }
 
-    fn backward(&mut self, _back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, _back: Option<Backward<f64>>) -> BackwardSignals {
         passed(Some(self.says))
     }
 

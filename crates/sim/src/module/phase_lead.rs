@@ -1,6 +1,6 @@
 //! Phase-lead compensator.
 
-use super::{Inputs, Kind, Module, Place, Required, Told, Unknown, Work, open};
+use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Unknown, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward, PhaseLeadState};
 
@@ -27,7 +27,7 @@ impl Work for PhaseLead {
         self.block.forward(&mut self.state, x, h)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         [self.block.backward(&mut self.state, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 

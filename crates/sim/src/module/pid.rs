@@ -1,6 +1,6 @@
 //! The controller.
 
-use super::{Inputs, Is, Kind, Module, Parameter, Place, Required, Told, Unknown, Work, open};
+use super::{BackwardSignals, Inputs, Is, Kind, Module, Parameter, Place, Required, Unknown, Work, open};
 use crate::SimError;
 use glapp_core::modules::{self, Mode, PidSettings, PidState};
 use glapp_core::{Backward, Forward, ParameterError};
@@ -98,7 +98,7 @@ impl Work for Pid {
         self.block.forward(&mut self.state, pv, sp, ff, h)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         let (sp, ff) = self.block.backward(&mut self.state, back.unwrap_or_default());
         [open(), sp, ff, open(), open()]
     }

@@ -1,7 +1,8 @@
 //! The controller with the detector inside.
 
 use super::{
-    Inputs, Is, Kind, Module, Parameter, Place, Told, Unknown, Work, auto_tuner, compensation, open, pid, switch,
+    BackwardSignals, Inputs, Is, Kind, Module, Parameter, Place, Unknown, Work, auto_tuner, compensation, open, pid,
+    switch,
 };
 use crate::SimError;
 use glapp_core::auto_tuner::Rule;
@@ -126,7 +127,7 @@ impl Work for PidAdvanced {
         self.block.forward(&mut self.state, pv, sp, ff, by, h)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         let (sp, ff) = self.block.backward(&mut self.state, back.unwrap_or_default());
         [open(), sp, ff, open(), open()]
     }

@@ -1,6 +1,6 @@
 //! An exact plant of any order.
 
-use super::{Inputs, Is, Kind, MOST_INPUTS, Module, Place, Told, Unknown, Work, open};
+use super::{BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Unknown, Work, open};
 use crate::SimError;
 use crate::engine::{Process, process_at_rest};
 use glapp_core::{Backward, Forward};
@@ -40,7 +40,7 @@ impl Work for Plant {
         now
     }
 
-    fn backward(&mut self, _back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, _back: Option<Backward<f64>>) -> BackwardSignals {
         [open(); MOST_INPUTS]
     }
 

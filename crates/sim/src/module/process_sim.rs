@@ -1,6 +1,6 @@
 //! Two lags and a dead time.
 
-use super::{Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Told, Unknown, Work, open};
+use super::{BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Unknown, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward, modules};
 
@@ -49,7 +49,7 @@ impl Work for ProcessSim {
         now
     }
 
-    fn backward(&mut self, _back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, _back: Option<Backward<f64>>) -> BackwardSignals {
         [open(); MOST_INPUTS]
     }
 

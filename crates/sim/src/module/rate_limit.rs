@@ -1,6 +1,6 @@
 //! Speed of an actuator.
 
-use super::{Inputs, Is, Kind, Module, Place, Required, Told, Unknown, Work, open, passed, switch};
+use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Unknown, Work, open, passed, switch};
 use crate::SimError;
 use glapp_core::{Backward, Forward, RateLimitState};
 
@@ -32,7 +32,7 @@ impl Work for RateLimit {
         self.block.forward(&mut self.state, x, h)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         if !self.told {
             return passed(back);
         }

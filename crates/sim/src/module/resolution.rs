@@ -1,6 +1,6 @@
 //! The steps of a converter.
 
-use super::{Inputs, Kind, Module, Place, Required, Told, Work, passed};
+use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Work, passed};
 use crate::SimError;
 use crate::error::require;
 use glapp_core::{Backward, Forward};
@@ -30,7 +30,7 @@ impl Work for Resolution {
         Forward::new(rounded(x.value, self.step), x.flags)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
 

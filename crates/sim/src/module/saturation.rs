@@ -1,6 +1,6 @@
 //! End positions of an actuator.
 
-use super::{Inputs, Kind, Module, Place, Required, Told, Work, open};
+use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward};
 
@@ -24,7 +24,7 @@ impl Work for Saturation {
         self.block.forward(x)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         [self.block.backward(self.last, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 

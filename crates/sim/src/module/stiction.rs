@@ -1,6 +1,6 @@
 //! Pushes for a valve that sticks, at a controller's feed-forward.
 
-use super::{Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Told, Unknown, Work, open, switch};
+use super::{BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Unknown, Work, open, switch};
 use crate::SimError;
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{
@@ -80,7 +80,7 @@ impl Work for Stiction {
         Forward::from(self.state.u_ff)
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         // Without a controller at its output nothing is known of OP.
         let back = back.unwrap_or(Backward { tracking: f64::NAN, ..Backward::default() });
         let flags = self.flags | back.flags & (AT_LOW | AT_HIGH | NOT_AUTO);

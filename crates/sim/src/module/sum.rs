@@ -1,6 +1,6 @@
 //! The sum of two signals.
 
-use super::{Inputs, Kind, Module, Place, Told, Work, open};
+use super::{BackwardSignals, Inputs, Kind, Module, Place, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward};
 
@@ -18,7 +18,7 @@ impl Work for Sum {
     }
 
     /// Each is told what is left to it beside the other.
-    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         let told = back.unwrap_or_default();
         let beside = |other: f64| {
             let other = if other.is_finite() { other } else { 0.0 };

@@ -6,7 +6,7 @@ use serde::Deserialize;
 /// The one answer of a loop under the names of its document, and beside it what its sentences need more. All of it may be absent.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
-pub struct Said {
+pub struct AnswerFacts {
     /// The verdict.
     pub verdict: String,
     /// What is known of the valve.
@@ -177,7 +177,7 @@ pub struct Corrected {
     pub reason: Option<String>,
 }
 
-impl Said {
+impl AnswerFacts {
     /// Whether the fit has answered.
     pub(super) fn fitted(&self) -> bool {
         self.evidence.is_some()

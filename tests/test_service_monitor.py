@@ -1,4 +1,4 @@
-"""The watch beside a plant: u_FF only by name and only while all is well; fits beside it; commands put down."""
+"""The monitor beside a plant: u_FF only by name and only while all is well; fits beside it; commands put down."""
 
 import asyncio
 import math
@@ -14,10 +14,10 @@ from service import BEGIN, Clock, Table, fed, loops, values
 from glapp import Loop
 from glapp.errors import InputError
 from glapp.service import compensation as of_compensation
-from glapp.service import watch as of_watch
-from glapp.service.memory import Memory, Reader, backup, restore
+from glapp.service import monitor as of_monitor
+from glapp.service.monitor import SEEN, Bounds, Monitor, with_settings
 from glapp.service.signal import Event, Signal, Value
-from glapp.service.watch import SEEN, Bounds, Watch, with_settings
+from glapp.service.store import Reader, Store, backup, restore
 
 PERIOD = 0.02
 WIDTH = 1.5
@@ -25,9 +25,9 @@ SIZED = {"comp_size": WIDTH, "comp_release": 0.5}
 MOST = (3.0, 50.0)
 
 
-async def drilled(watch: Watch) -> None:
-    """As after a drill."""
-    await watch.log("eve", "engineer", "drilled", "FIC0", None, None, settings={SEEN: {}})
+async def after_watchdog_test(monitor: Monitor) -> None:
+    """As after a watchdog test."""
+    await monitor.log("eve", "engineer", "drilled", "FIC0", None, None, settings={SEEN: {}})
 
 
 class Swinging(Table):
@@ -75,36 +75,36 @@ def swinging(ti: float) -> Loop:
 
 def beside(
     folder: Path,
-    what: Callable[[Watch, Swinging], Awaitable[None]],
+    what: Callable[[Monitor, Swinging], Awaitable[None]],
     plant: Swinging | None = None,
     *,
     seen: bool = True,
     ti: float = 2.5,
     **bounds: float,
-) -> Watch:
-    """Runs a watch beside the plant while `what` is done.
+) -> Monitor:
+    """Runs a monitor beside the plant while `what` is done.
 
     Ti is a hundred scans and more, so that u_FF does not come too late where this machine is slow.
     """
-    made: list[Watch] = []
+    made: list[Monitor] = []
 
     async def go() -> None:
         source = plant or Swinging()
-        watch = Watch(
-            [swinging(ti)], Memory(folder), bounds=Bounds(step=0.1, wait=0.0, **bounds), compensable={"FIC0": MOST}
+        monitor = Monitor(
+            [swinging(ti)], Store(folder), bounds=Bounds(step=0.1, wait=0.0, **bounds), compensable={"FIC0": MOST}
         )
-        made.append(watch)
-        task = asyncio.create_task(watch.run(source))
+        made.append(monitor)
+        task = asyncio.create_task(monitor.run(source))
         try:
-            await until(lambda: Signal.PV in watch._loops["FIC0"].latest, "no value came")
+            await until(lambda: Signal.PV in monitor._loops["FIC0"].latest, "no value came")
             if seen:
-                await drilled(watch)
-            await asyncio.wait_for(what(watch, source), 300)
+                await after_watchdog_test(monitor)
+            await asyncio.wait_for(what(monitor, source), 300)
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
-            await watch.step()
-            watch.memory.close()
+            await monitor.step()
+            monitor.store.close()
 
     asyncio.run(go())
     return made[0]
@@ -118,33 +118,33 @@ async def until(true: Callable[[], bool], why: str) -> None:
         await asyncio.sleep(0.01)
 
 
-async def in_force(watch: Watch, plant: Swinging) -> None:
+async def in_force(monitor: Monitor, plant: Swinging) -> None:
     """Enabled by name, and u_FF is not 0."""
-    await watch.change("FIC0", SIZED, "eve", "engineer")
-    shown = await watch.enable("FIC0", "eve", "engineer")
+    await monitor.change("FIC0", SIZED, "eve", "engineer")
+    shown = await monitor.enable("FIC0", "eve", "engineer")
     assert shown["enabled"]
-    await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {watch.status()}")
+    await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {monitor.status()}")
 
 
-def shown(watch: Watch) -> dict[str, object]:
-    found: dict[str, object] = watch.status()["loops"]["FIC0"]["compensation"]
+def shown(monitor: Monitor) -> dict[str, object]:
+    found: dict[str, object] = monitor.status()["loops"]["FIC0"]["compensation"]
     return found
 
 
 @pytest.mark.slow
 def test_nothing_is_written_until_it_is_enabled_by_name(tmp_path: Path) -> None:
-    async def look(watch: Watch, plant: Swinging) -> None:
+    async def look(monitor: Monitor, plant: Swinging) -> None:
         with pytest.raises(InputError, match="no width is given"):
-            await watch.enable("FIC0", "eve", "engineer")
-        await watch.change("FIC0", SIZED, "eve", "engineer")
+            await monitor.enable("FIC0", "eve", "engineer")
+        await monitor.change("FIC0", SIZED, "eve", "engineer")
         await asyncio.sleep(0.2)
         assert all(u_ff == 0.0 for _, u_ff in plant.writes) and not plant.may
-        await watch.enable("FIC0", "eve", "engineer")
+        await monitor.enable("FIC0", "eve", "engineer")
         await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
         assert max(abs(u_ff) for _, u_ff in plant.writes) <= WIDTH / 2
 
-    watch = beside(tmp_path, look)
-    found = {(row["person"], row["command"], row["refused"]) for row in watch.reader.commands()}
+    monitor = beside(tmp_path, look)
+    found = {(row["person"], row["command"], row["refused"]) for row in monitor.reader.commands()}
     assert found >= {("eve", "change", None), ("eve", "enable", None)}
 
 
@@ -152,12 +152,12 @@ def test_nothing_is_written_until_it_is_enabled_by_name(tmp_path: Path) -> None:
 def test_it_is_0_when_it_is_disabled_and_when_the_service_ends(tmp_path: Path) -> None:
     plant = Swinging()
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
-        await watch.disable("FIC0", "olaf", "operator")
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
+        await monitor.disable("FIC0", "olaf", "operator")
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
-        assert shown(watch)["why_off"] == "olaf disabled it" and not plant.may
-        await in_force(watch, plant)
+        assert shown(monitor)["why_off"] == "olaf disabled it" and not plant.may
+        await in_force(monitor, plant)
 
     beside(tmp_path, look, plant)
     assert plant.u_ff["FIC0"] == 0.0, "the end of the service took it away"
@@ -166,14 +166,14 @@ def test_it_is_0_when_it_is_disabled_and_when_the_service_ends(tmp_path: Path) -
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["manual", "bad"])
 def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -> None:
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
         if how == "manual":
             plant.mode = 0.0
         else:
             plant.good = False
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
-        assert shown(watch)["standing"] == {"manual": "not_auto", "bad": "bad_quality"}[how]
+        assert shown(monitor)["standing"] == {"manual": "not_auto", "bad": "bad_quality"}[how]
 
     beside(tmp_path, look)
 
@@ -182,52 +182,52 @@ def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -
 def test_a_pv_that_comes_no_more_ends_it_though_the_connection_lives(tmp_path: Path) -> None:
     """It was held to stand still, and u_FF stood with it."""
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
         plant.silent = plant.lives = True
-        await until(lambda: not shown(watch)["enabled"], "it is still enabled")
-        assert str(shown(watch)["why_off"]).startswith("no PV came for")
+        await until(lambda: not shown(monitor)["enabled"], "it is still enabled")
+        assert str(shown(monitor)["why_off"]).startswith("no PV came for")
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
         plant.silent = False
         await asyncio.sleep(0.3)
         assert plant.u_ff["FIC0"] == 0.0, "nobody pressed again"
 
-    watch = beside(tmp_path, look)
-    assert "withdrawn" in [event["kind"] for event in watch.reader.events("FIC0")]
+    monitor = beside(tmp_path, look)
+    assert "withdrawn" in [event["kind"] for event in monitor.reader.events("FIC0")]
 
 
 @pytest.mark.slow
 def test_a_lost_connection_ends_it_and_what_is_found_afterwards_goes_to_0(tmp_path: Path) -> None:
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
         plant.silent = True
         plant.told(Event(time.time(), None, "lost", "the server is gone"))
         left = plant.u_ff["FIC0"]
-        assert not shown(watch)["enabled"] and not plant.may
+        assert not shown(monitor)["enabled"] and not plant.may
         await asyncio.sleep(0.1)
         plant.u_ff["FIC0"] = left or 0.4
         plant.silent = False
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
         await asyncio.sleep(0.5)
-        assert plant.u_ff["FIC0"] == 0.0 and not shown(watch)["enabled"], "nobody pressed again"
+        assert plant.u_ff["FIC0"] == 0.0 and not shown(monitor)["enabled"], "nobody pressed again"
 
-    watch = beside(tmp_path, look)
-    assert "withdrawn" in [event["kind"] for event in watch.reader.events("FIC0")]
+    monitor = beside(tmp_path, look)
+    assert "withdrawn" in [event["kind"] for event in monitor.reader.events("FIC0")]
 
 
 @pytest.mark.slow
 def test_after_a_restart_it_is_off_and_what_is_found_is_ramped_to_0(tmp_path: Path) -> None:
-    async def leave(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
+    async def leave(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
 
     beside(tmp_path, leave)
     plant = Swinging(u_ff={"FIC0": 0.6})
 
-    async def look(watch: Watch, plant: Swinging) -> None:
+    async def look(monitor: Monitor, plant: Swinging) -> None:
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
         ramp = [u_ff for _, u_ff in plant.writes]
         assert len(ramp) > 5 and ramp == sorted(ramp, reverse=True) and ramp[0] > 0.4, "a ramp, not a step"
-        assert not shown(watch)["enabled"]
+        assert not shown(monitor)["enabled"]
         await asyncio.sleep(0.3)
         assert plant.u_ff["FIC0"] == 0.0
 
@@ -239,20 +239,20 @@ def test_what_was_restored_is_not_in_force(tmp_path: Path) -> None:
     """A copy of the database, taken while u_FF was in force: nobody has pressed since."""
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
 
-    async def leave(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
-        await watch.save()
+    async def leave(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
+        await monitor.save()
         await asyncio.to_thread(backup, folder, copy)
 
     beside(folder, leave)
     restore(folder, copy)
     plant = Swinging(u_ff={"FIC0": 0.6})
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        assert not shown(watch)["enabled"] and not plant.may
-        assert watch.settings("FIC0")["comp_size"] == WIDTH, "what was set is there"
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        assert not shown(monitor)["enabled"] and not plant.may
+        assert monitor.settings("FIC0")["comp_size"] == WIDTH, "what was set is there"
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
-        assert not shown(watch)["enabled"] and not plant.may
+        assert not shown(monitor)["enabled"] and not plant.may
 
     beside(folder, look, plant, seen=False)
     assert max(u_ff for _, u_ff in plant.writes) < 0.6
@@ -265,7 +265,7 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
 ) -> None:
     """A server tells SP, mode and u_FF when they change; after a restart they are those of before, and u_FF is read."""
 
-    async def nothing(watch: Watch) -> None:
+    async def nothing(monitor: Monitor) -> None:
         """What a kill leaves: the entries, and no state."""
 
     class Sparing(Swinging):
@@ -281,13 +281,13 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
     plant.sent = {}
     with monkeypatch.context() as patched:
         if killed:
-            patched.setattr(Watch, "_save", nothing)
+            patched.setattr(Monitor, "_save", nothing)
         beside(tmp_path, in_force, plant)
     plant.u_ff["FIC0"] = plant.sent[Signal.U_FF] = 0.6  # it stands there, and nobody tells
 
-    async def look(watch: Watch, plant: Swinging) -> None:
+    async def look(monitor: Monitor, plant: Swinging) -> None:
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
-        await in_force(watch, plant)
+        await in_force(monitor, plant)
 
     plant.writes.clear()
     beside(tmp_path, look, plant)
@@ -296,11 +296,11 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
 
 @pytest.mark.slow
 def test_another_writer_withdraws_it(tmp_path: Path) -> None:
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
         plant.refuse = "other_writer"
-        await until(lambda: not shown(watch)["enabled"], "it goes on")
-        assert "other_writer" in str(shown(watch)["why_off"])
+        await until(lambda: not shown(monitor)["enabled"], "it goes on")
+        assert "other_writer" in str(shown(monitor)["why_off"])
         plant.refuse = None
 
     beside(tmp_path, look)
@@ -308,19 +308,19 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await until(lambda: plant.beats >= 1, "no beat without compensation")
-        await in_force(watch, plant)
-        before = plant.beats
-        await until(lambda: plant.beats > before, "no beat with it")
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await until(lambda: plant.heartbeats >= 1, "no heartbeat without compensation")
+        await in_force(monitor, plant)
+        before = plant.heartbeats
+        await until(lambda: plant.heartbeats > before, "no heartbeat with it")
         await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
         plant.refuse = "not_connected"  # u_FF stands in the plant, and cannot be taken away
         await asyncio.sleep(0.3)
-        before = plant.beats
+        before = plant.heartbeats
         await asyncio.sleep(0.5)
-        assert plant.beats == before, "the plant has to take it away by itself"
+        assert plant.heartbeats == before, "the plant has to take it away by itself"
         plant.refuse = None
 
     beside(tmp_path, look)
@@ -330,7 +330,7 @@ def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monke
 def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
     monkeypatch.setattr(of_compensation, "LATE", 0.3)
 
     class Keeps(Swinging):
@@ -339,32 +339,32 @@ def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
         async def write(self, loop: str, u_ff: float) -> None:
             await super().write(loop, self.u_ff.get(loop, 0.0) if self.keeps else u_ff)
 
-    async def look(watch: Watch, plant: Swinging) -> None:
+    async def look(monitor: Monitor, plant: Swinging) -> None:
         assert isinstance(plant, Keeps)
-        await in_force(watch, plant)
+        await in_force(monitor, plant)
         plant.keeps = True  # it confirms every write, and does none of them
-        await watch.disable("FIC0", "olaf", "operator")
-        before = plant.beats
-        await until(lambda: watch.status()["loops"]["FIC0"]["health"] == "FAILURE", "nobody saw it")
-        assert plant.beats > before, "so long the watchdog heard of us"
-        before = plant.beats
+        await monitor.disable("FIC0", "olaf", "operator")
+        before = plant.heartbeats
+        await until(lambda: monitor.status()["loops"]["FIC0"]["health"] == "FAILURE", "nobody saw it")
+        assert plant.heartbeats > before, "so long the watchdog heard of us"
+        before = plant.heartbeats
         await asyncio.sleep(0.5)
-        assert plant.beats == before, "the plant has to take it away by itself"
+        assert plant.heartbeats == before, "the plant has to take it away by itself"
         with pytest.raises(
             InputError, match=r"u_FF of FIC0 is not 0 in the plant, .* set it to 0 in the control system"
         ):
-            await watch.enable("FIC0", "eve", "engineer")
-        assert plant.beats == before, "nor does who tries to enable count it up"
+            await monitor.enable("FIC0", "eve", "engineer")
+        assert plant.heartbeats == before, "nor does who tries to enable count it up"
         plant.u_ff["FIC0"] = 0.0
-        await until(lambda: watch.status()["loops"]["FIC0"]["health"] == "NORMAL", "it is 0 by now")
-        await until(lambda: plant.beats > before, "the watchdog hears of us again")
+        await until(lambda: monitor.status()["loops"]["FIC0"]["health"] == "NORMAL", "it is 0 by now")
+        await until(lambda: plant.heartbeats > before, "the watchdog hears of us again")
 
-    watch = beside(tmp_path, look, Keeps())
+    monitor = beside(tmp_path, look, Keeps())
     with Reader(tmp_path) as reader:
         told = {row["kind"]: row["text"] for row in reader.events("FIC0")}
     assert "had to be 0 within" in told["not_taken_away"] and "of every loop" in told["not_taken_away"]
     assert "counted up again" in told["taken_away"]
-    assert watch.status()["loops"]["FIC0"]["compensation"]["u_ff"] == 0.0
+    assert monitor.status()["loops"]["FIC0"]["compensation"]["u_ff"] == 0.0
 
 
 def test_while_it_is_off_nothing_goes_to_the_plant_that_is_farther_from_0_than_what_stands_there() -> None:
@@ -380,19 +380,19 @@ def test_while_it_is_off_nothing_goes_to_the_plant_that_is_farther_from_0_than_w
 def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
     """There is one watchdog for all loops."""
     both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]
-    watch = Watch(both, Memory(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
-    one, other = (watch._loops[name].compensator for name in ("FIC0", "FIC1"))
+    monitor = Monitor(both, Store(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
+    one, other = (monitor._loops[name].compensator for name in ("FIC0", "FIC1"))
     assert one is not None and other is not None
     other._graph["watch.compensate"] = 1.0
     one.read_back = True
     one.take(Value("FIC0", Signal.U_FF, 1.0, 0.5, True), 1.0)
     one.scan(0.0, True)
-    watch._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE - 0.1)
-    assert other.enabled and not watch._standing(), "it is on its way"
-    watch._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE + 0.1)
+    monitor._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE - 0.1)
+    assert other.enabled and not monitor._not_taken_away(), "it is on its way"
+    monitor._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE + 0.1)
     assert not other.enabled and other.why_off == "the watchdog is not counted up: u_FF of FIC0 is not 0"
-    assert [watch.status()["loops"][name]["health"] for name in ("FIC0", "FIC1")] == ["FAILURE", "CHECK_FUNCTION"]
-    watch.memory.close()
+    assert [monitor.status()["loops"][name]["health"] for name in ("FIC0", "FIC1")] == ["FAILURE", "CHECK_FUNCTION"]
+    monitor.store.close()
 
 
 def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
@@ -401,13 +401,13 @@ def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
             await asyncio.sleep(0.15)  # of a Ti of 0.5 s
             await super().write(loop, u_ff)
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", SIZED, "eve", "engineer")
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await monitor.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(
             InputError, match=r"u_FF comes \d\.\d+ s late, (\d+ scans .*)?more than (the core|32 scans)"
         ):
-            await watch.enable("FIC0", "eve", "engineer")
-        assert not shown(watch)["enabled"] and not plant.may
+            await monitor.enable("FIC0", "eve", "engineer")
+        assert not shown(monitor)["enabled"] and not plant.may
 
     beside(tmp_path, look, Slow(), ti=0.5)
 
@@ -415,19 +415,19 @@ def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
     class Deaf(Swinging):
-        async def beat(self) -> None:
+        async def heartbeat(self) -> None:
             from glapp.service.signal import WriteRefused
 
             raise WriteRefused("not_named", "no watchdog is named")
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", SIZED, "eve", "engineer")
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await monitor.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(InputError, match="no watchdog is named"):
-            await watch.enable("FIC0", "eve", "engineer")
+            await monitor.enable("FIC0", "eve", "engineer")
         assert not plant.may
-        before = watch.live("FIC0")["pv"]["time"]
+        before = monitor.live("FIC0")["pv"]["time"]
         await asyncio.sleep(0.3)
-        assert watch.live("FIC0")["pv"]["time"] > before, "it goes on watching"
+        assert monitor.live("FIC0")["pv"]["time"] > before, "it goes on watching"
 
     beside(tmp_path, look, Deaf())
 
@@ -438,7 +438,7 @@ class Wired(Swinging):
     wired = True
     beaten = math.inf
 
-    async def beat(self) -> None:
+    async def heartbeat(self) -> None:
         self.beaten = time.monotonic()
 
     def scan(self, k: int, t: float) -> list[Value]:
@@ -449,39 +449,39 @@ class Wired(Swinging):
 
 @pytest.mark.slow
 def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path: Path) -> None:
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", SIZED, "eve", "engineer")
-        with pytest.raises(InputError, match=r"never seen .* glapp watch drill FIC0"):
-            await watch.enable("FIC0", "eve", "engineer")
-        await watch.drill("FIC0", "eve", "engineer")
-        for going in (watch.drill, watch.enable):
-            with pytest.raises(InputError, match="drill"):
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await monitor.change("FIC0", SIZED, "eve", "engineer")
+        with pytest.raises(InputError, match=r"never seen .* glapp watch watchdog-test FIC0"):
+            await monitor.enable("FIC0", "eve", "engineer")
+        await monitor.watchdog_test("FIC0", "eve", "engineer")
+        for going in (monitor.watchdog_test, monitor.enable):
+            with pytest.raises(InputError, match=r"watchdog.test"):
                 await going("FIC0", "eve", "engineer")
         await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.25), "nothing was written")
-        await until(lambda: not watch._drilling(), "it does not end")
+        await until(lambda: not monitor._watchdog_test_runs(), "it does not end")
         assert plant.u_ff["FIC0"] == 0.0 and len(plant.writes) == 1
         assert not plant.may
-        await in_force(watch, plant)
+        await in_force(monitor, plant)
 
-    watch = beside(tmp_path, look, Wired(), seen=False)
-    kinds = [event["kind"] for event in watch.reader.events("FIC0")]
+    monitor = beside(tmp_path, look, Wired(), seen=False)
+    kinds = [event["kind"] for event in monitor.reader.events("FIC0")]
     assert "drilled" in kinds and "enabled" in kinds
 
 
 @pytest.mark.slow
-def test_a_drill_that_fails(tmp_path: Path) -> None:
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", SIZED, "eve", "engineer")
-        await watch.drill("FIC0", "eve", "engineer")
-        await until(lambda: not watch._drilling(), "it does not end")
+def test_a_watchdog_test_that_fails(tmp_path: Path) -> None:
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await monitor.change("FIC0", SIZED, "eve", "engineer")
+        await monitor.watchdog_test("FIC0", "eve", "engineer")
+        await until(lambda: not monitor._watchdog_test_runs(), "it does not end")
         assert plant.u_ff["FIC0"] == 0.0, "we took it away ourselves"
         with pytest.raises(InputError, match="never seen"):
-            await watch.enable("FIC0", "eve", "engineer")
+            await monitor.enable("FIC0", "eve", "engineer")
 
     plant = Wired()
     plant.wired = False
-    watch = beside(tmp_path, look, plant, seen=False, drill=1.0)
-    assert "drill_failed" in [event["kind"] for event in watch.reader.events("FIC0")]
+    monitor = beside(tmp_path, look, plant, seen=False, watchdog_test=1.0)
+    assert "drill_failed" in [event["kind"] for event in monitor.reader.events("FIC0")]
 
 
 @pytest.mark.slow
@@ -489,7 +489,7 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A client that loses its connection cancels all that waits for an answer: that is not meant for us."""
-    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
 
     class Broken(Swinging):
         runs = 0
@@ -500,27 +500,27 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
                 raise asyncio.CancelledError
             await super().run(take, tell)
 
-        async def beat(self) -> None:
-            self.beats += 1
-            if self.beats < 3:
+        async def heartbeat(self) -> None:
+            self.heartbeats += 1
+            if self.heartbeats < 3:
                 raise asyncio.CancelledError
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await until(lambda: plant.beats >= 4 and watch.live("FIC0") != {}, "it has ended")
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await until(lambda: plant.heartbeats >= 4 and monitor.live("FIC0") != {}, "it has ended")
 
     beside(tmp_path, look, Broken())
 
 
 @pytest.mark.slow
 def test_late_values_move_nothing(tmp_path: Path) -> None:
-    async def look(watch: Watch, plant: Swinging) -> None:
-        await in_force(watch, plant)
-        compensator = watch._loops["FIC0"].compensator
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await in_force(monitor, plant)
+        compensator = monitor._loops["FIC0"].compensator
         assert compensator is not None
         plant.silent = True
         await until(lambda: not compensator.fresh_pv, "the last PV was not used")
-        watch.take(plant.scan(7, time.time() - 100.0))
-        assert not compensator.fresh_pv and not watch._loops["FIC0"].due.is_set()
+        monitor.take(plant.scan(7, time.time() - 100.0))
+        assert not compensator.fresh_pv and not monitor._loops["FIC0"].due.is_set()
 
     beside(tmp_path, look)
 
@@ -530,8 +530,8 @@ def test_late_values_move_nothing(tmp_path: Path) -> None:
 
 def test_parameters_are_changed_all_or_none_and_put_down(tmp_path: Path) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
-    fed(watch, clock, values("FIC0", 100))
+    monitor = service.monitor(tmp_path, loops(), clock)
+    fed(monitor, clock, values("FIC0", 100))
 
     async def go() -> None:
         for name, value, bound in (
@@ -541,17 +541,17 @@ def test_parameters_are_changed_all_or_none_and_put_down(tmp_path: Path) -> None
             ("x", 1, "no such"),
         ):
             with pytest.raises(InputError, match=bound):
-                await watch.change("FIC0", {"kp": 3.0, name: value}, "eve", "engineer")
-        assert watch.settings("FIC0")["kp"] == 2.0
-        after = await watch.change("FIC0", {"kp": 3.0, "n": 5.0, "k": -0.7}, "eve", "engineer")
+                await monitor.change("FIC0", {"kp": 3.0, name: value}, "eve", "engineer")
+        assert monitor.settings("FIC0")["kp"] == 2.0
+        after = await monitor.change("FIC0", {"kp": 3.0, "n": 5.0, "k": -0.7}, "eve", "engineer")
         assert (after["kp"], after["n"], after["k"], after["ti"]) == (3.0, 5, -0.7, 5.0)
 
     asyncio.run(go())
-    [row] = watch.reader.commands("FIC0")
+    [row] = monitor.reader.commands("FIC0")
     assert row["before"] == {"kp": 2.0, "n": 3, "k": 0.5} and row["after"] == {"kp": 3.0, "n": 5, "k": -0.7}
     assert (row["person"], row["role"], row["time"]) == ("eve", "engineer", clock.now)
-    watch.memory.close()
-    again = service.watch(tmp_path, loops(), clock)
+    monitor.store.close()
+    again = service.monitor(tmp_path, loops(), clock)
     assert again.settings("FIC0")["k"] == -0.7, "it is kept"
 
     async def back() -> None:
@@ -589,111 +589,111 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
     )
     loop = Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1}, op_unit="%", sample_time=0.1)
     clock = Clock()
-    watch = Watch([loop], Memory(tmp_path), bounds=Bounds(wait=0.0), clock=clock, compensable={"P3": (1.0, 1.0)})
+    monitor = Monitor([loop], Store(tmp_path), bounds=Bounds(wait=0.0), clock=clock, compensable={"P3": (1.0, 1.0)})
     given = [
         Value("P3", signal, BEGIN + float(t), float(x), True)
         for name, signal in (("sp", Signal.SP), ("pv", Signal.PV), ("op", Signal.OP))
         for t, x in zip(sim.t, np.broadcast_to(getattr(sim, name), sim.t.shape), strict=True)
     ]
-    fed(watch, clock, given, pace=20.0)
+    fed(monitor, clock, given, pace=20.0)
 
     async def go() -> None:
-        watch.ask_fit("P3", "olaf")
-        watch.ask_fit("P3", "olaf")
-        fits = asyncio.create_task(watch._fits())
-        while watch.status()["loops"]["P3"]["fitting"]:
+        monitor.ask_fit("P3", "olaf")
+        monitor.ask_fit("P3", "olaf")
+        fits = asyncio.create_task(monitor._fits())
+        while monitor.status()["loops"]["P3"]["fitting"]:
             await asyncio.sleep(0.1)
         fits.cancel()
         await asyncio.gather(fits, return_exceptions=True)
-        [answer] = watch.reader.answers("P3")
+        [answer] = monitor.reader.answers("P3")
         assert (answer["verdict"], answer["asked_by"]) == ("backlash", "olaf")
         assert 0 < answer["low"] == answer["compensable"] < 0.05 < answer["high"]
         with pytest.raises(InputError, match="no such answer"):
-            await watch.take_over("P3", answer["id"] + 1, "eve", "engineer")
-        after = await watch.take_over("P3", answer["id"], "eve", "engineer")
+            await monitor.take_over("P3", answer["id"] + 1, "eve", "engineer")
+        after = await monitor.take_over("P3", answer["id"], "eve", "engineer")
         assert after["comp_fitted"] == answer["compensable"]
 
     asyncio.run(go())
-    assert watch.status()["loops"]["P3"]["health"] == "NORMAL", "a gap of 0.05 % is within the nominal limit of 1 %"
+    assert monitor.status()["loops"]["P3"]["health"] == "NORMAL", "a gap of 0.05 % is within the nominal limit of 1 %"
     direct = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op, loop=loop)
-    assert watch.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)
+    assert monitor.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)
 
 
 @pytest.mark.slow
 def test_a_fit_that_takes_too_long_is_ended_and_the_next_one_begins(tmp_path: Path) -> None:
     clock = Clock()
-    watch = Watch(loops(2), Memory(tmp_path), bounds=Bounds(fit_longest=1e-6), clock=clock)
-    fed(watch, clock, values("FIC0", 400), pace=20.0)
+    monitor = Monitor(loops(2), Store(tmp_path), bounds=Bounds(fit_longest=1e-6), clock=clock)
+    fed(monitor, clock, values("FIC0", 400), pace=20.0)
 
     async def go() -> None:
-        fits = asyncio.create_task(watch._fits())
+        fits = asyncio.create_task(monitor._fits())
         for name, longest in (("FIC0", 1e-6), ("FIC1", 600.0)):
-            watch.bounds = Bounds(fit_longest=longest)
-            watch.ask_fit(name, "olaf")
-            while watch.status()["loops"][name]["fitting"]:
+            monitor.bounds = Bounds(fit_longest=longest)
+            monitor.ask_fit(name, "olaf")
+            while monitor.status()["loops"][name]["fitting"]:
                 await asyncio.sleep(0.05)
         fits.cancel()
         await asyncio.gather(fits, return_exceptions=True)
-        await watch.step()
+        await monitor.step()
 
     asyncio.run(go())
-    told = {event["loop"]: event["text"] for event in watch.reader.events() if event["kind"] == "not_fitted"}
+    told = {event["loop"]: event["text"] for event in monitor.reader.events() if event["kind"] == "not_fitted"}
     assert told["FIC0"] == "it took more than 1e-06 s, and was ended" and "has no recording to fit yet" in told["FIC1"]
-    assert watch.reader.answers("FIC0") == []
-    watch.memory.close()
+    assert monitor.reader.answers("FIC0") == []
+    monitor.store.close()
 
 
 @pytest.mark.slow
 def test_a_fit_whose_process_is_killed_is_told_and_the_next_one_begins(tmp_path: Path) -> None:
     clock = Clock()
-    watch = Watch(loops(2), Memory(tmp_path), clock=clock)
-    fed(watch, clock, values("FIC0", 400), pace=20.0)
+    monitor = Monitor(loops(2), Store(tmp_path), clock=clock)
+    fed(monitor, clock, values("FIC0", 400), pace=20.0)
 
     async def go() -> None:
-        fits = asyncio.create_task(watch._fits())
-        watch.ask_fit("FIC0", "olaf")
-        watch.ask_fit("FIC1", "olaf")
+        fits = asyncio.create_task(monitor._fits())
+        monitor.ask_fit("FIC0", "olaf")
+        monitor.ask_fit("FIC1", "olaf")
         while not (children := multiprocessing.active_children()):
             await asyncio.sleep(0.01)
         children[0].kill()  # as a system does that has no more memory
-        while any(watch.status()["loops"][name]["fitting"] for name in ("FIC0", "FIC1")):
+        while any(monitor.status()["loops"][name]["fitting"] for name in ("FIC0", "FIC1")):
             await asyncio.sleep(0.05)
         fits.cancel()
         await asyncio.gather(fits, return_exceptions=True)
-        await watch.step()
+        await monitor.step()
 
     asyncio.run(go())
-    told = {event["loop"]: event["text"] for event in watch.reader.events() if event["kind"] == "not_fitted"}
+    told = {event["loop"]: event["text"] for event in monitor.reader.events() if event["kind"] == "not_fitted"}
     assert told["FIC0"] == "its process was ended" and "has no recording to fit yet" in told["FIC1"]
-    watch.memory.close()
+    monitor.store.close()
 
 
 @pytest.mark.slow
 def test_nights_go_by_the_clock_of_the_watch(tmp_path: Path) -> None:
     """Of a plant that hurries a night is over in seconds: the clock on the wall was waited for."""
     clock = Clock()
-    watch = service.watch(tmp_path, loops(2), clock)
+    monitor = service.monitor(tmp_path, loops(2), clock)
 
     async def go() -> list[str]:
-        nights = asyncio.create_task(watch._nights())
+        nights = asyncio.create_task(monitor._nights())
         await asyncio.sleep(0.1)
-        assert watch._asked.empty()
+        assert monitor._asked.empty()
         clock.now += 86_400.0
-        found = [(await asyncio.wait_for(watch._asked.get(), 30))[0] for _ in range(2)]
+        found = [(await asyncio.wait_for(monitor._asked.get(), 30))[0] for _ in range(2)]
         nights.cancel()
         await asyncio.gather(nights, return_exceptions=True)
         return found
 
     assert sorted(asyncio.run(go())) == ["FIC0", "FIC1"]
-    watch.memory.close()
+    monitor.store.close()
 
 
 @pytest.mark.slow
 def test_a_fit_under_way_ends_with_the_service(tmp_path: Path) -> None:
     """It was waited for, however long it took."""
 
-    async def look(watch: Watch, plant: Swinging) -> None:
-        watch.ask_fit("FIC0", "olaf")
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        monitor.ask_fit("FIC0", "olaf")
         while not multiprocessing.active_children():
             await asyncio.sleep(0.01)
 

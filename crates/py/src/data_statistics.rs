@@ -1,9 +1,9 @@
-//! The census: counts over all rows of a recording.
+//! The data statistics: counts over all rows of a recording.
 
-use glapp_analysis::{Census, Occurrences, Values};
+use glapp_analysis::{DataStatistics, Occurrences, Values};
 use pyo3::prelude::*;
 
-/// `glapp.quality.Census`: the counts by name, a row that is none as −1, a range that is none as NaN.
+/// `glapp.quality.DataStatistics`: the counts by name, a row that is none as −1, a range that is none as NaN.
 #[derive(FromPyObject)]
 pub struct Counts {
     rows: u64,
@@ -41,7 +41,7 @@ pub struct Counts {
     op_max: f64,
 }
 
-impl From<Counts> for Census {
+impl From<Counts> for DataStatistics {
     fn from(c: Counts) -> Self {
         let row = |row: i64| u64::try_from(row).ok();
         let seen = |count, first| Occurrences { count, first: row(first) };

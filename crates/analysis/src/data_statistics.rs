@@ -10,7 +10,7 @@ use crate::Inspected;
 /// A *pair* is a row and the one before it; for times, the one before it whose time is a number. Infinite counts as
 /// "not a number" everywhere.
 #[derive(Clone, Copy, Debug)]
-pub struct Census {
+pub struct DataStatistics {
     /// A step longer than this is a gap \[s\].
     pub gap: f64,
     /// Rows.
@@ -47,7 +47,7 @@ pub struct Census {
     pub still: u64,
 }
 
-impl Default for Census {
+impl Default for DataStatistics {
     fn default() -> Self {
         Self {
             gap: f64::INFINITY,
@@ -135,21 +135,21 @@ impl Values {
     }
 }
 
-/// Takes the [`Census`] of a recording, in one pass and constant memory.
+/// Takes the [`DataStatistics`] of a recording, in one pass and constant memory.
 ///
 /// ```
 /// use glapp_analysis::{Counter, Inspected};
 /// let mut counter = Counter::new(3.0, Some((0.0, 100.0)))?;
 /// let (t, sp, pv, op) = ([0.0, 1.0, 1.0, 9.0], [5.0; 4], [4.0, f64::NAN, 4.0, 4.0], [99.0, 100.0, 100.0, 98.0]);
 /// counter.run(&Inspected { t: &t, sp: Some(&sp), pv: &pv, op: Some(&op), flags: None });
-/// let census = counter.census;
-/// assert_eq!((census.rows, census.pv.bad, census.repeated.count, census.gaps.count, census.at_high), (4, 1, 1, 1, 2));
+/// let statistics = counter.statistics;
+/// assert_eq!((statistics.rows, statistics.pv.bad, statistics.repeated.count, statistics.gaps.count, statistics.at_high), (4, 1, 1, 1, 2));
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Counter {
     /// What was counted so far.
-    pub census: Census,
+    pub statistics: DataStatistics,
     op_limits: Option<(f64, f64)>,
     t_before: Option<f64>,
     before: Option<Before>,
@@ -173,7 +173,12 @@ impl Counter {
         if let Some((low, _)) = op_limits.filter(|(low, high)| !(low < high && low.is_number())) {
             return refused("op_low", low, "below op_high");
         }
-        Ok(Self { census: Census { gap, ..Census::default() }, op_limits, t_before: None, before: None })
+        Ok(Self {
+            statistics: DataStatistics { gap, ..DataStatistics::default() },
+            op_limits,
+            t_before: None,
+            before: None,
+        })
     }
 
     /// Counts some rows more. Column by column, so that most of it is done for several rows at once.
@@ -181,13 +186,13 @@ impl Counter {
         let Inspected { t, sp, pv, op, flags } = rows.even();
         let n = t.len();
         self.times(t);
-        let (row, before) = (self.census.rows, self.before);
+        let (row, before) = (self.statistics.rows, self.before);
         if let Some(sp) = sp {
-            self.census.sp.take(sp, before.map(|b| b.sp), row);
+            self.statistics.sp.take(sp, before.map(|b| b.sp), row);
         }
-        self.census.pv.take(pv, before.map(|b| b.pv), row);
+        self.statistics.pv.take(pv, before.map(|b| b.pv), row);
         if let Some(op) = op {
-            self.census.op.take(op, before.map(|b| b.op), row);
+            self.statistics.op.take(op, before.map(|b| b.op), row);
         }
         self.flags(flags, op, n);
         // Of an SP that is not recorded PV is never off.
@@ -197,17 +202,17 @@ impl Counter {
         for k in 0..n {
             let now = value(k);
             let rests = previous.is_some_and(|b| (now.sp == b.sp) & (now.pv == b.pv) & (now.op == b.op));
-            self.census.still += u64::from(rests & (now.sp != now.pv));
+            self.statistics.still += u64::from(rests & (now.sp != now.pv));
             previous = Some(now);
         }
         self.before = previous;
-        self.census.rows += n as u64;
+        self.statistics.rows += n as u64;
     }
 
     fn times(&mut self, column: &[f64]) {
-        for (&t, row) in column.iter().zip(self.census.rows..) {
+        for (&t, row) in column.iter().zip(self.statistics.rows..) {
             let h = t - self.t_before.unwrap_or(f64::NAN);
-            if !(h > 0.0 && h <= self.census.gap) {
+            if !(h > 0.0 && h <= self.statistics.gap) {
                 self.odd_step(t, h, row);
             }
             if t.is_number() {
@@ -219,18 +224,18 @@ impl Counter {
     #[cold]
     fn odd_step(&mut self, t: f64, h: f64, row: u64) {
         if !t.is_number() {
-            self.census.t_bad += 1;
-        } else if h > self.census.gap {
-            self.census.gaps.note(row);
-            self.census.gap_longest = self.census.gap_longest.max(h);
-            self.census.gap_total += h;
+            self.statistics.t_bad += 1;
+        } else if h > self.statistics.gap {
+            self.statistics.gaps.note(row);
+            self.statistics.gap_longest = self.statistics.gap_longest.max(h);
+            self.statistics.gap_total += h;
         } else if h == 0.0 {
-            self.census.repeated.note(row);
+            self.statistics.repeated.note(row);
         } else if h < 0.0 {
-            if self.census.reversed.count == 0 {
-                self.census.reversed_times = (self.t_before.unwrap_or(f64::NAN), t);
+            if self.statistics.reversed.count == 0 {
+                self.statistics.reversed_times = (self.t_before.unwrap_or(f64::NAN), t);
             }
-            self.census.reversed.note(row);
+            self.statistics.reversed.note(row);
         }
     }
 
@@ -251,10 +256,10 @@ impl Counter {
     #[inline(always)]
     fn flag(&mut self, flag: Status) {
         if flag != 0 {
-            self.census.not_auto += u64::from(flag & NOT_AUTO != 0);
-            self.census.bad_quality += u64::from(flag & BAD != 0);
-            self.census.at_low += u64::from(flag & AT_LOW != 0);
-            self.census.at_high += u64::from(flag & AT_HIGH != 0);
+            self.statistics.not_auto += u64::from(flag & NOT_AUTO != 0);
+            self.statistics.bad_quality += u64::from(flag & BAD != 0);
+            self.statistics.at_low += u64::from(flag & AT_LOW != 0);
+            self.statistics.at_high += u64::from(flag & AT_HIGH != 0);
         }
     }
 }

@@ -20,10 +20,10 @@ from service import BEGIN, Clock, detections, fed, loops, values
 
 import glapp
 from glapp.errors import InputError
-from glapp.service import memory as of_memory
-from glapp.service.memory import Entry, Lock, Memory, MemoryFull, Reader, backup, restore
-from glapp.service.recordings import Signals, loop_of
+from glapp.service import store as of_memory
+from glapp.service.recordings import SignalStore, loop_of
 from glapp.service.signal import Event, Signal, Value
+from glapp.service.store import Entry, Lock, Reader, Store, StoreFull, backup, restore
 
 HERE = Path(__file__).parent
 
@@ -50,10 +50,10 @@ def test_an_entry_comes_back_with_the_same_bits() -> None:
 def test_detections_are_those_of_the_estimator(tmp_path: Path) -> None:
     """Nothing is added and nothing lost: the half-periods have the bits of `glapp.Estimator` on the samples."""
     [loop], clock = loops(), Clock()
-    watch = service.watch(tmp_path, [loop], clock)
-    fed(watch, clock, values("FIC0", 400))
-    asyncio.run(watch.save())
-    table = Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)
+    monitor = service.monitor(tmp_path, [loop], clock)
+    fed(monitor, clock, values("FIC0", 400))
+    asyncio.run(monitor.save())
+    table = SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)
     t = table["time"].cast("int64").to_numpy() / 1e6
     columns = {name: table[name.upper()].to_numpy() for name in ("sp", "pv", "op")}
     estimator = glapp.Estimator(loop, 1.0)
@@ -71,23 +71,23 @@ def test_begun_anew_in_the_middle_it_goes_on_with_the_same_bits(tmp_path: Path, 
     """Ended without a word between two steps, 7 times; once states are saved often, once never."""
     known, given = loops(2), values("FIC0", 300) + values("FIC1", 300, seed=2)
     clock = Clock()
-    straight = service.watch(tmp_path / "straight", known, clock)
+    straight = service.monitor(tmp_path / "straight", known, clock)
     fed(straight, clock, given)
     clock = Clock()
     for part in range(8):
-        watch = service.watch(tmp_path / "broken", known, clock)
+        monitor = service.monitor(tmp_path / "broken", known, clock)
         begin, end = BEGIN + part * 40, BEGIN + (part + 1) * 40
-        fed(watch, clock, [value for value in given if begin <= value.time < end], save_every=save_every)
-        watch.memory.close()
-        watch.reader.close()
+        fed(monitor, clock, [value for value in given if begin <= value.time < end], save_every=save_every)
+        monitor.store.close()
+        monitor.reader.close()
     for loop in ("FIC0", "FIC1"):
         assert detections(tmp_path / "broken", loop) == detections(tmp_path / "straight", loop)
         assert len(detections(tmp_path / "broken", loop)) > 5
-    last = service.watch(tmp_path / "broken", known, clock)
+    last = service.monitor(tmp_path / "broken", known, clock)
     asyncio.run(last.save())
     asyncio.run(straight.save())
     for loop in ("FIC0", "FIC1"):
-        tables = [Signals(tmp_path / name).read(loop, BEGIN, BEGIN + 1e6) for name in ("broken", "straight")]
+        tables = [SignalStore(tmp_path / name).read(loop, BEGIN, BEGIN + 1e6) for name in ("broken", "straight")]
         assert tables[0].equals(tables[1]) and len(tables[0]) == 298
     assert last.status()["loops"]["FIC0"]["estimate"] == straight.status()["loops"]["FIC0"]["estimate"] is not None
 
@@ -97,13 +97,15 @@ def test_a_break_that_no_history_fills_is_a_gap_however_short(tmp_path: Path) ->
     """Ten seconds after a kill somebody listens again: PV was held to have stood still meanwhile."""
     clock = Clock()
     given = values("FIC0", 120)
-    first = service.watch(tmp_path, loops(), clock)
+    first = service.monitor(tmp_path, loops(), clock)
     fed(first, clock, [value for value in given if value.time < BEGIN + 60], pace=1.0)
-    first.memory.close()
-    again = service.watch(tmp_path, loops(), clock)
+    first.store.close()
+    again = service.monitor(tmp_path, loops(), clock)
     fed(again, clock, [value for value in given if value.time >= BEGIN + 70], pace=1.0)
     asyncio.run(again.save())
-    times = [at.timestamp() - BEGIN for at in Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()]
+    times = [
+        at.timestamp() - BEGIN for at in SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()
+    ]
     assert times == [*range(60), *range(70, 118)]
     ended = [row for row in detections(tmp_path, "FIC0") if row[1] < BEGIN + 60 <= row[2] + 10]
     assert [row[of_memory.COLUMNS.index("mask") + 1] & 1 for row in ended] == [1], "it ended as a gap"
@@ -113,15 +115,15 @@ def test_a_break_that_no_history_fills_is_a_gap_however_short(tmp_path: Path) ->
 def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None:
     """A page asked for them in a thread of its own, and at that moment no sample could be added."""
     [loop], clock = loops(), Clock()
-    watch = service.watch(tmp_path, [loop], clock)
-    fed(watch, clock, values("FIC0", 3000))
-    samples = watch._loops["FIC0"].samples
+    monitor = service.monitor(tmp_path, [loop], clock)
+    fed(monitor, clock, values("FIC0", 3000))
+    samples = monitor._loops["FIC0"].samples
     samples.extend(samples * 30)  # what takes longer is met sooner
     done, seen = threading.Event(), list[int]()
 
     def look() -> None:
         while not done.is_set():
-            seen.append(len(watch.recorded("FIC0", BEGIN, BEGIN + 1e6)))
+            seen.append(len(monitor.recorded("FIC0", BEGIN, BEGIN + 1e6)))
 
     looking = [threading.Thread(target=look) for _ in range(2)]
     for one in looking:
@@ -139,7 +141,7 @@ def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None
 
 @pytest.mark.verify
 def test_killed_at_random_moments(tmp_path: Path) -> None:
-    """kill -9 while it takes in, writes and saves; what the memory has not is handed over again, as a history does."""
+    """kill -9 while it takes in, writes and saves; what the store has not is handed over again, as a history does."""
     folder, chance, kills, seconds = tmp_path / "killed", random.Random(5), 0, 150
     while True:
         last = kills == 6
@@ -165,37 +167,37 @@ def test_killed_at_random_moments(tmp_path: Path) -> None:
         if code == 0:  # it was done before it was killed: there is more to come
             seconds += 150
     clock = Clock()
-    straight = service.watch(tmp_path / "straight", loops(2), clock)
+    straight = service.monitor(tmp_path / "straight", loops(2), clock)
     fed(straight, clock, values("FIC0", seconds) + values("FIC1", seconds, seed=2))
     asyncio.run(straight.save())
     for loop in ("FIC0", "FIC1"):
         assert len(detections(folder, loop)) > 3
         assert detections(folder, loop) == detections(tmp_path / "straight", loop)
-        tables = [Signals(path).read(loop, BEGIN, BEGIN + 1e6) for path in (folder, tmp_path / "straight")]
+        tables = [SignalStore(path).read(loop, BEGIN, BEGIN + 1e6) for path in (folder, tmp_path / "straight")]
         assert tables[0].equals(tables[1])
 
 
 def test_a_change_of_settings_begins_the_detector_anew_and_says_so(tmp_path: Path) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
-    fed(watch, clock, values("FIC0", 200), save_every=10)
-    watch.memory.close()
+    monitor = service.monitor(tmp_path, loops(), clock)
+    fed(monitor, clock, values("FIC0", 200), save_every=10)
+    monitor.store.close()
     changed = loops()[0].model_copy(update={"tf": 0.5})
-    again = service.watch(tmp_path, [changed], clock)
+    again = service.monitor(tmp_path, [changed], clock)
     asyncio.run(again.step())
     assert again.status()["loops"]["FIC0"]["estimate"] is None
     assert "detector_anew" in [event["kind"] for event in again.reader.events("FIC0")]
-    assert len(detections(tmp_path, "FIC0")) == watch.status()["loops"]["FIC0"]["half_periods"]
+    assert len(detections(tmp_path, "FIC0")) == monitor.status()["loops"]["FIC0"]["half_periods"]
 
 
 def test_two_writers(tmp_path: Path) -> None:
-    memory = Memory(tmp_path)
+    store = Store(tmp_path)
     with pytest.raises(InputError, match=f"is written by process {os.getpid()} on .* since"):
-        Memory(tmp_path)
+        Store(tmp_path)
     with Reader(tmp_path) as reader:
         assert reader.loops() == {}
-    memory.close()
-    Memory(tmp_path).close()
+    store.close()
+    Store(tmp_path).close()
 
 
 @pytest.mark.slow
@@ -222,10 +224,10 @@ def _hold(folder: Path) -> None:
 @pytest.mark.slow
 def test_a_damaged_database_is_set_aside_and_not_written(tmp_path: Path, how: str) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
-    fed(watch, clock, values("FIC0", 120), save_every=8)
-    watch.memory.close()
-    watch.reader.close()
+    monitor = service.monitor(tmp_path, loops(), clock)
+    fed(monitor, clock, values("FIC0", 120), save_every=8)
+    monitor.store.close()
+    monitor.reader.close()
     path = tmp_path / "glapp.db"
     db = sqlite3.connect(path)
     db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -238,7 +240,7 @@ def test_a_damaged_database_is_set_aside_and_not_written(tmp_path: Path, how: st
         "empty page": good[:8192] + bytes(16384) + good[24576:],
     }[how]
     path.write_bytes(bad)
-    again = service.watch(tmp_path, loops(), clock)
+    again = service.monitor(tmp_path, loops(), clock)
     asyncio.run(again.step())
     [aside] = tmp_path.glob("glapp.db.damaged-*Z")
     assert aside.read_bytes() == bad, "not a byte of it is changed"
@@ -246,7 +248,7 @@ def test_a_damaged_database_is_set_aside_and_not_written(tmp_path: Path, how: st
     assert aside.name in event["text"]
     fed(again, clock, [value for value in values("FIC0", 200) if value.time >= clock.now])
     asyncio.run(again.save())
-    assert len(Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) > 150, "signals are files of their own"
+    assert len(SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) > 150, "signals are files of their own"
 
 
 def foreign(statements: str) -> bytes:
@@ -271,17 +273,17 @@ def test_an_empty_or_foreign_file_is_damage_that_is_told(tmp_path: Path, content
     path.write_bytes(content)
     with pytest.raises(InputError, match="is no database of glapp, or an empty file"):
         Reader(tmp_path)
-    watch = service.watch(tmp_path, loops(), clock)
-    fed(watch, clock, values("FIC0", 20))
+    monitor = service.monitor(tmp_path, loops(), clock)
+    fed(monitor, clock, values("FIC0", 20))
     [aside] = tmp_path.glob("glapp.db.damaged-*Z")
-    assert aside.read_bytes() == content and watch.memory.found is not None
-    [event] = [event for event in watch.reader.events() if event["kind"] == "database_damaged"]
+    assert aside.read_bytes() == content and monitor.store.found is not None
+    [event] = [event for event in monitor.reader.events() if event["kind"] == "database_damaged"]
     assert event["text"].startswith(f"the database {why}") and aside.name in event["text"]
-    told = watch.status()
-    assert told["damaged"] == watch.memory.found and told["loops"]["FIC0"]["health"] == "CHECK_FUNCTION"
-    watch.memory.close()
-    watch.reader.close()
-    with closing(Memory(tmp_path)) as again:
+    told = monitor.status()
+    assert told["damaged"] == monitor.store.found and told["loops"]["FIC0"]["health"] == "CHECK_FUNCTION"
+    monitor.store.close()
+    monitor.reader.close()
+    with closing(Store(tmp_path)) as again:
         assert again.found is None and again.damaged == event["text"], "told until somebody takes the file away"
         aside.unlink()
         assert again.damaged is None
@@ -289,64 +291,64 @@ def test_an_empty_or_foreign_file_is_damage_that_is_told(tmp_path: Path, content
 
 def test_a_database_that_is_gone_is_told_and_a_new_folder_is_not(tmp_path: Path) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
-    assert watch.memory.found is None and watch.status()["damaged"] is None
-    fed(watch, clock, values("FIC0", 200))
-    asyncio.run(watch.save())
-    watch.memory.close()
-    watch.reader.close()
+    monitor = service.monitor(tmp_path, loops(), clock)
+    assert monitor.store.found is None and monitor.status()["damaged"] is None
+    fed(monitor, clock, values("FIC0", 200))
+    asyncio.run(monitor.save())
+    monitor.store.close()
+    monitor.reader.close()
     (tmp_path / "glapp.db").unlink()
-    with closing(Memory(tmp_path)) as again:
+    with closing(Store(tmp_path)) as again:
         assert again.found is not None and "there is no glapp.db next to recorded signals" in again.found
 
 
 def test_a_later_schema_is_refused_and_left_alone(tmp_path: Path) -> None:
-    Memory(tmp_path).close()
+    Store(tmp_path).close()
     db = sqlite3.connect(tmp_path / "glapp.db")
     db.execute("PRAGMA user_version = 99")
     db.close()
     before = (tmp_path / "glapp.db").read_bytes()
-    for way in (Memory, Reader):
+    for way in (Store, Reader):
         with pytest.raises(InputError, match="has schema 99"):
             way(tmp_path)
     assert (tmp_path / "glapp.db").read_bytes() == before and Lock.holder(tmp_path) is None
 
 
 def test_an_older_schema_is_brought_up_in_one_transaction(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    memory = Memory(tmp_path)
-    memory.know(loops())
-    memory.close()
+    store = Store(tmp_path)
+    store.know(loops())
+    store.close()
     more = (*of_memory._MIGRATIONS, "CREATE TABLE more (a TEXT);\nINSERT INTO more VALUES ('x');\n")
     monkeypatch.setattr(of_memory, "_MIGRATIONS", (*more[:-1], more[-1] + "INSERT INTO nothing VALUES (1);\n"))
     monkeypatch.setattr(of_memory, "SCHEMA", len(more))
-    with pytest.raises(MemoryFull):
-        Memory(tmp_path)
+    with pytest.raises(StoreFull):
+        Store(tmp_path)
     monkeypatch.setattr(of_memory, "_MIGRATIONS", more)
-    memory = Memory(tmp_path)
-    assert memory.loops() == {"FIC0": 1} and memory.one("SELECT a FROM more") == {"a": "x"}
+    store = Store(tmp_path)
+    assert store.loops() == {"FIC0": 1} and store.one("SELECT a FROM more") == {"a": "x"}
 
 
 @pytest.mark.slow
 def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     clock = Clock()
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
-    watch = service.watch(folder, loops(), clock)
+    monitor = service.monitor(folder, loops(), clock)
     given = values("FIC0", 300)
-    fed(watch, clock, [value for value in given if value.time < BEGIN + 150], save_every=8)
+    fed(monitor, clock, [value for value in given if value.time < BEGIN + 150], save_every=8)
     at_copy = detections(folder, "FIC0")
     backup(folder, copy)
-    fed(watch, clock, [value for value in given if value.time >= BEGIN + 150], save_every=8)
+    fed(monitor, clock, [value for value in given if value.time >= BEGIN + 150], save_every=8)
     after = detections(folder, "FIC0")
     with pytest.raises(InputError, match="is written by process"):
         restore(folder, copy)
-    watch.memory.close()
-    watch.reader.close()
+    monitor.store.close()
+    monitor.reader.close()
     aside = restore(folder, copy, clock())
     assert aside is not None and aside.is_file()
     assert detections(folder, "FIC0") == at_copy != after
     # What came since is handed over once more, as a server with history does: nothing is there twice.
     clock.now = BEGIN + 400
-    again = service.watch(folder, loops(), clock)
+    again = service.monitor(folder, loops(), clock)
     since = again.since()["FIC0", Signal.PV]
     assert since == BEGIN + 149
     clock = Clock()
@@ -354,15 +356,15 @@ def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     fed(again, clock, [value for value in given if value.time > since])
     asyncio.run(again.save())
     assert detections(folder, "FIC0") == after
-    times = Signals(folder).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()
+    times = SignalStore(folder).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()
     assert len(times) == len(set(times)) == 298
 
 
 def test_a_restore_that_is_killed_leaves_a_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
-    memory = Memory(folder)
-    memory.know(loops())
-    memory.close()
+    store = Store(folder)
+    store.know(loops())
+    store.close()
     backup(folder, copy)
 
     def killed(*_: Path) -> None:
@@ -387,9 +389,9 @@ def test_a_restore_that_is_killed_leaves_a_database(tmp_path: Path, monkeypatch:
 )
 def test_what_is_no_backup_is_not_restored(tmp_path: Path, content: bytes) -> None:
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
-    memory = Memory(folder)
-    memory.know(loops())
-    memory.close()
+    store = Store(folder)
+    store.know(loops())
+    store.close()
     copy.write_bytes(content)
     with pytest.raises(InputError, match=r"copy.db: is (no database of glapp|damaged)"):
         restore(folder, copy)
@@ -397,65 +399,65 @@ def test_what_is_no_backup_is_not_restored(tmp_path: Path, content: bytes) -> No
         assert reader.loops() == {"FIC0": 1}
 
 
-def limited(memory: Memory, pages: int) -> None:
+def limited(store: Store, pages: int) -> None:
     """As if the disk had no more room: SQLite answers as it does when a write fails for lack of space."""
-    size = memory._db.execute("PRAGMA page_count").fetchone()[0]
-    memory._db.execute(f"PRAGMA max_page_count = {size + pages}")
+    size = store._db.execute("PRAGMA page_count").fetchone()[0]
+    store._db.execute(f"PRAGMA max_page_count = {size + pages}")
 
 
 @pytest.mark.slow
 def test_a_full_disk_is_told_and_what_came_is_put_down_when_there_is_room(tmp_path: Path) -> None:
     clock = Clock()
-    straight = service.watch(tmp_path / "straight", loops(), clock)
+    straight = service.monitor(tmp_path / "straight", loops(), clock)
     given = values("FIC0", 300)
     fed(straight, clock, given)
     clock = Clock()
-    watch = service.watch(tmp_path / "full", loops(), clock)
-    limited(watch.memory, 3)
-    fed(watch, clock, [value for value in given if value.time < BEGIN + 250], pace=1.0)
-    assert watch.failing is not None and "full" in watch.failing
-    assert watch.status()["waiting"] > 20
-    with pytest.raises(MemoryFull):
-        asyncio.run(watch.save())
+    monitor = service.monitor(tmp_path / "full", loops(), clock)
+    limited(monitor.store, 3)
+    fed(monitor, clock, [value for value in given if value.time < BEGIN + 250], pace=1.0)
+    assert monitor.failing is not None and "full" in monitor.failing
+    assert monitor.status()["waiting"] > 20
+    with pytest.raises(StoreFull):
+        asyncio.run(monitor.save())
     assert len(detections(tmp_path / "full", "FIC0")) < len(detections(tmp_path / "straight", "FIC0"))
-    limited(watch.memory, 100_000)
-    fed(watch, clock, [value for value in given if value.time >= BEGIN + 250])
-    assert watch.failing is None and watch.status()["waiting"] == 0
+    limited(monitor.store, 100_000)
+    fed(monitor, clock, [value for value in given if value.time >= BEGIN + 250])
+    assert monitor.failing is None and monitor.status()["waiting"] == 0
     assert detections(tmp_path / "full", "FIC0") == detections(tmp_path / "straight", "FIC0")
-    kinds = [event["kind"] for event in watch.reader.events()]
+    kinds = [event["kind"] for event in monitor.reader.events()]
     assert kinds.count("memory_full") >= 1 and kinds.count("memory_again") == 1
-    watch.memory.close()
+    monitor.store.close()
     assert sqlite3.connect(tmp_path / "full" / "glapp.db").execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
 @pytest.mark.slow
 def test_what_waits_for_a_full_disk_is_bounded_and_what_is_given_up_is_told(tmp_path: Path) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock, backlog=20)
-    limited(watch.memory, 3)
-    fed(watch, clock, [value for value in values("FIC0", 300) if value.time < BEGIN + 250], pace=1.0)
-    assert watch.status()["waiting"] <= 21
-    limited(watch.memory, 100_000)
-    fed(watch, clock, [value for value in values("FIC0", 300) if value.time >= BEGIN + 250])
-    assert [event for event in watch.reader.events() if event["kind"] == "given_up" and "values" in event["text"]]
-    shown = watch.status()["loops"]["FIC0"]
-    watch.memory.close()
-    again = service.watch(tmp_path, loops(), clock)
+    monitor = service.monitor(tmp_path, loops(), clock, backlog=20)
+    limited(monitor.store, 3)
+    fed(monitor, clock, [value for value in values("FIC0", 300) if value.time < BEGIN + 250], pace=1.0)
+    assert monitor.status()["waiting"] <= 21
+    limited(monitor.store, 100_000)
+    fed(monitor, clock, [value for value in values("FIC0", 300) if value.time >= BEGIN + 250])
+    assert [event for event in monitor.reader.events() if event["kind"] == "given_up" and "values" in event["text"]]
+    shown = monitor.status()["loops"]["FIC0"]
+    monitor.store.close()
+    again = service.monitor(tmp_path, loops(), clock)
     now = again.status()["loops"]["FIC0"]
     assert (now["half_periods"], now["estimate"]) == (shown["half_periods"], shown["estimate"])
 
 
 def test_a_disk_without_room_for_signals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
-    fed(watch, clock, values("FIC0", 60))
+    monitor = service.monitor(tmp_path, loops(), clock)
+    fed(monitor, clock, values("FIC0", 60))
     monkeypatch.setattr("pyarrow.parquet.ParquetWriter.write_table", _full)
     with pytest.raises(OSError, match="No space left"):
-        asyncio.run(watch.save())
+        asyncio.run(monitor.save())
     assert not [*tmp_path.rglob("*.part")] and not [*tmp_path.rglob("*.parquet")]
     monkeypatch.undo()
-    asyncio.run(watch.save())
-    assert len(Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) == 58
+    asyncio.run(monitor.save())
+    assert len(SignalStore(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) == 58
 
 
 def _full(*_: object) -> None:
@@ -470,60 +472,60 @@ def _full(*_: object) -> None:
 def test_days_become_files_that_analyze_reads(tmp_path: Path) -> None:
     begin = BEGIN + 46_400.0 - 150.0  # into the next day
     clock = Clock(begin)
-    watch = service.watch(tmp_path, loops(2), clock)
-    fed(watch, clock, values("FIC0", 300, begin=begin) + values("FIC1", 300, begin=begin, seed=3), save_every=12)
-    asyncio.run(watch.save())
-    store = watch.signals
-    whole = {name: store.read(name, begin, begin + 300) for name in ("FIC0", "FIC1")}
+    monitor = service.monitor(tmp_path, loops(2), clock)
+    fed(monitor, clock, values("FIC0", 300, begin=begin) + values("FIC1", 300, begin=begin, seed=3), save_every=12)
+    asyncio.run(monitor.save())
+    signals = monitor.signals
+    whole = {name: signals.read(name, begin, begin + 300) for name in ("FIC0", "FIC1")}
     assert len(whole["FIC0"]) == 298
-    assert store.close_days(begin + 301) == store.days("FIC0")[:1]
-    assert store.close_days(begin + 301) == []
+    assert signals.close_days(begin + 301) == signals.days("FIC0")[:1]
+    assert signals.close_days(begin + 301) == []
     for name, table in whole.items():
-        assert Signals(tmp_path).read(name, begin, begin + 300).equals(table)
-    first = tmp_path / "signals" / str(store.days("FIC0")[0]) / "FIC0.parquet"
+        assert SignalStore(tmp_path).read(name, begin, begin + 300).equals(table)
+    first = tmp_path / "signals" / str(signals.days("FIC0")[0]) / "FIC0.parquet"
     [recording] = glapp.open_recordings(first)
     assert recording.columns.keys() >= {"time", "SP", "PV", "OP", "MODE"} and recording.zone == "UTC"
     batch = recording.beginning(1000)
     assert batch.flags is None and batch.pv.tolist() == whole["FIC0"]["PV"].to_pylist()[:150]
-    recordings = store.recordings(loops()[0], begin, begin + 300)
+    recordings = signals.recordings(loops()[0], begin, begin + 300)
     assert [len(one.beginning(10**6)) for one in recordings] == [150, 148]
-    store.close_days(begin + 87_000.0)
+    signals.close_days(begin + 87_000.0)
     assert not [*(tmp_path / "signals" / "open").glob("*.parquet")]
-    assert store.forget(begin + 3 * 86_400.0, 2) == [first.parent.name]
-    assert len(store.days("FIC0")) == 1
+    assert signals.forget(begin + 3 * 86_400.0, 2) == [first.parent.name]
+    assert len(signals.days("FIC0")) == 1
 
 
 def test_parts_of_a_day_that_was_put_together_before_are_added_once(tmp_path: Path) -> None:
     """A day's file is there already; the process ends after the file, before the part goes: nothing is there twice."""
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
+    monitor = service.monitor(tmp_path, loops(), clock)
     given = values("FIC0", 120)
-    fed(watch, clock, [value for value in given if value.time < BEGIN + 60])
-    asyncio.run(watch.save())
+    fed(monitor, clock, [value for value in given if value.time < BEGIN + 60])
+    asyncio.run(monitor.save())
     later = BEGIN + 2 * 86_400.0
-    watch.signals.close_days(later)
-    fed(watch, clock, [value for value in given if value.time >= BEGIN + 60])
-    asyncio.run(watch.save())
+    monitor.signals.close_days(later)
+    fed(monitor, clock, [value for value in given if value.time >= BEGIN + 60])
+    asyncio.run(monitor.save())
     [part] = (tmp_path / "signals" / "open").glob("*.parquet")
     content = part.read_bytes()
-    whole = watch.signals.read("FIC0", BEGIN, later)
-    watch.signals.close_days(later)
+    whole = monitor.signals.read("FIC0", BEGIN, later)
+    monitor.signals.close_days(later)
     part.write_bytes(content)
-    assert watch.signals.read("FIC0", BEGIN, later).equals(whole) and len(whole) == 118
-    watch.signals.close_days(later)
-    assert watch.signals.read("FIC0", BEGIN, later).equals(whole) and not part.exists()
+    assert monitor.signals.read("FIC0", BEGIN, later).equals(whole) and len(whole) == 118
+    monitor.signals.close_days(later)
+    assert monitor.signals.read("FIC0", BEGIN, later).equals(whole) and not part.exists()
 
 
 @pytest.mark.parametrize("name", ["FIC 101/A", "..", "../../etc/passwd", ".hidden", "Å\\:*", "C:\\x"])
 def test_no_name_of_a_loop_leads_out_of_the_folder(tmp_path: Path, name: str) -> None:
     clock = Clock()
     loop = loops()[0].model_copy(update={"name": name})
-    watch = service.watch(tmp_path / "data", [loop], clock)
-    fed(watch, clock, values(name, 40))
-    asyncio.run(watch.save())
-    watch.signals.close_days(BEGIN + 2 * 86_400.0)
+    monitor = service.monitor(tmp_path / "data", [loop], clock)
+    fed(monitor, clock, values(name, 40))
+    asyncio.run(monitor.save())
+    monitor.signals.close_days(BEGIN + 2 * 86_400.0)
     [file] = (tmp_path / "data" / "signals").glob("2026-*/*.parquet")
-    assert loop_of(file.name) == name and len(watch.signals.read(name, BEGIN, BEGIN + 100)) == 38
+    assert loop_of(file.name) == name and len(monitor.signals.read(name, BEGIN, BEGIN + 100)) == 38
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
 
@@ -532,17 +534,17 @@ def test_no_name_of_a_loop_leads_out_of_the_folder(tmp_path: Path, name: str) ->
 
 def test_what_happens_again_and_again_is_told_once_a_minute_with_its_count(tmp_path: Path) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
+    monitor = service.monitor(tmp_path, loops(), clock)
     for k in range(200):
         clock.now = BEGIN + k
-        watch.tell(Event(clock.now, "FIC0", "late", f"number {k}"))
-    asyncio.run(watch.step())
-    texts = [event["text"] for event in watch.reader.events("FIC0")]
+        monitor.tell(Event(clock.now, "FIC0", "late", f"number {k}"))
+    asyncio.run(monitor.step())
+    texts = [event["text"] for event in monitor.reader.events("FIC0")]
     assert len(texts) == 4 and texts[0].startswith("number 180 (and 59 times more")
 
 
 def test_values_of_a_loop_that_is_not_watched_are_left_out(tmp_path: Path) -> None:
     clock = Clock()
-    watch = service.watch(tmp_path, loops(), clock)
-    fed(watch, clock, [Value("OTHER", Signal.PV, BEGIN, 1.0, True)])
-    assert watch.reader.loops() == {"FIC0": 1} and watch.names == ["FIC0"]
+    monitor = service.monitor(tmp_path, loops(), clock)
+    fed(monitor, clock, [Value("OTHER", Signal.PV, BEGIN, 1.0, True)])
+    assert monitor.reader.loops() == {"FIC0": 1} and monitor.names == ["FIC0"]

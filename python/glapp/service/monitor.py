@@ -1,4 +1,4 @@
-"""The watch: values from a source through the detectors into the memory, the fits at night, and the compensations.
+"""The monitor: values from a source through the detectors into the store, the fits at night, and the compensations.
 
 One step a second: what came since the last one is an entry, goes through the rows and the detectors of its loops, and
 is put down with what it led to. u_FF does not wait for that: it is made when a PV comes, and written.
@@ -27,22 +27,22 @@ from ..estimate import Estimator
 from ..loop import Loop
 from .compensation import Compensator
 from .fits import answer
-from .memory import COLUMNS, Entry, Half, Memory, MemoryFull, Reader
-from .recordings import Signals, table_of
-from .rows import ALIVE, CODES, LOST, OP, PV, Rows
+from .recordings import SignalStore, table_of
+from .rows import ALIVE, CODES, LOST, OP, PV, Resampler
 from .settable import DETECTOR, SETTINGS, Bound, bounds_of, check
 from .signal import Event, Signal, Source, Value, WriteRefused
+from .store import COLUMNS, Entry, Half, Reader, Store, StoreFull
 
-__all__ = ["Bounds", "Health", "Plant", "Watch"]
+__all__ = ["Bounds", "Health", "Monitor", "Plant"]
 
 T = TypeVar("T")
 
 SEEN = "watchdog_seen"
-"""The setting that holds when a drill of the loop was passed."""
+"""The setting that holds when a watchdog test of the loop was passed."""
 
 _FIELDS = 7
 _SPAWN = get_context("spawn")
-_BEAT = 1.0
+_HEARTBEAT = 1.0
 """Time between two counts of the plant's watchdog [s]."""
 
 _FOLLOWED = 2.0
@@ -96,7 +96,7 @@ class Plant(Source, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Times and sizes that the watch goes by.
+    """Times and sizes that the monitor goes by.
 
     Attributes
     ----------
@@ -122,8 +122,8 @@ class Bounds:
         How long a fit may take, > 0 [s]; then it is ended.
     backlog : int
         So many entries wait in memory for a disk that is full; then they are given up.
-    drill : float
-        How long a drill waits for the plant to take u_FF away, > 0 [s].
+    watchdog_test : float
+        How long a watchdog test waits for the plant to take u_FF away, > 0 [s].
     """
 
     period: float = 1.0
@@ -137,10 +137,10 @@ class Bounds:
     fit_hour: int = 2
     fit_longest: float = 600.0
     backlog: int = 600
-    drill: float = 300.0
+    watchdog_test: float = 300.0
 
     def __post_init__(self) -> None:
-        for name in ("period", "step", "save", "lost", "ahead", "fit_longest", "drill"):
+        for name in ("period", "step", "save", "lost", "ahead", "fit_longest", "watchdog_test"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"is {value}, must be > 0 s", parameter=name, value=value, bound="> 0 s")
@@ -162,7 +162,7 @@ class _Watched:
     loop: Loop
     id: int
     period: float
-    rows: Rows
+    rows: Resampler
     detector: Estimator | None
     most: tuple[float, float] | None = None
     number: int = 0
@@ -178,14 +178,14 @@ class _Watched:
     answer: dict[str, Any] | None = None
 
 
-class Watch:
-    """The watch over the loops of a plant.
+class Monitor:
+    """The monitor over the loops of a plant.
 
     Parameters
     ----------
     loops : sequence of Loop
         What is known of them.
-    memory : Memory
+    store : Store
         Where everything is put down.
     bounds : Bounds
         Times and sizes.
@@ -207,17 +207,17 @@ class Watch:
     def __init__(
         self,
         loops: Sequence[Loop],
-        memory: Memory,
+        store: Store,
         *,
         bounds: Bounds | None = None,
         compensable: Mapping[str, tuple[float, float]] | None = None,
         clock: Callable[[], float] = time.time,
         hurries: bool = False,
     ) -> None:
-        self.memory, self.bounds = memory, bounds or Bounds()
+        self.store, self.bounds = store, bounds or Bounds()
         self.source: Plant | None = None
-        self.reader = Reader(memory.folder)
-        self.signals = Signals(memory.folder)
+        self.reader = Reader(store.folder)
+        self.signals = SignalStore(store.folder)
         self.begun = clock()
         self.failing: str | None = None
         self._clock, self._hurries = clock, hurries
@@ -238,10 +238,10 @@ class Watch:
         self._fit_of: tuple[str, float] | None = None  # the loop that is fitted now, and since when on the wall
         self._took: dict[str, float] = {}  # how long the last fit of a loop took [s]
         self._started = self.begun, time.time()
-        self._drilled: asyncio.Task[None] | None = None
+        self._watchdog_test_task: asyncio.Task[None] | None = None
         self._given = {loop.name: loop for loop in loops}
-        ids = memory.know(loops)
-        states = memory.states()
+        ids = store.know(loops)
+        states = store.states()
         self._loops = {
             loop.name: self._watched(
                 loop, ids[loop.name], states.get(ids[loop.name]), (compensable or {}).get(loop.name)
@@ -249,9 +249,9 @@ class Watch:
             for loop in loops
         }
         self._by_id = {watched.id: watched for watched in self._loops.values()}
-        self._position = memory.position()
-        if memory.found is not None:
-            self._tell(Event(self.begun, None, "database_damaged", memory.found))
+        self._position = store.position()
+        if store.found is not None:
+            self._tell(Event(self.begun, None, "database_damaged", store.found))
         self._replay()
         for watched in self._loops.values():
             self._hold(watched)
@@ -265,10 +265,10 @@ class Watch:
         loop = with_settings(given, settings)
         period = loop.sample_time or self.bounds.period
         detector = None if loop.controller is None else Estimator(loop, period)
-        watched = _Watched(loop, id, period, Rows(period, **self._of_rows()), detector, most)
+        watched = _Watched(loop, id, period, Resampler(period, **self._of_rows()), detector, most)
         if state is not None:
             saved = json.loads(state)
-            watched.rows = Rows.load(saved["rows"], period, **self._of_rows())
+            watched.rows = Resampler.load(saved["rows"], period, **self._of_rows())
             watched.number = saved["number"]
             kept = saved["detector"]
             if kept is not None and detector is not None:
@@ -304,8 +304,8 @@ class Watch:
             text = f"what was saved is not used, and {', '.join(gone)} as by default: {'. '.join(said)}"
             self._tell(Event(self.begun, given.name, "setting_refused", text))
             none = dict.fromkeys(gone)
-            with suppress(MemoryFull):
-                self.memory.command(self.begun, "glapp", "", "change", given.name, gone, none, settings=none)
+            with suppress(StoreFull):
+                self.store.command(self.begun, "glapp", "", "change", given.name, gone, none, settings=none)
         return found
 
     def _of_rows(self) -> dict[str, float]:
@@ -314,7 +314,7 @@ class Watch:
     def _replay(self) -> None:
         """What came in since the states were saved, once more: its half-periods are in the database already."""
         count = 0
-        for entry in self.memory.entries():
+        for entry in self.store.entries():
             self._work(entry, tell=False)
             self._position = entry.id
             count += 1
@@ -490,8 +490,8 @@ class Watch:
             if self._gave_up:  # what is not among the entries must not be looked for there
                 await self._save()
                 self._gave_up = False
-            await asyncio.to_thread(self.memory.add, entries, halves, events)
-        except (MemoryFull, OSError) as error:
+            await asyncio.to_thread(self.store.add, entries, halves, events)
+        except (StoreFull, OSError) as error:
             self._failed(str(error), now)
             return
         del self._backlog[: len(backlog)]
@@ -510,16 +510,16 @@ class Watch:
             self._gave_up = True
             for watched in self._loops.values():
                 del watched.samples[:], watched.made_by[:]
-            text = f"{lost} values and {len(halves)} half-periods were given up: the memory could not be written"
+            text = f"{lost} values and {len(halves)} half-periods were given up: the store could not be written"
             self._events = self._events[-1000:]
             self._tell(Event(now, None, "given_up", text))
         if now - self._failing_since > 60.0:
             for watched in self._loops.values():
-                self._switch_off(watched, "what happens cannot be stored: the memory cannot be written")
+                self._switch_off(watched, "what happens cannot be stored: the store cannot be written")
 
     def _recovered(self, now: float) -> None:
         if self._failing_since is not None:
-            text = f"the memory is written again, after {now - self._failing_since:.0f} s"
+            text = f"the store is written again, after {now - self._failing_since:.0f} s"
             self._failing_since = self.failing = None
             self._tell(Event(now, None, "memory_again", text))
 
@@ -530,12 +530,12 @@ class Watch:
 
         Raises
         ------
-        MemoryFull, OSError
+        StoreFull, OSError
             Where it cannot be written; all of it waits for the next time.
         """
         await self.step()
         if self._backlog:
-            raise MemoryFull(self.failing or "the memory cannot be written")
+            raise StoreFull(self.failing or "the store cannot be written")
         await _whole(self._save())
 
     async def _save(self) -> None:
@@ -550,7 +550,7 @@ class Watch:
                     samples[name] = (made_by, np.array(watched.samples, np.float64).reshape(-1, _FIELDS))
                 states[watched.id] = _state(watched)
             await asyncio.to_thread(self.signals.save, samples, position)
-            await asyncio.to_thread(self.memory.save, position, states)
+            await asyncio.to_thread(self.store.save, position, states)
             for name, size in sizes.items():
                 watched = self._loops[name]
                 del watched.made_by[:size], watched.samples[: size * _FIELDS]
@@ -567,7 +567,7 @@ class Watch:
                 "steps": self._steps(),
                 "keep": self._keep(),
                 "fits": self._fits(),
-                "beat": self._beats(source),
+                "heartbeat": self._heartbeats(source),
             }.items()
         ]
         tasks += [
@@ -609,14 +609,14 @@ class Watch:
                 if any(task.done() for task in tasks):
                     break
                 await asyncio.sleep(0.1)
-        if self._drilled is not None:
-            tasks = [*tasks, self._drilled]
+        if self._watchdog_test_task is not None:
+            tasks = [*tasks, self._watchdog_test_task]
         left = {task for task in tasks if not task.done()}
         while left:  # once more where a task has not heard it: one that waited for something may have got just that
             for task in left:
                 task.cancel()
             _, left = await asyncio.wait(left, timeout=1.0)
-        with suppress(MemoryFull, OSError):
+        with suppress(StoreFull, OSError):
             await self.save()
 
     async def _steps(self) -> None:
@@ -630,7 +630,7 @@ class Watch:
                 try:
                     if not self._backlog:
                         await _whole(self._save())
-                except (MemoryFull, OSError) as error:
+                except (StoreFull, OSError) as error:
                     self._failed(f"the signals cannot be written: {error}", self._clock())
             if began - shown >= 5.0 or shown == saved:
                 shown = began
@@ -638,8 +638,8 @@ class Watch:
             await asyncio.sleep(max(0.0, self.bounds.step - (time.monotonic() - began)))
 
     async def _show(self) -> None:
-        with suppress(MemoryFull):
-            await asyncio.to_thread(self.memory.show, self._clock(), json.dumps(self.status()))
+        with suppress(StoreFull):
+            await asyncio.to_thread(self.store.show, self._clock(), json.dumps(self.status()))
 
     async def _keep(self) -> None:
         """Days that are over into their files, and what is too old away."""
@@ -648,11 +648,11 @@ class Watch:
             try:
                 closed = await asyncio.to_thread(self.signals.close_days, now - 3600.0)
                 gone = await asyncio.to_thread(self.signals.forget, now, self.bounds.keep)
-                await asyncio.to_thread(self.memory.forget, now - self.bounds.keep * 86400.0)
+                await asyncio.to_thread(self.store.forget, now - self.bounds.keep * 86400.0)
                 for what, days in (("closed", [str(day) for day in closed]), ("forgotten", gone)):
                     if days:
                         self._tell(Event(now, None, f"signals_{what}", f"signals of {', '.join(days)}: {what}"))
-            except (MemoryFull, OSError) as error:
+            except (StoreFull, OSError) as error:
                 self._tell(Event(now, None, "memory_full", f"signals of past days cannot be put in order: {error}"))
             await asyncio.sleep(3600.0)
 
@@ -673,7 +673,7 @@ class Watch:
                 self._fit_of = name, began
                 try:
                     await self._show()
-                    with suppress(MemoryFull, OSError):
+                    with suppress(StoreFull, OSError):
                         await self.save()
                     said = await self._fitted(name)
                     if isinstance(said, str):
@@ -681,7 +681,7 @@ class Watch:
                     else:
                         await self._answered(name, person, said)
                         self._took[name] = time.time() - began
-                except MemoryFull as error:
+                except StoreFull as error:
                     self._tell(Event(self._clock(), name, "not_fitted", str(error)))
                 finally:
                     self._fitting.discard(name)
@@ -695,7 +695,7 @@ class Watch:
         longest, end, began = self.bounds.fit_longest, self._clock(), time.monotonic()
         settings = self._loops[name].loop.model_dump_json(exclude_unset=True)
         receiver, sender = _SPAWN.Pipe(duplex=False)
-        asked = (sender, self.memory.folder, settings, end - self.bounds.fit_days * 86400.0, end, longest)
+        asked = (sender, self.store.folder, settings, end - self.bounds.fit_days * 86400.0, end, longest)
         process = _SPAWN.Process(target=answer, args=asked, daemon=True)
         process.start()
         sender.close()
@@ -711,7 +711,7 @@ class Watch:
 
     async def _answered(self, name: str, person: str, answer: dict[str, Any]) -> None:
         row = {"time": self._clock(), "asked_by": person, **answer}
-        await asyncio.to_thread(self.memory.answer, name, row)
+        await asyncio.to_thread(self.store.answer, name, row)
         self._loops[name].answer = (await asyncio.to_thread(self.reader.answers, name, 1))[0]
         self._tell(Event(row["time"], name, "answer", f"{answer['verdict']}: {answer['reason']}"))
 
@@ -757,8 +757,8 @@ class Watch:
             u_ff = compensator.to_write
             if was and not compensator.enabled:
                 self._no_more(name)
-                self._tell(Event(self._clock(), name, "withdrawn", compensator.told_off))
-            if self._drilling(name):
+                self._tell(Event(self._clock(), name, "withdrawn", compensator.why_off_text))
+            if self._watchdog_test_runs(name):
                 continue  # what stands there is for the plant to take away
             if compensator.at_work or (compensator.written is not None and compensator.written != u_ff):
                 await self._hand_over(watched, source, u_ff)
@@ -769,7 +769,7 @@ class Watch:
     def _followed(self, watched: _Watched) -> bool:
         """Whether a plant that hurries waits for this loop's u_FF: there is a width, or something to take away."""
         compensator = watched.compensator
-        if compensator is None or self._drilling(watched.loop.name):
+        if compensator is None or self._watchdog_test_runs(watched.loop.name):
             return False
         return compensator.at_work or compensator.sized
 
@@ -816,7 +816,7 @@ class Watch:
             with suppress(WriteRefused):
                 self.source.disable(name)
 
-    async def _beats(self, source: Plant) -> None:
+    async def _heartbeats(self, source: Plant) -> None:
         """The plant's watchdog hears of us only while u_FF of every loop that is compensated is fresh.
 
         And while none stands that had to be 0 by now: then the plant takes it away, and that of every other loop.
@@ -826,20 +826,20 @@ class Watch:
             self._look(now)
             working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
             fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
-            if fresh and not self._standing():
+            if fresh and not self._not_taken_away():
                 try:
-                    await _asking(source.beat(), 1.0)
+                    await _asking(source.heartbeat(), 1.0)
                 except WriteRefused as refused:
                     # Without one nothing can be enabled, and without a connection nothing is.
                     if refused.reason not in ("not_named", "not_connected"):
                         self._tell(Event(self._clock(), None, "no_beat", f"the watchdog was not counted up: {refused}"))
-            await asyncio.sleep(_BEAT)
+            await asyncio.sleep(_HEARTBEAT)
 
     def _look(self, now: float) -> None:
         """Whether any u_FF stands in the plant though it had to be 0 by now."""
         for name, watched in self._loops.items():
             compensator = watched.compensator
-            if compensator is None or self._drilling(name):
+            if compensator is None or self._watchdog_test_runs(name):
                 continue
             value = compensator.stands(now)
             if value is None and watched.stands:
@@ -855,12 +855,12 @@ class Watch:
                     self._switch_off(other, f"the watchdog is not counted up: u_FF of {name} is not 0")
             watched.stands = value is not None
 
-    def _standing(self) -> list[str]:
+    def _not_taken_away(self) -> list[str]:
         """Names of the loops whose u_FF stands in the plant though it had to be 0 by now."""
         return [name for name, watched in self._loops.items() if watched.stands]
 
-    def _none_stands(self, loop: str) -> None:
-        if names := self._standing():
+    def _require_none_left(self, loop: str) -> None:
+        if names := self._not_taken_away():
             raise InputError(
                 f"u_FF of {', '.join(names)} is not 0 in the plant, and the watchdog is not counted up",
                 loop=loop,
@@ -902,7 +902,7 @@ class Watch:
         ------
         InputError
             For a name that is none, or a value out of its bounds.
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         watched = self._loops[loop]
@@ -928,7 +928,7 @@ class Watch:
             after = {name: self.settings(loop)[name] for name in values}
             try:
                 await self.log(person, role, "change", loop, shown, after, settings=values)
-            except MemoryFull:
+            except StoreFull:
                 watched.compensator.set_all(shown)
                 raise
             return self.settings(loop)
@@ -942,7 +942,7 @@ class Watch:
             await self.log(
                 person, role, "change", loop, shown, after, settings=values, states={watched.id: _state(watched)}
             )
-        except MemoryFull:
+        except StoreFull:
             watched.loop, watched.detector, watched.compensator = old
             raise
         return self.settings(loop)
@@ -954,26 +954,26 @@ class Watch:
         ------
         InputError
             Where the loop has no node for u_FF, no width, or is too slow.
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         compensator, source = self._compensator(loop), self.source
         if self.failing is not None:
-            raise MemoryFull(self.failing)
+            raise StoreFull(self.failing)
         if source is None:
             raise InputError("there is no connection", loop=loop)
         if SEEN not in self.reader.settings(loop):
             raise InputError(
                 "it was never seen that the plant takes u_FF away by itself when nobody counts its watchdog up",
                 loop=loop,
-                hint=f"glapp watch drill {loop}",
+                hint=f"glapp watch watchdog-test {loop}",
             )
-        if self._drilling():
-            raise InputError("a drill is under way: wait until it is over", loop=loop)
-        self._none_stands(loop)
+        if self._watchdog_test_runs():
+            raise InputError("a watchdog test is under way: wait until it is over", loop=loop)
+        self._require_none_left(loop)
         before = compensator.status()
         try:
-            await _asking(source.beat())
+            await _asking(source.heartbeat())
             source.enable(loop)
             # What stands there is written once more: that takes as long as any other u_FF.
             began = time.monotonic()
@@ -995,8 +995,8 @@ class Watch:
         watched.due.set()
         return compensator.status()
 
-    async def drill(self, loop: str, person: str, role: str) -> None:
-        """Begin a drill: a small u_FF is written, the watchdog is left alone, and the plant must take it away.
+    async def watchdog_test(self, loop: str, person: str, role: str) -> None:
+        """Begin a watchdog test: a small u_FF is written, the watchdog is left alone, and the plant must take it away.
 
         A loop is only enabled after that was seen. Its end is told as an event.
 
@@ -1004,33 +1004,35 @@ class Watch:
         ------
         InputError
             Where something is compensated, or cannot be.
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         self._compensator(loop)
         source = self.source
         if source is None:
             raise InputError("there is no connection", loop=loop)
-        if self._drilling():
-            raise InputError("a drill is under way: wait until it is over", loop=loop)
+        if self._watchdog_test_runs():
+            raise InputError("a watchdog test is under way: wait until it is over", loop=loop)
         if working := [n for n, w in self._loops.items() if w.compensator is not None and w.compensator.at_work]:
             names = ", ".join(working)
-            raise InputError(f"the watchdog stands still in a drill, and {names} would lose u_FF", loop=loop)
-        self._none_stands(loop)
+            raise InputError(f"the watchdog stands still in a watchdog test, and {names} would lose u_FF", loop=loop)
+        self._require_none_left(loop)
         try:
-            await _asking(source.beat())
+            await _asking(source.heartbeat())
             source.enable(loop)
         except WriteRefused as refused:
-            raise InputError(f"cannot be drilled: {refused}", loop=loop) from None
+            raise InputError(f"its watchdog cannot be tested: {refused}", loop=loop) from None
         await self.log(person, role, "drill", loop, None, None)
-        self._drilled = asyncio.create_task(self._drill(loop, source, person, role), name=f"drill {loop}")
+        self._watchdog_test_task = asyncio.create_task(
+            self._watchdog_test(loop, source, person, role), name=f"watchdog test {loop}"
+        )
 
-    def _drilling(self, loop: str | None = None) -> bool:
-        """Whether a drill is under way, of a loop where it is named."""
-        task = self._drilled
-        return task is not None and not task.done() and loop in (None, task.get_name().removeprefix("drill "))
+    def _watchdog_test_runs(self, loop: str | None = None) -> bool:
+        """Whether a watchdog test is under way, of a loop where it is named."""
+        task = self._watchdog_test_task
+        return task is not None and not task.done() and loop in (None, task.get_name().removeprefix("watchdog test "))
 
-    async def _drill(self, loop: str, source: Plant, person: str, role: str) -> None:
+    async def _watchdog_test(self, loop: str, source: Plant, person: str, role: str) -> None:
         watched = self._loops[loop]
         assert watched.most is not None
         size = min(0.1 * watched.most[0], 0.25 * watched.most[1] * watched.period)
@@ -1040,10 +1042,11 @@ class Watch:
             began = time.monotonic()
             await _asking(source.write(loop, size))
             while (found := await _asking(source.read_back(loop))).value != 0.0 or not found.good:
-                if time.monotonic() - began > self.bounds.drill:
+                if time.monotonic() - began > self.bounds.watchdog_test:
                     source.disable(loop)
                     await _asking(source.write(loop, 0.0))
-                    text = f"the plant left u_FF at {size:g} for {self.bounds.drill:g} s: its watchdog is not wired"
+                    longest = self.bounds.watchdog_test
+                    text = f"the plant left u_FF at {size:g} for {longest:g} s: its watchdog is not wired"
                     self._tell(Event(self._clock(), loop, "drill_failed", text))
                     return
                 await asyncio.sleep(0.25)
@@ -1052,7 +1055,7 @@ class Watch:
             await self.log(person, role, "drilled", loop, None, seen, settings={SEEN: seen})
             text = f"the plant took u_FF of {size:g} away by itself in {took:.0f} s"
             self._tell(Event(self._clock(), loop, "drilled", text))
-        except (WriteRefused, MemoryFull) as error:
+        except (WriteRefused, StoreFull) as error:
             self._tell(Event(self._clock(), loop, "drill_failed", str(error)))
         finally:
             self._no_more(loop)
@@ -1099,7 +1102,7 @@ class Watch:
 
         Raises
         ------
-        MemoryFull
+        StoreFull
             Where it cannot be put down: then it is not done.
         """
         await self.log(person, role, "fit", loop, None, None)
@@ -1107,7 +1110,7 @@ class Watch:
 
     async def refused(self, person: str, role: str, command: str, loop: str | None, asked: Any, why: str) -> None:
         """Log what somebody asked for and did not get."""
-        with suppress(MemoryFull):
+        with suppress(StoreFull):
             await self.log(person, role, command, loop, None, asked, refused=why)
 
     async def log(
@@ -1116,7 +1119,7 @@ class Watch:
         """Log who did what, and what it was before and after."""
 
         def put() -> None:
-            self.memory.command(self._clock(), person, role, command, loop, before, after, **more)
+            self.store.command(self._clock(), person, role, command, loop, before, after, **more)
 
         await asyncio.to_thread(put)
 
@@ -1135,7 +1138,7 @@ class Watch:
         Returns
         -------
         pyarrow.Table
-            As `Signals.read`.
+            As `SignalStore.read`.
         """
         # A copy, made at once: nothing may be added to an array at which another thread looks.
         rows = np.frombuffer(self._loops[loop].samples[:], np.float64).reshape(-1, _FIELDS)
@@ -1324,7 +1327,7 @@ async def _whole(work: Coroutine[Any, Any, None]) -> None:
     try:
         await asyncio.shield(task)
     except asyncio.CancelledError:
-        with suppress(MemoryFull, OSError):
+        with suppress(StoreFull, OSError):
             await task
         raise
 

@@ -31,7 +31,7 @@ from ..errors import InputError
 from ..loop import Loop
 from .signal import Event
 
-__all__ = ["COLUMNS", "SCHEMA", "Entry", "Half", "Lock", "Memory", "MemoryFull", "Reader", "backup", "restore"]
+__all__ = ["COLUMNS", "SCHEMA", "Entry", "Half", "Lock", "Reader", "Store", "StoreFull", "backup", "restore"]
 
 NAME = "glapp.db"
 
@@ -129,8 +129,8 @@ def _missing(db: sqlite3.Connection, version: int) -> str | None:
 _INSERT_HALF = f"INSERT OR IGNORE INTO half_periods VALUES ({', '.join('?' * (len(COLUMNS) + 3))})"
 
 
-class MemoryFull(Exception):  # noqa: N818 - a state of the disk, not a fault of the program
-    """The memory cannot be written now: the disk is full, or the folder is gone. The transaction left nothing."""
+class StoreFull(Exception):  # noqa: N818 - a state of the disk, not a fault of the program
+    """The store cannot be written now: the disk is full, or the folder is gone. The transaction left nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +215,7 @@ class Lock:
         self._file = self._path.open("a+", encoding="utf-8")
         if not _locked(self._file.fileno()):
             self._file.close()
-            other = _told(self._path)
+            other = _owner_of(self._path)
             raise InputError(
                 "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
                 file=str(folder),
@@ -241,13 +241,13 @@ class Lock:
         with path.open("a+", encoding="utf-8") as file:
             if _locked(file.fileno()):
                 return None
-        return _told(path)
+        return _owner_of(path)
 
 
 _NOBODY = {"pid": "?", "host": "?", "since": "?"}
 
 
-def _told(path: Path) -> dict[str, Any]:
+def _owner_of(path: Path) -> dict[str, Any]:
     """What the holder of a lock wrote into it."""
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
@@ -406,7 +406,7 @@ class Reader:
         return None if row is None else (row["time"], json.loads(row["body"]))
 
 
-class Memory(Reader):
+class Store(Reader):
     """The database, to be written by the one process that has the folder's `Lock`.
 
     A database that is damaged is renamed to `glapp.db.damaged-TIME` with all that belongs to it, and a new one begun:
@@ -507,7 +507,7 @@ class Memory(Reader):
                         self._db.execute("ROLLBACK")
                     raise
             except sqlite3.OperationalError as error:
-                raise MemoryFull(f"{self.folder / NAME} cannot be written: {error}") from None
+                raise StoreFull(f"{self.folder / NAME} cannot be written: {error}") from None
 
     def know(self, loops: Sequence[Loop]) -> dict[str, int]:
         """Store loops; gives the number of every loop that was ever there."""
@@ -524,7 +524,7 @@ class Memory(Reader):
 
         Raises
         ------
-        MemoryFull
+        StoreFull
             Where it cannot be written; nothing of it is there.
         """
         with self._writing():
@@ -545,7 +545,7 @@ class Memory(Reader):
 
         Raises
         ------
-        MemoryFull
+        StoreFull
             Where it cannot be written; all is as it was.
         """
         with self._writing():

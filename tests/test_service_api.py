@@ -1,4 +1,4 @@
-"""The one door: who may what, what is refused, and that all of it is put down."""
+"""The API: who may what, what is refused, and that all of it is put down."""
 
 import asyncio
 import json
@@ -19,11 +19,11 @@ from fastapi.testclient import TestClient
 from service import BEGIN, Clock, fed, loops, values
 
 from glapp.errors import InputError
-from glapp.service.door import Door, app_of
-from glapp.service.memory import Memory, Reader, backup, restore
+from glapp.service.api import ApiServer, app_of
+from glapp.service.monitor import Monitor
 from glapp.service.signal import Signal, Value
+from glapp.service.store import Reader, Store, backup, restore
 from glapp.service.users import PACE, PLACES, SHORTEST, Person, Refused, RefusedLogins, Users, first_user, station_key
-from glapp.service.watch import Watch
 
 PASSWORDS = {"vera": "viewer-password", "olaf": "operator-password", "eve": "engineer-password"}
 ROLES = {"vera": "viewer", "olaf": "operator", "eve": "engineer"}
@@ -31,20 +31,20 @@ CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> Iterator[Watch]:
+def monitor(tmp_path: Path) -> Iterator[Monitor]:
     clock = Clock()
-    one = service.watch(tmp_path, loops(2), clock)
+    one = service.monitor(tmp_path, loops(2), clock)
     fed(one, clock, values("FIC0", 200), pace=20.0)
     yield one
-    one.memory.close()
+    one.store.close()
 
 
 @pytest.fixture
-def client(watch: Watch) -> TestClient:
-    users = Users(watch.memory, CHEAP)
+def client(monitor: Monitor) -> TestClient:
+    users = Users(monitor.store, CHEAP)
     for name, role in ROLES.items():
         users.put(name, role, PASSWORDS[name], BEGIN)
-    return TestClient(app_of(watch, users), base_url="http://127.0.0.1")
+    return TestClient(app_of(monitor, users), base_url="http://127.0.0.1")
 
 
 def header(client: TestClient, name: str) -> dict[str, str]:
@@ -56,7 +56,7 @@ def header(client: TestClient, name: str) -> dict[str, str]:
 COMMANDS = [
     ("POST", "/loops/FIC0/parameters", {"values": {"kp": 3.0}}, "engineer"),
     ("POST", "/loops/FIC0/enable", {}, "engineer"),
-    ("POST", "/loops/FIC0/drill", {}, "engineer"),
+    ("POST", "/loops/FIC0/watchdog-test", {}, "engineer"),
     ("POST", "/loops/FIC0/disable", {}, "operator"),
     ("POST", "/loops/FIC0/fit", {}, "operator"),
     ("POST", "/loops/FIC0/take_over", {"answer": 1}, "engineer"),
@@ -78,16 +78,16 @@ LOOKS = [
 
 @pytest.mark.parametrize(("method", "path", "body", "needed"), COMMANDS)
 def test_a_role_that_is_too_low_is_refused_and_put_down(
-    client: TestClient, watch: Watch, method: str, path: str, body: object, needed: str
+    client: TestClient, monitor: Monitor, method: str, path: str, body: object, needed: str
 ) -> None:
-    before = watch.settings("FIC0")
+    before = monitor.settings("FIC0")
     for name in ("vera",) if needed == "operator" else ("vera", "olaf"):
         reply = client.request(method, path, json=body, headers=header(client, name))
         assert reply.status_code == 403 and needed in reply.json()["detail"]
-        last = watch.reader.commands()[0]
+        last = monitor.reader.commands()[0]
         assert (last["person"], last["role"]) == (name, ROLES[name]) and needed in last["refused"]
-    assert watch.settings("FIC0") == before
-    assert {row["name"] for row in watch.reader.rows("SELECT name FROM users")} == set(ROLES)
+    assert monitor.settings("FIC0") == before
+    assert {row["name"] for row in monitor.reader.rows("SELECT name FROM users")} == set(ROLES)
 
 
 @pytest.mark.parametrize("shown", [None, "", "Bearer ", "Bearer x", "Basic ZXZlOnB3", "Bearer ' OR 1=1 --"])
@@ -108,62 +108,62 @@ def test_a_loop_may_have_any_name(tmp_path: Path) -> None:
     """A slash in a name was part of the path, and nothing was found."""
     clock = Clock()
     [plain] = loops(1)
-    one = service.watch(tmp_path, [plain.model_copy(update={"name": "Area 1/FIC0"})], clock)
+    one = service.monitor(tmp_path, [plain.model_copy(update={"name": "Area 1/FIC0"})], clock)
     fed(one, clock, values("Area 1/FIC0", 100), pace=20.0)
-    users = Users(one.memory, CHEAP)
+    users = Users(one.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     client = TestClient(app_of(one, users), base_url="http://127.0.0.1")
     eve = header(client, "eve")
     assert client.get("/loops/Area%201%2FFIC0/parameters", headers=eve).json()["kp"] == 2.0
     assert client.post("/loops/Area%201%2FFIC0/fit", headers=eve).json() == {"asked": "Area 1/FIC0"}
-    one.memory.close()
+    one.store.close()
 
 
-def test_live_values_may_be_waited_for(client: TestClient, watch: Watch, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("glapp.service.door.LONGEST", 0.1)
+def test_live_values_may_be_waited_for(client: TestClient, monitor: Monitor, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("glapp.service.api.LONGEST", 0.1)
     vera = header(client, "vera")
     pv = client.get("/live?loop=FIC0", headers=vera).json()["FIC0"]["pv"]["time"]
-    assert watch.newer("FIC0", pv - 1.0) and not watch.newer("FIC0", pv) and not watch.newer("FIC1", 0.0)
+    assert monitor.newer("FIC0", pv - 1.0) and not monitor.newer("FIC0", pv) and not monitor.newer("FIC1", 0.0)
     began = time.monotonic()
     assert client.get(f"/live?loop=FIC0&after={pv}", headers=vera).json()["FIC0"]["pv"]["time"] == pv
     assert time.monotonic() - began >= 0.1  # nothing newer came
     assert client.get(f"/live?after={pv}", headers=vera).status_code == 200  # who names no loop does not wait
 
-    monkeypatch.setattr("glapp.service.door.LONGEST", 60.0)
+    monkeypatch.setattr("glapp.service.api.LONGEST", 60.0)
 
     async def comes() -> float:
         transport = httpx.ASGITransport(app=client.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1", headers=vera) as asking:
             told = asyncio.ensure_future(asking.get(f"/live?loop=FIC0&loop=FIC1&after={pv}"))
             await asyncio.sleep(0)
-            watch.take([Value("FIC0", Signal.PV, pv + 1.0, 51.0, True)])
+            monitor.take([Value("FIC0", Signal.PV, pv + 1.0, 51.0, True)])
             return (await told).json()["FIC0"]["pv"]["time"]
 
     assert asyncio.run(comes()) == pv + 1.0
 
 
-def test_signals_are_there_whether_they_are_saved_or_not(client: TestClient, watch: Watch) -> None:
+def test_signals_are_there_whether_they_are_saved_or_not(client: TestClient, monitor: Monitor) -> None:
     vera = header(client, "vera")
     path = f"/loops/FIC0/signals?begin={BEGIN + 5}&end={BEGIN + 100}"
     before = client.get(path, headers=vera).json()
-    asyncio.run(watch.save())
+    asyncio.run(monitor.save())
     assert client.get(path, headers=vera).json() == before
     assert before["time"] == [BEGIN + k for k in range(5, 101)] and before["every"] == 1
     fewer = client.get(f"{path}&most=10", headers=vera).json()
     assert fewer["every"] == 10 and fewer["PV"] == before["PV"][::10]
 
 
-def test_a_command_of_a_page_that_is_no_longer_true_is_refused(client: TestClient, watch: Watch) -> None:
+def test_a_command_of_a_page_that_is_no_longer_true_is_refused(client: TestClient, monitor: Monitor) -> None:
     eve = header(client, "eve")
     for path, body in (("enable", {}), ("take_over", {"answer": 1})):
         reply = client.post(f"/loops/FIC0/{path}", json={**body, "seen": {"kp": 3.0}}, headers=eve)
         assert reply.status_code == 409 and "somebody else has changed it" in reply.json()["detail"]
-        assert "changed it" in watch.reader.commands()[0]["refused"]
+        assert "changed it" in monitor.reader.commands()[0]["refused"]
         as_it_is = client.post(f"/loops/FIC0/{path}", json={**body, "seen": {"kp": 2.0}}, headers=eve)
         assert as_it_is.status_code == 409 and "changed it" not in as_it_is.json()["detail"]
 
 
-def test_a_change_is_put_down_with_person_when_before_and_after(client: TestClient, watch: Watch) -> None:
+def test_a_change_is_put_down_with_person_when_before_and_after(client: TestClient, monitor: Monitor) -> None:
     eve = header(client, "eve")
     reply = client.post("/loops/FIC0/parameters", json={"values": {"kp": 3.0}, "seen": {"kp": 2.0}}, headers=eve)
     assert reply.status_code == 200 and reply.json()["kp"] == 3.0
@@ -182,7 +182,7 @@ def test_a_change_is_put_down_with_person_when_before_and_after(client: TestClie
     ]
     done = found[-1]
     assert (done["person"], done["before"], done["after"]) == ("eve", {"kp": 2.0}, {"kp": 3.0})
-    assert watch.settings("FIC0")["kp"] == 3.0
+    assert monitor.settings("FIC0")["kp"] == 3.0
 
 
 def test_what_is_asked_wrongly_is_refused(client: TestClient) -> None:
@@ -216,7 +216,7 @@ def test_a_request_to_another_name_is_refused(client: TestClient) -> None:
     assert client.get("/status", headers={**header(client, "eve"), "Host": "evil.example"}).status_code == 400
 
 
-def test_login(client: TestClient, watch: Watch) -> None:
+def test_login(client: TestClient, monitor: Monitor) -> None:
     for user, password in (("eve", "wrong"), ("nobody", "wrong"), ("eve", ""), ("' OR 1=1 --", "x")):
         reply = client.post("/login", json={"user": user, "password": password})
         assert (reply.status_code, reply.json()["detail"]) == (401, "wrong name or password")
@@ -224,18 +224,18 @@ def test_login(client: TestClient, watch: Watch) -> None:
     assert client.get("/status", headers=eve).status_code == 200
     assert client.post("/logout", json={}, headers=eve).status_code == 200
     assert client.get("/status", headers=eve).status_code == 401
-    kept = json.dumps([dict(row) for row in watch.memory._db.execute("SELECT * FROM users")])
+    kept = json.dumps([dict(row) for row in monitor.store._db.execute("SELECT * FROM users")])
     assert not any(password in kept for password in PASSWORDS.values()) and "$argon2id$" in kept
-    assert watch.reader.rows("SELECT * FROM tokens") == []
-    assert not [row for row in watch.reader.commands() if row["command"] == "login"], "they are counted"
+    assert monitor.reader.rows("SELECT * FROM tokens") == []
+    assert not [row for row in monitor.reader.commands() if row["command"] == "login"], "they are counted"
 
 
 def log_in(users: Users, name: str, password: str, now: float, address: str = "10.0.0.7") -> tuple[str, Person]:
     return users.log_in(users.attempt(name, address, now), password, now)
 
 
-def test_passwords_cannot_be_tried_without_end(watch: Watch) -> None:
-    users = Users(watch.memory, CHEAP)
+def test_passwords_cannot_be_tried_without_end(monitor: Monitor) -> None:
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     for k in range(5):
         with pytest.raises(Refused, match="wrong name or password"):
@@ -246,9 +246,9 @@ def test_passwords_cannot_be_tried_without_end(watch: Watch) -> None:
     assert log_in(users, "eve", PASSWORDS["eve"], BEGIN + 301)[1].name == "eve"
 
 
-def test_passwords_tried_at_the_same_time_count_before_one_is_looked_at(watch: Watch) -> None:
+def test_passwords_tried_at_the_same_time_count_before_one_is_looked_at(monitor: Monitor) -> None:
     """120 in parallel: 30 were looked at, and not 5."""
-    users = Users(watch.memory, CHEAP)
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     looked_at = 0
 
@@ -264,9 +264,9 @@ def test_passwords_tried_at_the_same_time_count_before_one_is_looked_at(watch: W
     assert looked_at == 5
 
 
-def test_no_number_of_names_and_addresses_takes_a_count_away(watch: Watch) -> None:
+def test_no_number_of_names_and_addresses_takes_a_count_away(monitor: Monitor) -> None:
     """More than a thousand names cleared the table."""
-    users = Users(watch.memory, CHEAP)
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     for k in range(5):
         users.attempt("eve", f"10.1.0.{k}", BEGIN)
@@ -280,8 +280,8 @@ def test_no_number_of_names_and_addresses_takes_a_count_away(watch: Watch) -> No
     assert all(len(one) <= 10 for counts in (tries._names, tries._addresses) for one in counts.values())
 
 
-def test_an_address_tries_ten_passwords_whatever_the_names(watch: Watch) -> None:
-    users = Users(watch.memory, CHEAP)
+def test_an_address_tries_ten_passwords_whatever_the_names(monitor: Monitor) -> None:
+    users = Users(monitor.store, CHEAP)
     for k in range(10):
         users.attempt(f"name {k}", "10.0.0.7", BEGIN)
     with pytest.raises(Refused, match="too many"):
@@ -289,13 +289,13 @@ def test_an_address_tries_ten_passwords_whatever_the_names(watch: Watch) -> None
     assert users.attempt("somebody else", "10.0.0.8", BEGIN).wait == 0.0
 
 
-def test_who_logged_in_from_an_address_is_slowed_there_and_not_shut_out(watch: Watch) -> None:
+def test_who_logged_in_from_an_address_is_slowed_there_and_not_shut_out(monitor: Monitor) -> None:
     """Five wrong tries of a stranger locked the engineer out."""
-    users = Users(watch.memory, CHEAP)
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     users.put("vera", "viewer", PASSWORDS["vera"], BEGIN)
     log_in(users, "eve", PASSWORDS["eve"], BEGIN, "10.0.0.7")
-    for again in (users, Users(watch.memory, CHEAP)):  # and after a start of the service
+    for again in (users, Users(monitor.store, CHEAP)):  # and after a start of the service
         for k in range(100):
             with suppress(Refused):
                 again.attempt("eve", f"10.1.0.{k}", BEGIN)  # strangers
@@ -315,9 +315,9 @@ def test_who_logged_in_from_an_address_is_slowed_there_and_not_shut_out(watch: W
         users.attempt("olaf", "10.0.0.9", BEGIN + 40)
 
 
-def test_a_right_password_takes_no_wrong_ones_away(watch: Watch) -> None:
+def test_a_right_password_takes_no_wrong_ones_away(monitor: Monitor) -> None:
     """Whoever may log in would else have guesses without end between two logins of his own."""
-    users = Users(watch.memory, CHEAP)
+    users = Users(monitor.store, CHEAP)
     users.put("vera", "viewer", PASSWORDS["vera"], BEGIN)
     for k in range(4):
         users.attempt("eve", "10.0.0.7", BEGIN + k)
@@ -328,8 +328,8 @@ def test_a_right_password_takes_no_wrong_ones_away(watch: Watch) -> None:
         users.attempt("eve", "10.0.0.7", BEGIN + 31)
 
 
-def test_a_password_that_is_changed_while_it_is_looked_at_is_wrong(watch: Watch) -> None:
-    users = Users(watch.memory, CHEAP)
+def test_a_password_that_is_changed_while_it_is_looked_at_is_wrong(monitor: Monitor) -> None:
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
 
     class Slow:
@@ -342,13 +342,13 @@ def test_a_password_that_is_changed_while_it_is_looked_at_is_wrong(watch: Watch)
     users._hasher = Slow()  # type: ignore[assignment]
     with pytest.raises(Refused, match="wrong name or password"):
         log_in(users, "eve", PASSWORDS["eve"], BEGIN)
-    assert watch.memory.rows("SELECT * FROM tokens") == []
+    assert monitor.store.rows("SELECT * FROM tokens") == []
 
 
-def test_refused_logins_are_counted_and_told_together(watch: Watch) -> None:
-    users = Users(watch.memory, CHEAP)
+def test_refused_logins_are_counted_and_told_together(monitor: Monitor) -> None:
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
-    app = app_of(watch, users)
+    app = app_of(monitor, users)
     refused: RefusedLogins = app.state.refused_logins
     refused.every = 0.05
 
@@ -359,18 +359,18 @@ def test_refused_logins_are_counted_and_told_together(watch: Watch) -> None:
                 body = {"user": "eve" if k % 2 else f"secret {k}", "password": f"guess {k}"}
                 assert (await stranger.post("/login", json=body)).status_code == 401
         await asyncio.sleep(0.1)
-        watch._repeated.clear()
-        await watch.step()
+        monitor._repeated.clear()
+        await monitor.step()
 
     asyncio.run(go())
-    told = [row["text"] for row in watch.reader.events() if row["kind"] == "logins_refused"]
+    told = [row["text"] for row in monitor.reader.events() if row["kind"] == "logins_refused"]
     assert "a login was refused: as a name that is no user's, from 10.0.0.7" in told[-1]
     assert len(told) <= 2 and not any("guess" in text or "secret" in text for text in told)
-    assert refused.total == 40 and not watch.reader.commands()
+    assert refused.total == 40 and not monitor.reader.commands()
     here = TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 1))
     assert "glapp_logins_refused_total 40.0" in here.get("/metrics").text
-    watch.memory.forget(BEGIN * 10.0)
-    assert not [row for row in watch.reader.events() if row["kind"] == "logins_refused"]
+    monitor.store.forget(BEGIN * 10.0)
+    assert not [row for row in monitor.reader.events() if row["kind"] == "logins_refused"]
 
 
 def test_refused_logins_are_summed_up() -> None:
@@ -383,14 +383,14 @@ def test_refused_logins_are_summed_up() -> None:
     assert refused.since() is None and refused.total == 101
 
 
-def test_a_token_ends(watch: Watch) -> None:
-    users = Users(watch.memory, CHEAP)
+def test_a_token_ends(monitor: Monitor) -> None:
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     users.put("olaf", "operator", PASSWORDS["olaf"], BEGIN)
     token, _ = log_in(users, "olaf", PASSWORDS["olaf"], BEGIN)
     assert users.of(token, BEGIN + 12 * 3600 - 1) is not None
     assert users.of(token, BEGIN + 12 * 3600 + 1) is None
-    assert Users(watch.memory, CHEAP).of(token, BEGIN) is not None, "a service that is started again knows it"
+    assert Users(monitor.store, CHEAP).of(token, BEGIN) is not None, "a service that is started again knows it"
     for change, password in (
         (lambda: users.put("olaf", "viewer", None, BEGIN), PASSWORDS["olaf"]),
         (lambda: users.put("olaf", "viewer", "another password", BEGIN), PASSWORDS["olaf"]),
@@ -398,11 +398,11 @@ def test_a_token_ends(watch: Watch) -> None:
     ):
         token, _ = log_in(users, "olaf", password, BEGIN)
         change()
-        assert users.of(token, BEGIN) is None and watch.memory.rows("SELECT * FROM tokens") == []
+        assert users.of(token, BEGIN) is None and monitor.store.rows("SELECT * FROM tokens") == []
 
 
-def test_users_that_cannot_be(watch: Watch) -> None:
-    users = Users(watch.memory, CHEAP)
+def test_users_that_cannot_be(monitor: Monitor) -> None:
+    users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     wrong = [
         ("", "viewer", "long enough to be", "1 to 64"),
@@ -426,8 +426,8 @@ def test_the_database_and_its_copies_are_their_owners_alone(tmp_path: Path) -> N
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
     mask = os.umask(0o000)
     try:
-        with Memory(folder) as memory:
-            memory.know(loops(1))
+        with Store(folder) as store:
+            store.know(loops(1))
             station_key(folder)
             backup(folder, copy)
             assert {path.name for path in folder.iterdir()} >= {"glapp.db", "glapp.db-wal", "glapp.db-shm"}
@@ -435,13 +435,13 @@ def test_the_database_and_its_copies_are_their_owners_alone(tmp_path: Path) -> N
                 assert path.stat().st_mode & 0o077 == 0, path
         aside = restore(folder, copy)
         (folder / "glapp.db").chmod(0o644)  # as an older version left it
-        with Memory(folder):
+        with Store(folder):
             assert aside is not None
             for path in (aside, *folder.glob("glapp.db*")):
                 assert path.stat().st_mode & 0o077 == 0, path
         (folder / "glapp.db").write_bytes(b"no database" * 100)
-        with Memory(folder) as memory:
-            assert memory.found is not None
+        with Store(folder) as store:
+            assert store.found is not None
             for path in folder.glob("glapp.db*"):
                 assert path.stat().st_mode & 0o077 == 0, path
     finally:
@@ -450,62 +450,62 @@ def test_the_database_and_its_copies_are_their_owners_alone(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_the_first_user(tmp_path: Path) -> None:
-    memory = Memory(tmp_path)
-    first_user(memory, BEGIN)
+    store = Store(tmp_path)
+    first_user(store, BEGIN)
     path = tmp_path / "first-login.txt"
     user, password = re.findall(r"^\w+ (\S+)$", path.read_text(), re.MULTILINE)
-    assert log_in(Users(memory), user, password, BEGIN)[1].role.name == "ENGINEER"
+    assert log_in(Users(store), user, password, BEGIN)[1].role.name == "ENGINEER"
     assert path.stat().st_mode & 0o077 == 0
     path.unlink()
-    first_user(memory, BEGIN)
+    first_user(store, BEGIN)
     assert not path.exists(), "there is one already"
 
 
 @pytest.mark.slow
-def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, watch: Watch) -> None:
+def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, monitor: Monitor) -> None:
     eve = header(client, "eve")
-    watch.memory._db.execute("PRAGMA query_only = ON")  # as a disk that takes no more
+    monitor.store._db.execute("PRAGMA query_only = ON")  # as a disk that takes no more
     reply = client.post("/loops/FIC0/parameters", json={"values": {"kp": 3.0}}, headers=eve)
     assert reply.status_code == 503 and "cannot be stored" in reply.json()["detail"]
-    assert watch.settings("FIC0")["kp"] == 2.0
-    watch.memory._db.execute("PRAGMA query_only = OFF")
+    assert monitor.settings("FIC0")["kp"] == 2.0
+    monitor.store._db.execute("PRAGMA query_only = OFF")
 
 
-def test_metrics(client: TestClient, watch: Watch) -> None:
-    users = Users(watch.memory, CHEAP)
-    here = TestClient(app_of(watch, users), base_url="http://127.0.0.1", client=("127.0.0.1", 1))
+def test_metrics(client: TestClient, monitor: Monitor) -> None:
+    users = Users(monitor.store, CHEAP)
+    here = TestClient(app_of(monitor, users), base_url="http://127.0.0.1", client=("127.0.0.1", 1))
     text = here.get("/metrics").text
     numbers = dict(re.findall(r"^(\w+(?:\{[^}]*\})?) (\S+)$", text, re.MULTILINE))
-    shown = watch.status()["loops"]["FIC0"]
+    shown = monitor.status()["loops"]["FIC0"]
     assert float(numbers['glapp_half_periods_total{loop="FIC0"}']) == shown["half_periods"] > 0
     assert float(numbers['glapp_dead_band_estimate{loop="FIC0"}']) == shown["estimate"]
-    away = TestClient(app_of(watch, users), base_url="http://127.0.0.1", client=("10.1.2.3", 1))
+    away = TestClient(app_of(monitor, users), base_url="http://127.0.0.1", client=("10.1.2.3", 1))
     assert away.get("/metrics").status_code == 401
 
 
-def test_the_door_is_on_this_computer_unless_there_is_tls(watch: Watch) -> None:
-    app = app_of(watch, Users(watch.memory, CHEAP))
+def test_the_api_is_on_this_computer_unless_there_is_tls(monitor: Monitor) -> None:
+    app = app_of(monitor, Users(monitor.store, CHEAP))
     for host in ("0.0.0.0", "::", "192.168.1.5", "plant.example"):
         with pytest.raises(InputError, match="passwords would be readable"):
-            Door(app, host, 0)
+            ApiServer(app, host, 0)
     with pytest.raises(InputError, match="given together"):
-        Door(app, "127.0.0.1", 0, certificate=Path("x.pem"))
+        ApiServer(app, "127.0.0.1", 0, certificate=Path("x.pem"))
     with pytest.raises(InputError, match=r"x.pem: cannot be used"):
-        Door(app, "127.0.0.1", 0, certificate=Path("x.pem"), key=Path("x.key"))
-    door = Door(app, "127.0.0.1", 0)
+        ApiServer(app, "127.0.0.1", 0, certificate=Path("x.pem"), key=Path("x.key"))
+    api = ApiServer(app, "127.0.0.1", 0)
     with pytest.raises(InputError, match="cannot be listened at"):
-        Door(app, "127.0.0.1", door.port)
-    door._socket.close()
+        ApiServer(app, "127.0.0.1", api.port)
+    api._socket.close()
 
 
-def test_served_and_closed(watch: Watch) -> None:
+def test_served_and_closed(monitor: Monitor) -> None:
     import httpx
 
     async def go() -> None:
-        door = Door(app_of(watch, Users(watch.memory, CHEAP)), "127.0.0.1", 0)
-        serving = asyncio.create_task(door.open())
+        api = ApiServer(app_of(monitor, Users(monitor.store, CHEAP)), "127.0.0.1", 0)
+        serving = asyncio.create_task(api.open())
         async with httpx.AsyncClient(trust_env=False) as client:
-            reply = await client.get(f"{door.url}/status")
+            reply = await client.get(f"{api.url}/status")
             assert reply.status_code == 401
         serving.cancel()
         assert isinstance((await asyncio.gather(serving, return_exceptions=True))[0], asyncio.CancelledError)
@@ -519,6 +519,6 @@ def test_what_it_says_of_itself_is_whole(client: TestClient) -> None:
     assert len(paths) > 15 and all(one.get("description") for path in paths.values() for one in path.values())
 
 
-def test_a_reader_sees_what_the_writer_put_down(watch: Watch) -> None:
-    with Reader(watch.memory.folder) as reader:
+def test_a_reader_sees_what_the_writer_put_down(monitor: Monitor) -> None:
+    with Reader(monitor.store.folder) as reader:
         assert reader.loops() == {"FIC0": 1, "FIC1": 2}

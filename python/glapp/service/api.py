@@ -1,4 +1,4 @@
-"""The one door for commands, and for all that wants to look: HTTP on this computer.
+"""The HTTP API of the service: commands and everything that programs read, on this computer only unless TLS is set up.
 
 Nothing but this changes what the service does. Everybody who asks has a name and a role; every command is checked here
 and put down with who, when, before and after, also where it is refused. The token goes in the header `Authorization:
@@ -34,12 +34,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from .. import __version__
 from ..errors import InputError
 from .listener import Bounds, Listener, logged_in, network
-from .memory import MemoryFull
+from .monitor import Monitor
 from .signal import Event
+from .store import StoreFull
 from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, listed, station_key
-from .watch import Watch
 
-__all__ = ["Door", "app_of", "loopback"]
+__all__ = ["ApiServer", "app_of", "loopback"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -115,12 +115,12 @@ class User(_Asked):
     password: Annotated[str, Field(max_length=1000)] | None = None
 
 
-def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "localhost", "[::1]")) -> FastAPI:
-    """The door of a watch.
+def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "localhost", "[::1]")) -> FastAPI:
+    """The API of a monitor.
 
     Parameters
     ----------
-    watch : Watch
+    monitor : Monitor
         What it opens to.
     users : Users
         Who may ask.
@@ -140,8 +140,8 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         responses={status: {"model": Why, "description": text} for status, text in WHY_NOT.items()},
     )
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))
-    reader = watch.reader
-    key_of_station = station_key(watch.memory.folder)
+    reader = monitor.reader
+    key_of_station = station_key(monitor.store.folder)
     app.state.refused_logins = refused_logins = RefusedLogins()
     # Neither what is looked at, nor strangers' passwords, take the threads by which commands are put down.
     looking = ThreadPoolExecutor(2, "looking")
@@ -171,8 +171,8 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         place = ".".join(str(part) for part in first["loc"])
         return JSONResponse({"detail": f"{place}: {first['msg']}"}, 422)
 
-    @app.exception_handler(MemoryFull)
-    async def full(request: Request, error: MemoryFull) -> JSONResponse:
+    @app.exception_handler(StoreFull)
+    async def full(request: Request, error: StoreFull) -> JSONResponse:
         return JSONResponse({"detail": f"not done, since it cannot be stored: {error}"}, 503)
 
     def token(request: Request) -> str:
@@ -188,7 +188,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
             if found.role < role:
                 why = f"needs the role {role.name.lower()}"
                 path, loop = request.url.path, request.path_params.get("name")
-                await watch.refused(found.name, found.role.name.lower(), path, loop, None, why)
+                await monitor.refused(found.name, found.role.name.lower(), path, loop, None, why)
                 raise HTTPException(403, why)
             return found
 
@@ -199,7 +199,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     engineer = Annotated[Person, Depends(at_least(Role.ENGINEER))]
 
     def known(name: str) -> str:
-        if name not in watch.names:
+        if name not in monitor.names:
             raise HTTPException(404, "no such loop")
         return name
 
@@ -208,11 +208,11 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         try:
             return _plain(await what)
         except InputError as error:
-            await watch.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
+            await monitor.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
             raise
 
     def as_seen(name: str, asked: Seen | None) -> None:
-        now = _plain(watch.settings(known(name)))
+        now = _plain(monitor.settings(known(name)))
         for key, value in ((asked and asked.seen) or {}).items():
             if now.get(key) != value:
                 raise InputError(
@@ -232,12 +232,12 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         """Count it; the first is told at once, and how many came after it some minutes later."""
         text = refused_logins.add(name if name in users else None, address)
         if text is not None:
-            watch.tell(Event(time.time(), None, "logins_refused", text))
+            monitor.tell(Event(time.time(), None, "logins_refused", text))
             asyncio.get_running_loop().call_later(refused_logins.every, tell_refused)
 
     def tell_refused() -> None:
         if (text := refused_logins.since()) is not None:
-            watch.tell(Event(time.time(), None, "logins_refused", text))
+            monitor.tell(Event(time.time(), None, "logins_refused", text))
 
     async def looked_at(attempt: Attempt, password: str) -> tuple[str, Person]:
         """The password, by a thread for who is known and one for strangers: the one does not wait for the other."""
@@ -277,7 +277,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     @app.get("/status")
     async def status(person: viewer) -> dict[str, Any]:
         """The service, and every loop: last seen, estimate, answer, compensation."""
-        found: dict[str, Any] = _plain(watch.status())
+        found: dict[str, Any] = _plain(monitor.status())
         return found
 
     @app.get("/live")
@@ -290,12 +290,12 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         ] = None,
     ) -> dict[str, Any]:
         """The newest values of loops, of all where none is named."""
-        names = [known(name) for name in loop or watch.names]
+        names = [known(name) for name in loop or monitor.names]
         if loop and after is not None:
             until = time.monotonic() + LONGEST
-            while time.monotonic() < until and not any(watch.newer(name, after) for name in names):
+            while time.monotonic() < until and not any(monitor.newer(name, after) for name in names):
                 await asyncio.sleep(0.02)
-        return {name: watch.live(name) for name in names}
+        return {name: monitor.live(name) for name in names}
 
     @app.get("/loops/{name:path}/half_periods")
     async def half_periods(
@@ -315,7 +315,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
         if not end - begin <= 32 * 86400.0:
             raise HTTPException(422, "end - begin must be at most 32 days")
-        table = await looked(watch.recorded, known(name), begin, end)
+        table = await looked(monitor.recorded, known(name), begin, end)
         every = max(1, -(-len(table) // most))
         found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
         found["time"] = [at.timestamp() for at in found["time"]]
@@ -324,13 +324,13 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     @app.get("/loops/{name:path}/parameters")
     async def parameters(person: viewer, name: Name) -> dict[str, Any]:
         """What may be set of a loop, as it is in force."""
-        found: dict[str, Any] = _plain(watch.settings(known(name)))
+        found: dict[str, Any] = _plain(monitor.settings(known(name)))
         return found
 
     @app.get("/loops/{name:path}/bounds")
     async def bounds(person: viewer, name: Name) -> dict[str, dict[str, Any]]:
         """Unit, least and greatest of what may be set of a loop, whether it may be 0, whether it is a whole number."""
-        return {parameter: bound._asdict() for parameter, bound in watch.limits(known(name)).items()}
+        return {parameter: bound._asdict() for parameter, bound in monitor.limits(known(name)).items()}
 
     @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
@@ -367,7 +367,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await watch.change(name, asked.values, *_who(person))
+            return await monitor.change(name, asked.values, *_who(person))
 
         found: dict[str, Any] = await done(person, "change", known(name), asked.model_dump(), go())
         return found
@@ -378,28 +378,28 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await watch.enable(name, *_who(person))
+            return await monitor.enable(name, *_who(person))
 
         found: dict[str, Any] = await done(person, "enable", known(name), None, go())
         return found
 
-    @app.post("/loops/{name:path}/drill")
-    async def drill(person: engineer, name: Name) -> dict[str, Any]:
+    @app.post("/loops/{name:path}/watchdog-test")
+    async def watchdog_test(person: engineer, name: Name) -> dict[str, Any]:
         """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
-        await done(person, "drill", name, None, watch.drill(known(name), *_who(person)))
+        await done(person, "drill", name, None, monitor.watchdog_test(known(name), *_who(person)))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/disable")
     async def disable(person: operator, name: Name) -> dict[str, Any]:
         """End the compensation of a loop."""
-        going = watch.disable(known(name), *_who(person))
+        going = monitor.disable(known(name), *_who(person))
         found: dict[str, Any] = await done(person, "disable", name, None, going)
         return found
 
     @app.post("/loops/{name:path}/fit")
     async def fit(person: operator, name: Name) -> dict[str, Any]:
         """Have a loop fitted as soon as the one before it is done."""
-        await watch.asked_fit(known(name), *_who(person))
+        await monitor.asked_fit(known(name), *_who(person))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/take_over")
@@ -408,7 +408,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await watch.take_over(name, asked.answer, *_who(person))
+            return await monitor.take_over(name, asked.answer, *_who(person))
 
         found: dict[str, Any] = await done(person, "take_over", known(name), {"answer": asked.answer}, go())
         return found
@@ -428,7 +428,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
         await done(person, "put_user", None, {"user": user, "role": asked.role}, go())
         after = {"user": user, "role": asked.role, "new_password": asked.password is not None}
-        await watch.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
+        await monitor.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
         return {"user": user, "role": asked.role}
 
     @app.delete("/users/{user}")
@@ -439,11 +439,11 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
             await asyncio.to_thread(users.remove, user)
 
         await done(person, "remove_user", None, {"user": user}, go())
-        await watch.log(*_who(person), "remove_user", None, {"user": user}, None)
+        await monitor.log(*_who(person), "remove_user", None, {"user": user}, None)
         return {}
 
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Numbers(watch, refused_logins))
+    registry.register(_Numbers(monitor, refused_logins))
 
     @app.get("/metrics", responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}})
     async def metrics(request: Request) -> Response:
@@ -459,15 +459,15 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 class _Numbers(Collector):
     """What Prometheus reads."""
 
-    def __init__(self, watch: Watch, refused_logins: RefusedLogins) -> None:
-        self._watch, self._refused_logins = watch, refused_logins
+    def __init__(self, monitor: Monitor, refused_logins: RefusedLogins) -> None:
+        self._monitor, self._refused_logins = monitor, refused_logins
 
     def collect(self) -> list[Metric]:
-        status = self._watch.status()
+        status = self._monitor.status()
         loops: dict[str, dict[str, Any]] = status["loops"]
         found: list[Metric] = [
             _gauge("glapp_up_seconds", "Time since the service began", status["now"] - status["begun"]),
-            _gauge("glapp_memory_failing", "1 where the memory cannot be written", float(bool(status["failing"]))),
+            _gauge("glapp_store_failing", "1 where the store cannot be written", float(bool(status["failing"]))),
             _gauge("glapp_database_damaged", "1 while a damaged database lies aside", float(bool(status["damaged"]))),
             _gauge("glapp_entries_waiting", "Entries that wait for the disk", status["waiting"]),
         ]
@@ -514,8 +514,8 @@ def _gauge(name: str, text: str, value: float) -> GaugeMetricFamily:
     return GaugeMetricFamily(name, text, value=value)
 
 
-class Door:
-    """The door, open: served beside the watch, in the same loop.
+class ApiServer:
+    """The API, open: served beside the monitor, in the same loop.
 
     Parameters
     ----------

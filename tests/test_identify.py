@@ -315,8 +315,8 @@ def test_what_is_no_pi_controller_is_not_usable() -> None:
     opposite = 50 + 2 * (sp - pv) - 0.1 * np.cumsum(sp - pv)
     cases = {
         "R²": walk,
-        "integral action cannot be told": proportional + 1e-3 * rng.standard_normal(t.size),
-        "K cannot be told": integral + 1e-3 * rng.standard_normal(t.size),
+        "there may be no integral action": proportional + 1e-3 * rng.standard_normal(t.size),
+        "K may be 0": integral + 1e-3 * rng.standard_normal(t.size),
         "opposite signs": opposite,
         "OP never moves": np.full(t.size, 50.0),
         "no OP": None,

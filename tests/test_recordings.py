@@ -235,7 +235,7 @@ class TestCommandLine:
     @pytest.mark.slow
     def test_files_of_a_loop_in_a_loops_toml(self, capsys: Any, monkeypatch: Any) -> None:
         Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv", "wed.csv"]\n')
-        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml")
+        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--why")
         assert code == 0
         assert "FIC1 (3 recordings)" in out and "3 of 3 recordings count" in " ".join(out.split())
 

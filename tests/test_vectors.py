@@ -139,7 +139,7 @@ def stiction(params: dict[str, float]) -> Callable[..., tuple[float, int, int]]:
         withdraw=params.get("withdraw", 1) == 1,
         limits=(params["low"], params["high"]) if "low" in params else None,
     )
-    standings = _glapp.standings()
+    standings = _glapp.compensation_states()
 
     def update(e: float, u: float, enable: float, flags: float, h: float) -> tuple[float, int, int]:
         u_ff = block.update(e, u, h, enable=bool(enable), flags=int(flags))

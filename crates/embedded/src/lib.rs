@@ -6,9 +6,9 @@
 #![cfg_attr(target_os = "none", no_std)]
 
 #[allow(unsafe_code)]
-mod doors;
+mod ffi;
 
-pub use doors::*;
+pub use ffi::*;
 
 /// A program without an operating system has nobody to tell: it stops, and a watchdog finds it. The core does not panic.
 #[cfg(target_os = "none")]

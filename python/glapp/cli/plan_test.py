@@ -63,10 +63,10 @@ the reason is told.
             with Progress(console=err, transient=True, disable=not err.is_terminal, auto_refresh=True) as bar:
                 task = bar.add_task(one_line(recording.name), total=1.0, visible=False)
 
-                def told(done: float | None, bar: Progress = bar, begun: float = begun, task: object = task) -> None:
+                def show(done: float | None, bar: Progress = bar, begun: float = begun, task: object = task) -> None:
                     bar.update(task, completed=done or 0.0, visible=monotonic() - begun > _PATIENCE)  # type: ignore[arg-type]
 
-                result = analyze(recording, progress=lambda done: told(0.3 * (done or 0.0)))
+                result = analyze(recording, progress=lambda done: show(0.3 * (done or 0.0)))
                 plans.append(
                     plan(
                         recording,
@@ -75,7 +75,7 @@ the reason is told.
                         pv_within=pv_within,
                         minutes=minutes,
                         width=width,
-                        progress=lambda done: told(0.3 + 0.7 * (done or 0.0)),
+                        progress=lambda done: show(0.3 + 0.7 * (done or 0.0)),
                     )
                 )
         except InputError as error:
@@ -105,11 +105,11 @@ def _show(one: Plan) -> None:
     out.print(one_line(f"{one.name}  ({one.source})"), style="bold", soft_wrap=True)
     limits = f"OP within {_limits(one.op_within)}, PV within {_limits(one.pv_within)}, at most {one.within:g} min"
     rows = [("Question", f"is there a gap of {number(one.width)} {unit}?"), ("Limits", limits)]
-    rows += [(_NAMES[test.kind], _told(test, one)) for test in one.tests]
+    rows += [(_NAMES[test.kind], _text_of(test, one)) for test in one.tests]
     out.print(key_values([(name, one_line(text)) for name, text in rows]))
 
 
-def _told(test: Planned, of: Plan) -> str:
+def _text_of(test: Planned, of: Plan) -> str:
     from ..report.words import number
 
     if test.power is None or test.minutes is None:

@@ -294,12 +294,12 @@ fn what_a_valve_and_a_converter_do() {
         1.0,
         vec![
             ("x", module("Input", &[])),
-            ("stem", module("Friction", &[("s", 1.0), ("j", 0.0), ("model", 3.0)])),
+            ("stem", module("Friction", &[("s", 1.0), ("j", 0.0), ("model", 4.0)])),
             ("y", module("Output", &[])),
         ],
         &["x -> stem -> y"],
     );
-    assert_eq!(wrong.err().unwrap().to_string(), "stem: model = 3: must be 1 (Kano) or 2 (He)");
+    assert_eq!(wrong.err().unwrap().to_string(), "stem: model = 4: must be 1 (Kano), 2 (He) or 3 (Karnopp)");
 }
 
 #[test]

@@ -58,8 +58,9 @@ test: $(VENV)/.installed
 VERIFIED := rust-checked interop site bare page
 verify: setup $(VENV)/.docs
 	@+$(MAKE) --no-print-directory --jobs=2 $(VERIFIED:%=timed-%)
-	$(call stage,The other Python tests,8 min)
-	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 -m verify
+	$(call stage,The other Python tests,9 min)
+	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 -m verify || \
+		{ printf '\n== What failed among others, once more and alone\n'; $(BIN)/pytest --verbose --last-failed -m verify; }
 
 .PHONY: $(VERIFIED:%=timed-%)
 $(VERIFIED:%=timed-%): timed-%:

@@ -55,7 +55,7 @@ from glapp.station.view import View, _through, as_csv, trend
 CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json").read_text())
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Monitor, FastAPI]]:
     """A service; nothing is stepped any more."""
     monitor, users = made(tmp_path_factory.mktemp("plant"))
@@ -659,7 +659,7 @@ def test_no_request_is_longer_than_it_need_be(guarded: tuple[TestClient, Session
     assert client.post("/a/file", headers={**ours, "Content-Length": str(LARGEST_FILE + 1)}).status_code == 413
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")  # its library can be given to one application only, however often a worker comes back
 def window(plant: tuple[Monitor, FastAPI]) -> tuple[Station, FastAPI]:
     monitor, app = plant
     station = Station(View(monitor.store.folder), client_of(app, monitor.store.folder))

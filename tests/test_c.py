@@ -355,6 +355,7 @@ def test_a_step_test_has_the_numbers_and_codes_of_python(loaded: ctypes.CDLL) ->
     assert asked(65536, Setting(b"span", 1.0)) == REFUSED
 
 
+@built
 def test_the_answer_document_is_that_of_python(loaded: ctypes.CDLL) -> None:
     acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (100, -0.2)]}
     sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting)

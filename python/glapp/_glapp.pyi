@@ -502,6 +502,7 @@ KP_DEFAULT: float
 INSPECTED_ROWS: int
 
 ANSWER_VERSION: int
+NOMINAL_LIMIT: float
 
 def summary(facts: str) -> dict[str, Any]:
     """The one answer of what is known of a valve: facts as JSON in, plain types out."""

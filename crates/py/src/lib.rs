@@ -44,6 +44,8 @@ mod _glapp {
     #[pymodule_export]
     const ANSWER_VERSION: u32 = glapp_analysis::Answer::VERSION;
     #[pymodule_export]
+    const NOMINAL_LIMIT: f64 = glapp_analysis::NOMINAL_LIMIT;
+    #[pymodule_export]
     use crate::auto_tuner::{AutoTuner, stops, tuned_by};
     #[pymodule_export]
     use crate::backlash::Backlash;

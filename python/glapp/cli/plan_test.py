@@ -15,14 +15,13 @@ from ..escape import in_quotes, one_line
 from ..estimate import analyze
 from ..plan import Plan, Planned
 from ..plan import plan_test as plan
+from ..report.words import number, op_unit
 from .inputs import Valve, open_files, recording_of
 from .options import Options, with_options
 from .screen import err, key_values, out, say_error
+from .work import PATIENCE
 
 __all__ = ["plan_test"]
-
-_PATIENCE = 1.0
-"""What is going on is told after so many seconds."""
 
 
 @with_options
@@ -64,7 +63,7 @@ the reason is told.
                 task = bar.add_task(one_line(recording.name), total=1.0, visible=False)
 
                 def show(done: float | None, bar: Progress = bar, begun: float = begun, task: object = task) -> None:
-                    bar.update(task, completed=done or 0.0, visible=monotonic() - begun > _PATIENCE)  # type: ignore[arg-type]
+                    bar.update(task, completed=done or 0.0, visible=monotonic() - begun > PATIENCE)  # type: ignore[arg-type]
 
                 result = analyze(recording, progress=lambda done: show(0.3 * (done or 0.0)))
                 plans.append(
@@ -99,26 +98,21 @@ _NAMES = {"by_hand": "OP by hand", "setpoint": "Setpoint steps", "more_hours": "
 
 
 def _show(one: Plan) -> None:
-    from ..report.words import number
-
-    unit = "%OP" if one.unit == "%" else one.unit
     out.print(one_line(f"{one.name}  ({one.source})"), style="bold", soft_wrap=True)
     limits = f"OP within {_limits(one.op_within)}, PV within {_limits(one.pv_within)}, at most {one.within:g} min"
-    rows = [("Question", f"is there a gap of {number(one.width)} {unit}?"), ("Limits", limits)]
+    rows = [("Question", f"is there a gap of {number(one.width)} {op_unit(one)}?"), ("Limits", limits)]
     rows += [(_NAMES[test.kind], _text_of(test, one)) for test in one.tests]
     out.print(key_values([(name, one_line(text)) for name, text in rows]))
 
 
 def _text_of(test: Planned, of: Plan) -> str:
-    from ..report.words import number
-
     if test.power is None or test.minutes is None:
         return f"no: {test.reason}"
     if test.kind == "more_hours":
         more = f"{number(test.minutes / 60)} h" if test.minutes > 120 else f"{test.minutes:.0f} min"
         return f"{more} more of the same show the gap in {_share(test.power)}, if there is one (not simulated)"
     assert test.hold is not None
-    what, unit = ("OP", "%OP" if of.unit == "%" else of.unit) if test.kind == "by_hand" else ("SP", of.pv_unit)
+    what, unit = ("OP", op_unit(of)) if test.kind == "by_hand" else ("SP", of.pv_unit)
     moves = " → ".join(number(x, 4) for x in test.moves)
     said = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
@@ -135,12 +129,8 @@ def _share(of: float | None) -> str:
 
 
 def _limits(of: tuple[float, float]) -> str:
-    from ..report.words import number
-
     return f"{number(of[0], 4)} to {number(of[1], 4)}"
 
 
 def _time(seconds: float) -> str:
-    from ..report.words import number
-
     return f"{number(seconds / 60)} min" if seconds >= 60 else f"{number(seconds)} s"

@@ -12,8 +12,9 @@ from statistics import median
 from typing import Literal
 
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
+from .. import _glapp
 from ..escape import escaped
 from ..estimate import op_range, with_op_unit
 from ..loop import Loop
@@ -24,7 +25,7 @@ from .html import templates
 
 __all__ = ["NOMINAL", "Judged", "form_page", "judged"]
 
-NOMINAL = 1.0
+NOMINAL: float = _glapp.NOMINAL_LIMIT
 """Dead band that is allowed where nobody says it: EnTech's nominal one [% of span]."""
 
 
@@ -229,7 +230,7 @@ def _picture(test: StepTest) -> str:
             parts.append(f'<polyline class="{kind}" points="{points}"/>')
         for value, place in ((most, top + 10), (low, top + high)):
             parts.append(f'<text x="54" y="{place:.0f}" text-anchor="end">{words.number(value, 4)}</text>')
-        label = escaped(f"{name} [{unit}]").replace("&", "&amp;").replace("<", "&lt;")
+        label = escape(escaped(f"{name} [{unit}]"))
         parts.append(f'<text x="0" y="{top + high / 2:.0f}">{label}</text>')
     total = len(panels) * (high + 24.0)
     seconds = words.quantity(float(t[-1]), "s")

@@ -16,6 +16,7 @@ from .. import _glapp
 from .._glapp import count, duration, number, quantity, sentence, to_text
 
 if TYPE_CHECKING:
+    from ..plan import Plan
     from ..result import Result
     from ..step_test import StepTest
 
@@ -131,7 +132,7 @@ def days(results: Sequence[Result]) -> str:
     return to_text("answer.days", {"first": min(ends), "last": max(ends)}) if ends else ""
 
 
-def op_unit(result: Result | StepTest) -> str:
+def op_unit(result: Result | StepTest | Plan) -> str:
     """Write the unit of OP as a sentence needs it: `%` alone would leave open of what."""
     return "%OP" if result.unit == "%" else result.unit
 

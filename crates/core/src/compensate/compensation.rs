@@ -7,13 +7,33 @@ use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
 /// A longer time between samples is none \[s\].
-const LONGEST: f64 = 1e9;
+pub(super) const LONGEST: f64 = 1e9;
 /// No rate, budget or width is so large; every controller can write it.
-const NO_LIMIT: f64 = 1e37;
+pub(super) const NO_LIMIT: f64 = 1e37;
 /// The longest release \[Ti\], and \[s\]: no setting leaves u_FF in a plant for longer.
 const LONGEST_RELEASE: (f64, f64) = (10.0, 300.0);
 /// The longest time over which the loop is compared \[Ti\].
-const LONGEST_WATCH: f64 = 1e5;
+pub(super) const LONGEST_WATCH: f64 = 1e5;
+
+/// The longest that any release may take \[s\].
+pub(super) fn longest_release<R: Real>(ti: R) -> R {
+    let (shares, longest) = LONGEST_RELEASE;
+    (R::of(shares) * ti).lesser(R::of(longest))
+}
+
+/// The release where nobody says which: Ti, or the longest where that is shorter \[s\].
+pub(super) fn usual_release<R: Real>(ti: R) -> R {
+    ti.lesser(R::of(LONGEST_RELEASE.1))
+}
+
+/// Lets an account fill up again: half of what the budget allows in an hour is there at any moment.
+#[inline(always)]
+pub(super) fn repay<R: Real>(spent: &mut R::Sum, budget: R, h: R) {
+    spent.add(-(budget * (h / R::of(7200.0))));
+    if spent.value() < R::ZERO {
+        *spent = R::Sum::default();
+    }
+}
 
 /// How the direction in which the valve is driven is found (thesis 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -227,7 +247,7 @@ impl<R: Real> CompensationSettings<R> {
             tf: R::ZERO,
             rate: if way == Way::Inverse && delta > R::ZERO { ten * delta / ti } else { R::of(NO_LIMIT) },
             ramp_time: if way == Way::Inverse { ti / ten } else { R::ZERO },
-            release: ti.lesser(R::of(LONGEST_RELEASE.1)),
+            release: usual_release(ti),
             travel: R::of(NO_LIMIT),
             reversals: R::of(NO_LIMIT),
             watch: R::of(300.0) * ti,
@@ -247,8 +267,7 @@ impl<R: Real> CompensationSettings<R> {
 
     /// The longest that any release may take, and any rate may make it: 10 Ti, and no more than 300 s.
     pub fn longest_release(&self) -> R {
-        let (shares, longest) = LONGEST_RELEASE;
-        (R::of(shares) * self.ti).lesser(R::of(longest))
+        longest_release(self.ti)
     }
 
     /// The bounds of each setting that is a number, by the others as they are, in the order in which they are checked.
@@ -263,9 +282,7 @@ impl<R: Real> CompensationSettings<R> {
     pub fn bounds(&self) -> [Bound<R>; 12] {
         let (zero, one, none) = (R::ZERO, R::ONE, R::of(NO_LIMIT));
         let two = one + one;
-        // By halves, which have a number however far the limits are apart.
-        let half = self.limits.high / two - self.limits.low / two;
-        let range = if half <= R::MOST / two { two * half } else { R::MOST };
+        let range = self.limits.range();
         let widest = if self.limit == none { none } else { range };
         let ten = R::of(LONGEST_RELEASE.0) * self.ti;
         let of = |name, unit, value, low, high, words| Bound { name, unit, value, low, high, above: false, words };
@@ -579,15 +596,8 @@ impl<R: Real> Compensation<R> {
     /// Lets the accounts fill up again.
     #[inline(always)]
     fn repay(&self, state: &mut CompensationState<R>, h: R) {
-        let share = h / R::of(7200.0);
-        for (spent, budget) in
-            [(&mut state.travel, self.settings.travel), (&mut state.reversals, self.settings.reversals)]
-        {
-            spent.add(-(budget * share));
-            if spent.value() < R::ZERO {
-                *spent = R::Sum::default();
-            }
-        }
+        repay(&mut state.travel, self.settings.travel, h);
+        repay(&mut state.reversals, self.settings.reversals, h);
     }
 
     /// Finds the direction in which the valve is driven.

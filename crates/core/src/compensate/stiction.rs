@@ -1,18 +1,11 @@
 //! Compensation of a valve that sticks: pushes on top of the controller's output.
 
-use super::compensation::Standing;
+use super::compensation::{LONGEST, LONGEST_WATCH, NO_LIMIT, Standing, longest_release, repay, usual_release};
 use super::harm::{Harm, HarmState};
 use crate::detect::zero_crossing::sign_of;
 use crate::error::require;
 use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, Sum};
-
-/// A longer time between samples is none \[s\].
-const LONGEST: f64 = 1e9;
-/// No rate or budget is so large; every controller can write it.
-const NO_LIMIT: f64 = 1e37;
-/// The longest release \[Ti\], and \[s\]: no setting leaves u_FF in a plant for longer.
-const LONGEST_RELEASE: (f64, f64) = (10.0, 300.0);
 
 /// How a valve that sticks is pushed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,7 +94,7 @@ impl<R: Real> StictionSettings<R> {
             band: size / ten,
             far: R::ZERO,
             rate: R::of(NO_LIMIT),
-            release: ti.lesser(R::of(LONGEST_RELEASE.1)),
+            release: usual_release(ti),
             travel: R::of(NO_LIMIT),
             watch: R::of(300.0) * ti,
             withdraw: true,
@@ -193,8 +186,7 @@ impl<R: Real> Stiction<R> {
     pub fn new(settings: StictionSettings<R>) -> Result<Self, ParameterError> {
         let s = &settings;
         let (zero, two, ten) = (R::ZERO, R::of(2.0), R::of(10.0));
-        let half = s.limits.high / two - s.limits.low / two;
-        let range = if half <= R::MOST / two { two * half } else { R::MOST };
+        let range = s.limits.range();
         let none = R::of(NO_LIMIT);
         let within =
             |name, value: R, low: R, high: R, words| require(name, value, value >= low && value <= high, words);
@@ -208,10 +200,9 @@ impl<R: Real> Stiction<R> {
         within("band", s.band, zero, range, "0 or greater, at most OP's range")?;
         within("far", s.far, zero, R::MOST, "0 or greater")?;
         above("rate", s.rate, none, "greater than 0 per second, at most 1e37: none")?;
-        let longest = (ten * s.ti).lesser(R::of(LONGEST_RELEASE.1));
-        above("release", s.release, longest, "greater than 0 s, at most 10 Ti and at most 300 s")?;
+        above("release", s.release, longest_release(s.ti), "greater than 0 s, at most 10 Ti and at most 300 s")?;
         above("travel", s.travel, none, "greater than 0 in an hour, at most 1e37: none")?;
-        above("watch", s.watch, R::of(1e5) * s.ti, "greater than 0 s, at most 1e5 Ti")?;
+        above("watch", s.watch, R::of(LONGEST_WATCH) * s.ti, "greater than 0 s, at most 1e5 Ti")?;
         let harm = Harm { watch: s.watch, band: s.size / ten };
         Ok(Self { settings, harm })
     }
@@ -228,10 +219,7 @@ impl<R: Real> Stiction<R> {
         let timed = sample.h > R::ZERO && sample.h <= R::of(LONGEST);
         let mut begins = false;
         if timed {
-            state.travel.add(-(s.travel * (sample.h / R::of(7200.0))));
-            if state.travel.value() < R::ZERO {
-                state.travel = R::Sum::default();
-            }
+            repay(&mut state.travel, s.travel, sample.h);
             begins = !bad && self.look(state, sample);
         }
         let mut standing = self.standing(state, sample, bad);

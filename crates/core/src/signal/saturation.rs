@@ -45,6 +45,13 @@ impl<R: Real> Saturation<R> {
         Self { low: -R::LARGEST, high: R::LARGEST }
     }
 
+    /// How far the limits are apart, by halves, which have a number however far that is.
+    pub(crate) fn range(&self) -> R {
+        let two = R::of(2.0);
+        let half = self.high / two - self.low / two;
+        if half <= R::MOST / two { two * half } else { R::MOST }
+    }
+
     /// Takes a value, gives it within the limits.
     #[inline(always)]
     pub fn update(&self, x: R) -> R {

@@ -289,10 +289,11 @@ def status(
     as_json: Annotated[bool, typer.Option("--json", metavar="", help="One JSON object, nothing else.")] = False,
 ) -> None:
     """Show what the service last saw of every loop; it need not run."""
-    from ..service.store import Lock, Reader
+    from ..folder_lock import FolderLock
+    from ..service.store import Reader
 
     with Reader(data) as reader:
-        shown, holder = reader.shown(), Lock.holder(data)
+        shown, holder = reader.shown(), FolderLock.holder(data)
     if as_json:
         body = {"runs": holder, "time": None if shown is None else shown[0], **({} if shown is None else shown[1])}
         print(json.dumps(body))

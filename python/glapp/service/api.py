@@ -9,7 +9,6 @@ cannot be written at all.
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
 import asyncio
 import ipaddress
-import json
 import math
 import socket
 import ssl
@@ -37,7 +36,7 @@ from .listener import Bounds, Listener, logged_in, network
 from .monitor import Monitor
 from .signal import Event
 from .store import StoreFull
-from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, listed, station_key
+from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, station_key
 
 __all__ = ["ApiServer", "app_of", "loopback"]
 
@@ -340,10 +339,10 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.get("/answers/{id}")
     async def answer(person: viewer, id: Annotated[int, InPath(ge=1, le=2**53)]) -> Any:
         """All of one answer, as `glapp analyze --json` writes it."""
-        found = await looked(reader.one, "SELECT document FROM answers WHERE id = ?", id)
+        found = await looked(reader.document, id)
         if found is None:
             raise HTTPException(404, "no such answer")
-        return json.loads(found["document"])["analysis"]
+        return found
 
     @app.get("/events")
     async def events(
@@ -416,12 +415,12 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.get("/users")
     async def all_users(person: engineer) -> list[dict[str, str]]:
         """Name and role of every user."""
-        return await looked(listed, reader)
+        return await looked(reader.users)
 
     @app.put("/users/{user}")
     async def put_user(person: engineer, user: Annotated[str, InPath(max_length=64)], asked: User) -> dict[str, Any]:
         """Add a user, or change role or password of one."""
-        before = {one["name"]: one["role"] for one in await looked(listed, reader)}.get(user)
+        before = {one["name"]: one["role"] for one in await looked(reader.users)}.get(user)
 
         async def go() -> None:
             await asyncio.to_thread(users.put, user, asked.role, asked.password, time.time())

@@ -31,9 +31,10 @@ from pathlib import Path
 from glapp.reading.settings import read_settings
 from glapp.service import plant as of_plant
 from glapp.service.compensation import LATE
-from glapp.service.monitor import SEEN, Bounds
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import NAMESPACE, SimPlant
 from glapp.service.store import Store
+from glapp.service.watchdog import WATCHDOG_SEEN
 
 from .service_zero import LONGEST, RAMP, SCAN, WATCHDOG, Service, until
 
@@ -159,7 +160,9 @@ async def _all(only: list[str]) -> int:
             store = Store(folder / "data")
             store.know(loops)
             for loop in plant.names:  # `bench.service_zero` has the watchdog test itself
-                store.command(time.time(), "bench", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
+                store.command(
+                    time.time(), "bench", "engineer", "drilled", loop, None, None, settings={WATCHDOG_SEEN: {}}
+                )
             store.close()
             service, look = Service(folder / "data", str(settings)), await Look.begin(plant)
             at_end.callback(service.end)
@@ -167,7 +170,7 @@ async def _all(only: list[str]) -> int:
             reading = asyncio.create_task(look.read())
             await service.begin()
             ti = loops[0].ideal().ti  # type: ignore[union-attr]
-            limit, period = loops[0].opcua.u_ff_limit or 0.0, loops[0].sample_time or Bounds().period
+            limit, period = loops[0].opcua.u_ff_limit or 0.0, loops[0].sample_time or MonitorOptions().period
             longest = min(10.0 * ti, 300.0)
 
             def fault(kind: str) -> Callable[[], Awaitable[None]]:

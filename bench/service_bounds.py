@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import itertools
 import json
 import os
@@ -62,6 +63,11 @@ class Look:
         return cls(
             await asyncio.create_subprocess_exec(*command, stdin=pipe, stdout=pipe, env={**os.environ, **modules})
         )
+
+    def end(self) -> None:
+        """Stop it, however the measurement ended."""
+        if self.child.returncode is None:
+            self.child.kill()
 
     async def read(self) -> None:
         """Take what it prints, until it ends."""
@@ -144,7 +150,10 @@ async def _all(only: list[str]) -> int:
     late = 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        async with SimPlant(len(CORNERS), scan=SCAN, watchdog=WATCHDOG, ramp=RAMP) as plant:
+        async with (
+            SimPlant(len(CORNERS), scan=SCAN, watchdog=WATCHDOG, ramp=RAMP) as plant,
+            contextlib.AsyncExitStack() as at_end,
+        ):
             settings = folder / "loops.toml"
             settings.write_text(plant.settings().replace("[opcua]", f"[opcua]\ninterval = {SCAN / 2}", 1))
             loops = read_settings(settings)
@@ -156,6 +165,8 @@ async def _all(only: list[str]) -> int:
                 )
             store.close()
             service, look = Service(folder / "data", str(settings)), await Look.begin(plant)
+            at_end.callback(service.end)
+            at_end.callback(look.end)
             reading = asyncio.create_task(look.read())
             await service.begin()
             ti = loops[0].ideal().ti  # type: ignore[union-attr]

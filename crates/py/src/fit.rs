@@ -3,7 +3,7 @@
 use crate::plain::plain;
 use crate::position;
 use crate::windows::{Batch, columns};
-use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve, words};
+use glapp_analysis::{FitVerdict, Fitted, FittedValve, fitted, fitted_valve, words};
 use glapp_fit::{
     Answer, Evidence, JointAnswer, Judgement, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Tell, Together,
     Trend, Unfit, ValveAnswer, Verdict, Width,
@@ -185,7 +185,7 @@ pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 }
 
 pub(crate) fn name(verdict: Verdict) -> &'static str {
-    LostMotion::from(verdict).name()
+    FitVerdict::from(verdict).name()
 }
 
 fn unfit<'py>(py: Python<'py>, why: Unfit, signal: &'static str) -> PyResult<Bound<'py, PyDict>> {

@@ -61,8 +61,8 @@ impl Ladder {
 
     /// The place of the chosen filter time, and the detector with it.
     pub fn chosen(mut self) -> (usize, Crossings) {
-        let place = self.choose();
-        (place, self.rungs.swap_remove(place))
+        let chosen = self.choose();
+        (chosen, self.rungs.swap_remove(chosen))
     }
 }
 

@@ -4,8 +4,8 @@ mod together;
 
 use glapp_core::status::{BAD, GAP, NOT_AUTO};
 use glapp_core::{
-    Columns, Detector, DetectorSettings, DetectorState, ParameterError, Reason, Record, Span, Swing, SwingParts,
-    SwingState,
+    Columns, Detector, DetectorSettings, DetectorState, HalfPeriodResult, ParameterError, Reason, Span, Swing,
+    SwingParts, SwingState,
 };
 use serde_json::{Value, json};
 use std::cell::Cell;
@@ -24,7 +24,7 @@ pub struct Row {
     /// From when to when.
     pub span: Span,
     /// What the signals did, the width and the verdict.
-    pub record: Record<f64>,
+    pub record: HalfPeriodResult<f64>,
     /// Travel of OP and plateau of PV.
     pub swing: Option<SwingParts<f64>>,
     /// Time of the half-periods since the row before that the table does not keep \[s\], but those in a break or not in
@@ -128,7 +128,7 @@ impl Crossings {
         let columns = Columns { t: &[t], sp: &[sp], pv: &[pv], op, flags: Some(&[flags]) };
         let Self { detector, state, reasons, .. } = self;
         let mut row = None;
-        let ended = |span: Span, record: &Record<f64>| {
+        let ended = |span: Span, record: &HalfPeriodResult<f64>| {
             reasons[record.reason() as usize] += 1;
             row = Some(Row { span, record: *record, swing: None, passed: 0.0 });
         };
@@ -139,7 +139,7 @@ impl Crossings {
     /// Takes many samples; their half-periods go to the table, without their swing.
     pub fn take(&mut self, columns: Columns<'_, f64>) {
         let Self { detector, state, rows, short, reasons, .. } = self;
-        let ended = |span: Span, record: &Record<f64>| {
+        let ended = |span: Span, record: &HalfPeriodResult<f64>| {
             short.keep(rows, reasons, Row { span, record: *record, swing: None, passed: 0.0 });
         };
         detector.run(state, columns, ended, |_, _| ());

@@ -1,7 +1,7 @@
 //! What the fit found, as messages.
 
 use super::{Message, Value};
-use crate::LostMotion;
+use crate::FitVerdict;
 use crate::trend::DAY;
 use glapp_fit::{Answer, PositionAnswer, RecordAnswer, Recorder, Together, Trend, Unfit};
 
@@ -12,7 +12,7 @@ fn times(n: impl TryInto<i64>) -> Value {
 /// What PV says: `whole` of all records, `best` the one that shows it. `shared`: of several recordings that share a width.
 pub fn of_pv(whole: &Together, best: &RecordAnswer<Answer>, shared: bool) -> Message {
     let (h, best) = (best.h, &best.answer);
-    Message::new(format!("fit.{}", LostMotion::from(whole.verdict).name()))
+    Message::new(format!("fit.{}", FitVerdict::from(whole.verdict).name()))
         .with("reason", whole.reason)
         .with("shared", Value::Flag(shared))
         .with("d", whole.d)
@@ -41,7 +41,7 @@ pub fn of_position(joint: &PositionAnswer) -> Message {
         Recorder::Rounded(step) => ("rounded", step),
         Recorder::Kept(band) => ("kept", band),
     };
-    Message::new(format!("position.{}", LostMotion::from(joint.verdict).name()))
+    Message::new(format!("position.{}", FitVerdict::from(joint.verdict).name()))
         .with("reason", best.reason)
         .with("d", joint.d)
         .with("low", joint.low)

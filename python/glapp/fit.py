@@ -527,7 +527,7 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     if "unfit" in answer:
         return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
     best = _shown(answer, "position")
-    best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
+    best["candidates"] = [{"noise": "position", "delta_deviance": 0.0, "profile": best["profile"]}]
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
     return Fit(
         answer["verdict"],

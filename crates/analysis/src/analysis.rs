@@ -13,7 +13,7 @@ use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, 
 use glapp_core::status::NOT_AUTO;
 use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
 use glapp_fit::{
-    Batch, JointAnswer, LONG_HISTORY, Prediction, Problem, RecordAnswer, Rows, Samples, Tell, Unfit, Windows,
+    Batch, FitProblem, JointAnswer, LONG_HISTORY, Prediction, Rows, Samples, SegmentAnswer, Tell, Unfit, Windows,
 };
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -231,7 +231,7 @@ impl Analysis {
 
     /// What is to be fitted, for who does so elsewhere and hands it to [`finish_with`](Self::finish_with); none where nothing
     /// is.
-    pub fn problem(&mut self) -> Option<Problem<'static>> {
+    pub fn problem(&mut self) -> Option<FitProblem<'static>> {
         let quality = self.fits().then(|| self.inspected())?;
         let sign = self.sign();
         let (batches, _) = self.asked(&quality).ok()?;
@@ -391,7 +391,7 @@ impl Analysis {
     fn harm(&mut self, fitted: &Fitted) -> Option<Harm> {
         let joint = fitted.pv.as_ref()?.as_ref().ok()?;
         let process = fitted.answer.process.filter(|_| fitted.answer.verdict.found())?;
-        let RecordAnswer { start, starts, h, answer, .. } = &joint.records[joint.shown];
+        let SegmentAnswer { start, starts, h, answer, .. } = &joint.records[joint.shown];
         let law = self.controller.map(|controller| (controller.k, controller.ti));
         let rows = match &mut self.windows {
             None => &self.beginning,

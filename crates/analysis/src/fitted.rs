@@ -4,8 +4,8 @@ use crate::crossings::Exclusion;
 use crate::origin::fitted_gain_serves;
 use crate::trend::{DAY, WidthTrend, of_found};
 use glapp_fit::{
-    AtValve, Batch, JointAnswer, Judgement, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Tell, Together,
-    Trend, Unfit, ValveAnswer,
+    AtValve, Batch, FitProblem, JointAnswer, Judgement, PositionAnswer, Recorded, Samples, SegmentAnswer, Tell,
+    Together, Trend, Unfit, ValveAnswer,
 };
 use serde::{Deserialize, Serialize};
 
@@ -141,7 +141,7 @@ pub struct Window {
 }
 
 impl Window {
-    fn of<A>(record: &RecordAnswer<A>, verdict: glapp_fit::Verdict, [d, low]: [f64; 2], high: Option<f64>) -> Self {
+    fn of<A>(record: &SegmentAnswer<A>, verdict: glapp_fit::Verdict, [d, low]: [f64; 2], high: Option<f64>) -> Self {
         Self { t_start: record.start, t_end: record.end, verdict: verdict.into(), d, low, high }
     }
 }
@@ -227,13 +227,13 @@ impl FitAnswer {
 
     fn of_records(
         joint: &Together,
-        records: &[RecordAnswer<glapp_fit::Answer>],
+        records: &[SegmentAnswer<glapp_fit::SegmentFit>],
         shown: usize,
         sinusoid: Option<usize>,
     ) -> Self {
         let best = &records[shown].answer;
         let limits = |value, (low, high)| (value, low, high);
-        let window = |r: &RecordAnswer<glapp_fit::Answer>| {
+        let window = |r: &SegmentAnswer<glapp_fit::SegmentFit>| {
             Window::of(r, r.answer.verdict, [r.answer.d, r.answer.low], r.answer.high)
         };
         Self {
@@ -266,7 +266,7 @@ impl FitAnswer {
         };
         let best = &joint.records[joint.shown].answer;
         let window =
-            |r: &RecordAnswer<AtValve>| Window::of(r, r.answer.verdict, [r.answer.d, r.answer.low], r.answer.high);
+            |r: &SegmentAnswer<AtValve>| Window::of(r, r.answer.verdict, [r.answer.d, r.answer.low], r.answer.high);
         Self {
             d: Some(joint.d),
             low: Some(joint.low),
@@ -378,9 +378,9 @@ impl Fitted {
 }
 
 /// The problem of a stretch, or of the windows of a longer recording; none where there are none.
-pub(crate) fn problem(batches: &[Batch<'_>], sign: f64) -> Option<Result<Problem<'static>, Unfit>> {
+pub(crate) fn problem(batches: &[Batch<'_>], sign: f64) -> Option<Result<FitProblem<'static>, Unfit>> {
     let samples: Vec<Samples> = batches.iter().map(|batch| batch.samples).collect();
-    (!samples.is_empty()).then(|| Problem::of(&samples, sign))
+    (!samples.is_empty()).then(|| FitProblem::of(&samples, sign))
 }
 
 /// Fits a stretch, or the windows of a longer recording. `sign` is that of the process gain, 0 where it is not known;

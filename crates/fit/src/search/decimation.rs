@@ -1,7 +1,7 @@
 //! How many steps a cell may hold for the process to be seen, and where a search begins.
 
 use crate::data::cells::Cells;
-use crate::data::record::{Record, Signals, turns};
+use crate::data::segment::{Segment, Signals, turns};
 use crate::model::structure::Theta;
 use crate::search::screen::{Pilot, pilot};
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ const PIECES: usize = 3;
 /// gives none.
 ///
 /// [`fit`]: crate::fit
-pub(crate) fn window(record: &Record, sign: f64) -> Option<usize> {
+pub(crate) fn window(record: &Segment, sign: f64) -> Option<usize> {
     cell(&record.signals(), sign).map(|cell| cell * MOST_CELLS)
 }
 

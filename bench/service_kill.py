@@ -47,7 +47,7 @@ from glapp.service.monitor import Monitor
 from glapp.service.options import MonitorOptions
 from glapp.service.plant import SimPlant
 from glapp.service.recordings import SignalStore
-from glapp.service.rows import CODES, LOST
+from glapp.service.resampler import CODES, LOST
 from glapp.service.signal import Signal
 from glapp.service.store import COLUMNS, Entry, Reader, Store
 

@@ -334,7 +334,7 @@ def _code(answer: dict[str, Any], found: list[Finding]) -> str | None:
 def why_text(
     answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None
 ) -> str | None:
-    """Why the crossings say no more, in words."""
+    """Sentence that explains why the zero crossings give no width, or only a provisional one; None where they do."""
     match answer["why"]:
         case None:
             return None

@@ -155,7 +155,7 @@ pub struct GlappWidth {
 
 // What C hands in. -----------------------------------------------------------------------------------------------------
 
-/// Whether something may lie there: not at NULL, not across its alignment.
+/// Checks a pointer: an error where it is NULL or not aligned for its type.
 fn address<T>(at: *const T, name: &str) -> Result<(), CallError> {
     let what = if at.is_null() {
         "is NULL"
@@ -198,7 +198,7 @@ unsafe fn maybe<'a, T>(from: *const T, length: usize, name: &str) -> Result<Opti
     if from.is_null() { Ok(None) } else { unsafe { array(from, length, name) }.map(Some) }
 }
 
-/// A text from a pointer.
+/// Reads a UTF-8 text that ends in a 0 byte.
 ///
 /// # Safety
 /// What stands there ends in a 0, or is [`LONGEST`] bytes long.

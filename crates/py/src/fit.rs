@@ -158,7 +158,7 @@ fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDic
     Ok(out)
 }
 
-/// What is said, under the names of [`Judgement`], and the `evidence`.
+/// Adds the fields of a [`Judgement`] and its `evidence` to a dict.
 fn judged<'py>(py: Python<'py>, out: &Bound<'py, PyDict>, judgement: &Judgement, evidence: &Evidence) -> PyResult<()> {
     out.update(plain(py, judgement)?.cast::<PyMapping>()?)?;
     out.set_item("evidence", plain(py, evidence)?)

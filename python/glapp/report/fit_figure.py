@@ -29,7 +29,7 @@ TURNS = 8
 
 
 def loop_figures(result: Result) -> dict[str, go.Figure]:
-    """Draw why the answer is believed: OP over the valve as the model has it and PV, and PV against OP.
+    """Draw the evidence: OP, the modelled valve position and PV over time; and PV against OP.
 
     Where a gap was found, both show the stretch in which the valve turns `TURNS` times and OP travels least beside; the
     first can be zoomed out to all of the window that was fitted. In it the gap is a parallelogram: PV stays while OP

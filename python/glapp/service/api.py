@@ -32,7 +32,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from .. import __version__
 from ..errors import InputError
-from .listener import Bounds, Listener, logged_in, network
+from .listener import Listener, ListenerLimits, logged_in, network
 from .monitor import Monitor
 from .signal import Event
 from .store import StoreFull
@@ -526,7 +526,7 @@ class ApiServer:
         0: any that is free.
     certificate, key : Path, optional
         For TLS; needed for any address that is not this computer's own.
-    bounds : Bounds, optional
+    limits : ListenerLimits, optional
         How many connections and requests are taken, and how long they may be waited for.
 
     Raises
@@ -542,7 +542,7 @@ class ApiServer:
         port: int,
         certificate: Path | None = None,
         key: Path | None = None,
-        bounds: Bounds | None = None,
+        limits: ListenerLimits | None = None,
     ) -> None:
         if (certificate is None) != (key is None):
             raise InputError("certificate and key are given together", parameter="certificate")
@@ -565,7 +565,7 @@ class ApiServer:
             raise InputError(f"cannot be listened at: {error}", parameter="host and port", value=port) from None
         self.port: int = self._socket.getsockname()[1]
         self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
-        self._server = Listener(app, bounds, ssl_certfile=certificate, ssl_keyfile=key)
+        self._server = Listener(app, limits, ssl_certfile=certificate, ssl_keyfile=key)
 
     async def open(self) -> None:
         """Serve until cancelled."""

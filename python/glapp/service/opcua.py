@@ -189,7 +189,7 @@ class OpcUa:
     async def run(self, take: Take, tell: Tell) -> None:
         """Hand over values and events until cancelled; a lost connection is taken up again for ever."""
         self._tell_to = tell
-        pause, said = _PAUSES[0], ""
+        pause, last_reason = _PAUSES[0], ""
         while True:
             try:
                 await self._connected(take)
@@ -200,9 +200,9 @@ class OpcUa:
                 denied = isinstance(error, ua.UaStatusCodeError) and error.code in _DENIALS
                 if self._was_connected:
                     pause = _PAUSES[0]
-                if self._was_connected or why != said:
+                if self._was_connected or why != last_reason:
                     self._event("lost", None, f"{self._connection.url}: {why}; it is tried again")
-                self._was_connected, said = False, why
+                self._was_connected, last_reason = False, why
             self._flush()
             await asyncio.sleep(_DENIED if denied else pause)
             pause = min(2.0 * pause, _PAUSES[1])
@@ -781,26 +781,26 @@ class OpcUa:
     def _often(self, kind: str, about: _Tag | None, text: str, many: str = "", count: int = 1) -> None:
         """Tell at once, and then at most once in `_AGAIN` seconds, with how many it were meanwhile."""
         key = (kind, None if about is None else about.name)
-        told = self._told.get(key)
-        if told is None:
-            told = self._told[key] = _EventCount(None if about is None else about.loop)
-        told.text, told.many = text, many
-        told.count += count
-        if time.monotonic() - told.at >= _AGAIN:
-            self._say(kind, told)
+        entry = self._told.get(key)
+        if entry is None:
+            entry = self._told[key] = _EventCount(None if about is None else about.loop)
+        entry.text, entry.many = text, many
+        entry.count += count
+        if time.monotonic() - entry.at >= _AGAIN:
+            self._say(kind, entry)
 
-    def _say(self, kind: str, told: _EventCount) -> None:
+    def _say(self, kind: str, entry: _EventCount) -> None:
         """Tell it, but for what is one of very many: they are counted together."""
         now = time.monotonic()
-        more = f" ({told.count} {told.many})" if told.count > 1 and told.many else ""
-        text = told.text + more
-        told.at, told.count = now, 0
+        more = f" ({entry.count} {entry.many})" if entry.count > 1 and entry.many else ""
+        text = entry.text + more
+        entry.at, entry.count = now, 0
         rush = self._rushes.setdefault(kind, _Rush(now))
         if now - rush.since >= _AGAIN:
             rush.since, rush.told = now, 0
         if rush.told < _RUSH:
             rush.told += 1
-            self._event(kind, told.loop, text)
+            self._event(kind, entry.loop, text)
         else:
             rush.more += 1
             rush.text = text
@@ -808,9 +808,9 @@ class OpcUa:
     def _flush(self, *, due: bool = False) -> None:
         """Tell what was only counted: all of it, or what is due."""
         now = time.monotonic()
-        for (kind, _), told in self._told.items():
-            if told.count and (not due or now - told.at >= _AGAIN):
-                self._say(kind, told)
+        for (kind, _), entry in self._told.items():
+            if entry.count and (not due or now - entry.at >= _AGAIN):
+                self._say(kind, entry)
         for kind, rush in self._rushes.items():
             if rush.more:
                 self._event(kind, None, f"{rush.more} more tags, such as {rush.text}")
@@ -874,11 +874,11 @@ class _Link:
                 self.end(f"messages {self._sequence + 1} to {number - 1} of the server are missing")
             self._sequence = number
         if message.PublishTime is not None:
-            told = message.PublishTime.timestamp()
+            published = message.PublishTime.timestamp()
             if newest > -math.inf:
-                self._behind = max(told - newest, 0.0)
+                self._behind = max(published - newest, 0.0)
             if self._behind < math.inf and not result.MoreNotifications:
-                self.heard = max(self.heard, told - self._behind)
+                self.heard = max(self.heard, published - self._behind)
 
     def _queued(self, items: list[Any]) -> float:
         if self.waiting + len(items) > self._most and self.queue:

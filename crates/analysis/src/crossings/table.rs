@@ -112,7 +112,7 @@ impl Crossings {
         std::mem::take(&mut self.rows)
     }
 
-    /// How many half-periods ended with each first reason, by its code; 0: accepted.
+    /// Number of half-periods by the code of their first reason; code 0 is accepted.
     pub fn reasons(&self) -> &[u64] {
         &self.reasons
     }
@@ -248,7 +248,7 @@ struct Swinging {
 }
 
 impl Swinging {
-    /// Takes the samples of one half-period; a filtered PV that is not a number is passed over.
+    /// Adds the samples of one half-period to the swing.
     fn add(&mut self, swing: &Swing<f64>, columns: &Columns<'_, f64>, filtered: &[f64], samples: Range<usize>) {
         let Self { mut state, mut t } = *self;
         for k in samples {

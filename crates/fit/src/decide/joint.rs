@@ -140,7 +140,7 @@ impl Curve {
         self.fitted.profiles[0].points.iter().map(|p| p.lost.d)
     }
 
-    /// The least that the likelihood lies above its best between two widths.
+    /// Smallest rise of −2·ln L over its minimum between two widths.
     pub(crate) fn least_off(&self, low: f64, high: f64) -> f64 {
         let between = self.widths().filter(|d| (low..=high).contains(d));
         let high = high.min(self.fitted.record.range);

@@ -262,7 +262,7 @@ pub(crate) fn few(record: &Cells, load: Load) -> bool {
     (load.fewest()..=record.count / CELLS_A_CHANGE).contains(&record.changes())
 }
 
-/// Whether the marked steps may be those of a load: few, and not where OP goes more often than chance would have it (5 %).
+/// Whether the marked steps may be load steps: they are few, and follow OP no more often than by chance (5 %).
 /// A load knows nothing of OP; a valve that breaks loose goes where OP has gone.
 pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> bool {
     let load = Load::of(structure);

@@ -22,10 +22,7 @@ const ANSWERED: f64 = 30.0;
 /// Pieces of the records that are looked at for how slow the process is.
 const PIECES: usize = 3;
 
-/// Steps that one window of a longer record should hold, for its cells to be fine enough for the process; None where [`fit`]
-/// gives none.
-///
-/// [`fit`]: crate::fit
+/// Longest window of a record in which cells are fine enough for the process \[steps\]; None where OP or PV hardly moves.
 pub(crate) fn window(record: &Segment, sign: f64) -> Option<usize> {
     cell(&record.signals(), sign).map(|cell| cell * MOST_CELLS)
 }

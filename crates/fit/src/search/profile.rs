@@ -24,8 +24,8 @@ const STEEP: f64 = 6.0;
 const FINER: f64 = 10.0;
 
 impl Profile {
-    /// Every width of `widths` (rising) with a lost motion that is otherwise like `lost`, begun from its neighbours on both sides
-    /// and each fourth also from `seeds`; `rounds` and `enough` as in [`Search::descend`].
+    /// Profile over `widths` (rising), with all else of the valve as in `lost`. Each search begins from the neighbours on both
+    /// sides, each fourth also from `seeds`; `rounds` and `enough` as in [`Search::descend`].
     pub(crate) fn over(
         search: &Search,
         widths: &[f64],

@@ -69,7 +69,7 @@ fn alike<const N: usize>(a: &[[f64; MOST_STATES]; MOST_STATES], b: &[[f64; MOST_
     (0..N).all(|i| (i..N).all(|j| (a[i][j] - b[i][j]).powi(2) <= SAME * SAME * a[i][i] * a[j][j]))
 }
 
-/// Whether two columns are the same.
+/// Whether two columns agree within [`SAME`] of the largest element.
 fn near((a, b): (&[f64; MOST_STATES], &[f64; MOST_STATES])) -> bool {
     let most = a.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME * most)

@@ -218,7 +218,7 @@ function offer() {
 }
 
 /** Names and first rows of the file, so that a person sees what a column holds. */
-const firstRows = ({ names, rows }) => h("table", {}, h("caption", {}, "The first rows of the file"),
+const firstRows = ({ names, rows }) => h("table", { "aria-labelledby": "first-rows-name" },
   h("thead", {}, h("tr", {}, names.map((name) => h("th", { scope: "col" }, name || "(no name)")))),
   h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell))))));
 

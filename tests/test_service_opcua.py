@@ -33,6 +33,8 @@ from glapp.reading.settings import parse_settings, read_settings
 from glapp.service import opcua, opcua_u_ff, opcua_values
 from glapp.service.connection import Connection, check_tags, read_connection
 from glapp.service.opcua import OpcUa, browse
+from glapp.service.opcua_events import EventFilter
+from glapp.service.opcua_u_ff import UffNodes
 from glapp.service.plant import FAULTS, NAMESPACE, Security, SimPlant, free_port
 from glapp.service.signal import Signal, WriteRefused
 from glapp.service.tags import as_settings, loops_of
@@ -711,18 +713,18 @@ def test_a_server_that_takes_no_filter_and_is_slower():
 )
 def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, told):
     tags = {"pv": "s=pv", "sp": "s=sp", "u_ff": "s=u_ff", "u_ff_limit": 1.0, "u_ff_rate": 1.0}
-    source, events = OpcUa(Connection(url="opc.tcp://p:1"), [Loop(name="L", opcua=tags)]), []
-    source._events.tell = events.append
+    events, told_to = [], EventFilter()
+    told_to.tell = events.append
+    nodes = UffNodes([Loop(name="L", opcua=tags)], 1.0, told_to)
 
-    async def read_attributes(nodes, attribute):
+    async def read_attributes(asked, attribute):
         value = ua.Variant(0, kind) if attribute is ua.AttributeIds.Value else ua.Variant(access, ua.VariantType.Byte)
         return [ua.DataValue(value)]
 
-    one = link()
-    one.client = SimpleNamespace(uaclient=SimpleNamespace(read_attributes=read_attributes))
-    source._feeds["L"].node = ua.NodeId("u_ff", 0)
-    asyncio.run(source._types(one))
-    assert [e.kind for e in events] == told and (source._feeds["L"].node is None) == bool(told)
+    client = SimpleNamespace(uaclient=SimpleNamespace(read_attributes=read_attributes))
+    nodes.nodes["L"].node = ua.NodeId("u_ff", 0)
+    asyncio.run(nodes.check(client, 500))
+    assert [e.kind for e in events] == told and (nodes.nodes["L"].node is None) == bool(told)
 
 
 @pytest.mark.parametrize("steps", range(5))

@@ -299,9 +299,8 @@ const Cells = (data, folded) => {
       }
     }
     if (counted !== null) return { counted, told: [] };
-    if ((step !== null && step < 0.004 && low > 25569 && high < 80000) || high > 1e11) {
-      throw new CellFault(0, `${text} looks like a day number or a date, but of which calendar?`, COUNT);
-    }
+    if (step !== null && step < 0.004 && low > 25569 && high < 80000) throw new CellFault(0, `${text} looks like a day number, but of which calendar?`, COUNT);
+    if (high > 1e11) throw new CellFault(0, `${text} is too large for seconds`, COUNT);
     return { counted: "seconds", told: [] };
   }
 

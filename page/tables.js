@@ -41,7 +41,9 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
   function decoded(bytes) {
     const raw = bytes.subarray(0, SAMPLE);
     if (!raw.some((byte) => ![0, 9, 10, 13, 32].includes(byte))) throw new InputError("is empty");
-    return new TextDecoder(encoding(raw)).decode(bytes).replace(/\r\n?/g, "\n");
+    const how = encoding(raw);
+    if (how.startsWith("utf-16") && bytes.length % 2) throw new InputError("cannot be read: it ends in the middle of a character");
+    return new TextDecoder(how).decode(bytes).replace(/\r\n?/g, "\n");
   }
 
   /** Records of cells, each with the line on which it begins; an empty line has no cell. */

@@ -208,7 +208,7 @@ function offer() {
       ...names.map((name, i) => h("option", { value: i }, name || "(no name)"))));
   const order = h("label", {}, "Dates such as 3/4/2025",
     h("select", { id: "time_format", onchange: (event) => { file.time_format = event.target.value || null; } },
-      h("option", { value: "" }, "as the data show"), ...["day first", "month first"].map((one) => h("option", {}, one))));
+      h("option", { value: "" }, "by the data"), ...["day first", "month first"].map((one) => h("option", {}, one))));
   const another = (event) => {
     file.loop = Number(event.target.value);
     offer();
@@ -446,7 +446,7 @@ function likelihood(pv, found, answer, op_unit) {
   const lines = pv.candidates.map((_, i) => ({ label: `family ${i + 1}`, stroke: i ? "muted" : "signal", width: i ? 1 : 2.4 }));
   const drawn = pv.candidates.map((family) => widths.map((d) => {
     const at = family.d.indexOf(d);
-    return at < 0 ? undefined : family.rise[at] + family.behind;
+    return at < 0 ? undefined : family.rise[at] + family.delta_deviance;
   }));
   const sorted = [...pv.candidates[0].rise].sort((a, b) => a - b);
   const top = Math.max(sorted[Math.floor(0.6 * (sorted.length - 1))], found.lr_needed ?? 0, 12);

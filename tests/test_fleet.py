@@ -149,7 +149,7 @@ def test_cells_mean_what_they_mean_in_any_file(tmp_path: Path) -> None:
         pv = [value for signal, _, value, _ in found[loop, FIRST // DAY] if signal == 0]
         assert np.array_equal(pv, [1234.5, np.nan, np.nan, 0.25], equal_nan=True), loop
     mode = [value for signal, _, value, _ in found["FIC1", FIRST // DAY] if signal == SIGNALS.index("mode")]
-    assert mode == [0, 1, 0, 1]  # 7 is no mode known here: not automatic, and told
+    assert mode == [1, 0, 1, 0]  # 7 is no mode known here: not automatic, and told
     assert [(p.code, p.tag, p.row, p.rows) for p in problems] == [("value", "MODE", 4, 1)]
 
 

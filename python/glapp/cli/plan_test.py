@@ -114,11 +114,11 @@ def _text_of(test: Planned, of: Plan) -> str:
     assert test.hold is not None
     what, unit = ("OP", op_unit(of.unit)) if test.kind == "by_hand" else ("SP", of.pv_unit)
     moves = " → ".join(number(x, 4) for x in test.moves)
-    said = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
+    text = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
-        said += f"PV stays within {_limits(test.pv)}"
-        said += ". " if test.kind == "by_hand" else f", OP within {_limits(test.op)}. "
-    return said + (
+        text += f"PV stays within {_limits(test.pv)}"
+        text += ". " if test.kind == "by_hand" else f", OP within {_limits(test.op)}. "
+    return text + (
         f"It decides in {_share(test.power)}: {_share(test.with_gap)} of {test.simulations} simulations with the gap "
         f"show it, {_share(test.without)} of as many without show that there is none"
     )

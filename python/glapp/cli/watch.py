@@ -556,12 +556,12 @@ def _request(api_url: str, method: str, path: str, body: Any, token: str | None)
         hint = "is glapp watch running? DIR/api-url says where"
         raise InputError(f"does not answer: {error}", parameter=api_url, hint=hint) from None
     try:
-        said = reply.json()
+        answer = reply.json()
     except ValueError:
-        said = {}
+        answer = {}
     if reply.is_success:
-        return said
-    detail = said.get("detail") if isinstance(said, dict) else None
+        return answer
+    detail = answer.get("detail") if isinstance(answer, dict) else None
     raise InputError(
         detail if isinstance(detail, str) else f"answers {reply.status_code}: {detail}", parameter="service"
     )

@@ -157,7 +157,7 @@ def _is_label(rows: Sequence[Row], at: int, width: int) -> bool:
 
 
 def _is_remark(cells: Sequence[str], width: int) -> bool:
-    """Whether a line between the names and the rows is no sample.
+    """Whether a line between the column names and the samples is a remark.
 
     It is empty, a rule (-----+-----), an annotation (#ROWS), or has a number of each column, such as its span.
     """

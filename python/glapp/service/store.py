@@ -461,8 +461,8 @@ class Store(Reader):
         why = "has 0 bytes" if empty else None
         try:
             self._db = _connected(path)
-            if (said := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
-                why = why or f"is damaged: {said}"
+            if (fault := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+                why = why or f"is damaged: {fault}"
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
             there = there and (empty or bool(self._db.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()))
             if there and why is None and version <= SCHEMA and (lacks := _missing(self._db, max(version, 1))):
@@ -476,7 +476,7 @@ class Store(Reader):
             raise InputError(
                 f"has schema {version}, and this glapp writes {SCHEMA}", file=str(path), hint="use the newer version"
             )
-        told: list[tuple[str, str]] = []
+        damage: list[tuple[str, str]] = []
         if why is not None:
             self._db.close()
             aside = _set_aside(path, now)
@@ -484,7 +484,7 @@ class Store(Reader):
                 f"the database {why}; it was set aside as {aside.name}, and a new one begun without the users, "
                 f"settings, answers and events of before: restore a copy of it, or take {aside.name} away to go on"
             )
-            told = [("damaged", self.found), ("damaged_file", aside.name)]
+            damage = [("damaged", self.found), ("damaged_file", aside.name)]
             self._db, version = _connected(path), 0
         elif not there and any(self.folder.glob("signals/*")):
             self.found = (
@@ -501,7 +501,7 @@ class Store(Reader):
                 for step in _MIGRATIONS[version:]:
                     for statement in step.split(";\n"):
                         self._db.execute(statement)
-                self._db.executemany("INSERT INTO meta VALUES (?, ?)", told)
+                self._db.executemany("INSERT INTO meta VALUES (?, ?)", damage)
                 self._db.execute(f"PRAGMA user_version = {SCHEMA}")
 
     def close(self) -> None:

@@ -469,10 +469,10 @@ def summary(rows: Sequence[LoopRow], when: str = "tonight") -> str:
     swings = VERDICTS["oscillation"]
     needs = ["tuning" if row.urgency == "medium" and row.verdict == swings else row.urgency for row in rows]
     counted = [(key, needs.count(key)) for key in ("high", "signal", "tuning", "medium")]
-    told = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
+    sentences = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
     if unjudged := sum(row.urgency == "unjudged" for row in rows):
-        told.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")
-    return " ".join([f"{count(len(rows), 'loop')}.", *(told or [to_text("answer.run calm")])])
+        sentences.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")
+    return " ".join([f"{count(len(rows), 'loop')}.", *(sentences or [to_text("answer.run calm")])])
 
 
 def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:

@@ -110,8 +110,9 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
             if not names[at] and understand(cell).role == "time":
                 names[at], units[at] = cell.strip(), None
     if any(folded(cell) == "sampletime[ms]" for _, cells in rows[start:end] for cell in cells[:1]):
-        for at, name in enumerate(names):  # TwinCAT's Scope calls its columns of times as it calls the line
-            if at % 2 == 0 and name == names[0]:
+        line = names[0]
+        for at in range(0, width, 2):  # TwinCAT's Scope calls its columns of times as it calls the line
+            if names[at] == line:
                 names[at], units[at] = "time", "ms"
     return Head(names, units, rows[named][0], end)
 

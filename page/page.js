@@ -208,7 +208,7 @@ function offer() {
       ...names.map((name, i) => h("option", { value: i }, name || "(no name)"))));
   const order = h("label", {}, "Dates such as 3/4/2025",
     h("select", { id: "time_format", onchange: (event) => { file.time_format = event.target.value || null; } },
-      h("option", { value: "" }, "as the data show"), ...["day first", "month first"].map((one) => h("option", {}, one))));
+      h("option", { value: "" }, "by the data"), ...["day first", "month first"].map((one) => h("option", {}, one))));
   const another = (event) => {
     file.loop = Number(event.target.value);
     offer();

@@ -43,10 +43,11 @@ from glapp.loop import Loop
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
 from glapp.service.fits import answered
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import SimPlant
 from glapp.service.recordings import SignalStore
-from glapp.service.rows import CODES, LOST
+from glapp.service.resampler import CODES, LOST
 from glapp.service.signal import Signal
 from glapp.service.store import COLUMNS, Entry, Reader, Store
 
@@ -93,8 +94,10 @@ async def _child(folder: Path, url: str) -> None:
     from glapp.service.opcua import OpcUa
 
     loops = parse_settings((folder / "loops.toml").read_text(), "loops.toml", folder)
-    monitor = Monitor(loops, _Telling(folder), bounds=Bounds(step=0.2, save=2.0))
-    task = asyncio.ensure_future(monitor.run(OpcUa(Connection(url=url, interval=0.5), loops, since=monitor.since())))
+    monitor = Monitor(loops, _Telling(folder), options=MonitorOptions(step=0.2, save=2.0))
+    task = asyncio.ensure_future(
+        monitor.run(OpcUa(Connection(url=url, interval=0.5), loops, since=monitor.ingest.since()))
+    )
     loop = asyncio.get_running_loop()
     loop.add_signal_handler(signal.SIGTERM, task.cancel)
     with contextlib.suppress(asyncio.CancelledError):
@@ -132,7 +135,7 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
         raise SystemExit(f"a monitor ended with {child.returncode}")
 
 
-class _EventCount(SimPlant):
+class _RecordedPlant(SimPlant):
     """A plant that remembers what it told of each tag: time and value."""
 
     def __init__(self, loops: int, history: float) -> None:
@@ -144,7 +147,7 @@ class _EventCount(SimPlant):
         await super()._write(key, t, value, *more)
 
 
-async def _killed(root: Path, plant: _EventCount, count: int, chance: random.Random, *, beside: bool) -> float:
+async def _killed(root: Path, plant: _RecordedPlant, count: int, chance: random.Random, *, beside: bool) -> float:
     """Kill a monitor so often in `root/killed`; gives the plant's time up to which one beside can have everything."""
     straight, killed = root / "straight", root / "killed"
     async with plant:
@@ -177,7 +180,7 @@ async def _killed(root: Path, plant: _EventCount, count: int, chance: random.Ran
 
 def _kills(count: int, loops: int, seed: int, history: float) -> None:
     with tempfile.TemporaryDirectory() as name:
-        root, chance, plant = Path(name), random.Random(seed), _EventCount(loops, history)
+        root, chance, plant = Path(name), random.Random(seed), _RecordedPlant(loops, history)
         ended = asyncio.run(_killed(root, plant, count, chance, beside=history > 0.0))
         known = parse_settings(plant.settings(), "loops.toml", root)
         if history:
@@ -255,8 +258,8 @@ def _run_through(known: list[Loop], killed: Path, folder: Path, chance: random.R
     """One monitor, begun once and never ended, with what the killed one took in."""
     monitor = Monitor(known, Store(folder))
     for piece in _pieces(_taken(killed), chance):
-        monitor.store.add([], monitor._work(piece, tell=False), [])
-        monitor._position = piece.id
+        monitor.store.add([], monitor.ingest.process(piece)[0], [])
+        monitor.journal.position = piece.id
     asyncio.run(monitor.save())
     monitor.store.close()
 

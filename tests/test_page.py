@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench import makers
 from exports import FORMS
 
 import glapp
 from glapp.reading import open_recordings
+from glapp.reading.columns import LABELS
 from glapp.report import words
 from glapp.simulate import closed_loop
 
@@ -203,12 +205,40 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
     )
     drop(page, tmp_path / "odd.csv")
     page.wait_for_selector("#wrong:not([hidden])")
-    assert page.locator("#wrong").inner_text() == ("odd.csv: no column for SP and PV among: t, A, B: choose it below")
-    # And it is mended there.
+    assert page.locator("#wrong").inner_text() == (
+        "odd.csv: no column for SP and PV among those left: A, B (time is t): choose it below"
+    )
+    # And it is mended there, beside the first rows.
+    cells = page.locator("#first-rows tr").evaluate_all(
+        "(rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent))"
+    )
+    assert cells == [["t", "A", "B"], *([str(k), str(k % 7), str(k % 5)] for k in range(5))]
     page.locator("#columns label", has_text="PV").locator("select").select_option("1")
     page.locator("#columns label", has_text="SP").locator("select").select_option("2")
     page.click("#again button[type=submit]")
     page.wait_for_selector("#result .loop:not(.provisional)")
+
+
+def chooser(page: Any, label: str) -> Any:
+    """The field beside a label of the choice of columns."""
+    return page.locator(f"xpath=//div[@id='columns']/label[text()='{label}']/select")
+
+
+@pytest.mark.parametrize("form", ["no_names", "wincc_table_control", "american_ambiguous"])
+def test_what_a_file_leaves_open_is_chosen_below_its_refusal(page: Any, tmp_path: Path, form: str) -> None:
+    export = makers.FORMS[form].make()
+    path = tmp_path / f"{form}{export.ending}"
+    path.write_bytes(export.content)
+    drop(page, path)
+    page.wait_for_selector("#wrong:not([hidden])")
+    for role, column in export.answer.get("columns", {}).items():
+        chooser(page, LABELS[role]).select_option(label=column)
+    if order := export.answer.get("time_format"):
+        chooser(page, "Dates such as 3/4/2025").select_option(label=order)
+    page.click("#again button[type=submit]")
+    page.wait_for_selector("#result .loop:not(.provisional)")
+    assert page.evaluate("() => Array.from(shown.read.columns.op)") == export.op.tolist()
+    assert page.wrong == []
 
 
 def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:

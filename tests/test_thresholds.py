@@ -12,7 +12,7 @@ from glapp.fleet.lake import SIGNALS
 from glapp.fleet.windows import _outside, choose, look
 from glapp.loop import Loop
 from glapp.service.compensation import Compensator
-from glapp.service.rows import CODES, Resampler
+from glapp.service.resampler import CODES, Resampler
 from glapp.service.signal import Signal, Value
 from glapp.service.store import Store
 from glapp.service.users import Tries, Users
@@ -90,8 +90,8 @@ def late(count: int) -> Resampler:
 
 
 def test_five_values_in_a_row_are_a_clock_set_back() -> None:
-    assert "clock_back" not in [kind for kind, _ in late(4).told]
-    assert "clock_back" in [kind for kind, _ in late(5).told]
+    assert "clock_back" not in [kind for kind, _ in late(4).events]
+    assert "clock_back" in [kind for kind, _ in late(5).events]
 
 
 def test_a_thousand_late_values_are_kept_at_most() -> None:

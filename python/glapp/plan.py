@@ -432,7 +432,7 @@ def _stands(recording: Recording) -> dict[str, float]:
 
 
 def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Floats, Floats]:
-    """OP and PV of the window that was fitted, at even steps."""
+    """OP and PV between `start` and `end`, resampled to steps of `h` seconds by the latest value."""
     rows = joined([part for b in recording.batches() if len(part := b[_inside(b.t, start, end)])])
     assert rows.op is not None  # it was fitted
     good = np.isfinite(rows.t) & np.isfinite(rows.op) & np.isfinite(rows.pv)

@@ -26,11 +26,11 @@ mod trend;
 pub mod words;
 
 pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
-pub use answer::{Answer, CorrectedAnswer, Settings};
+pub use answer::{AnalysisResult, CorrectedAnswer, Settings};
 pub use crossings::{Crossings, Ladder};
 pub use data_statistics::{Counter, DataStatistics, Occurrences, Values};
 pub use fitted::{
-    FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
+    FitAnswer, FitVerdict, FitWhy, Fitted, FittedValve, Position, Process, Signal, Window, fitted, fitted_valve,
 };
 pub use glapp_fit::{Cause, Judgement, Width, WidthKind};
 pub use harm::{Cells as HarmCells, Harm, harm};

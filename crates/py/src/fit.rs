@@ -3,29 +3,58 @@
 use crate::plain::plain;
 use crate::position;
 use crate::windows::{Batch, columns};
-use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve, words};
+use glapp_analysis::{FitVerdict, Fitted, FittedValve, fitted, fitted_valve, words};
 use glapp_fit::{
-    Answer, Evidence, JointAnswer, Judgement, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend,
-    Unfit, ValveAnswer, Verdict, Width,
+    Evidence, JointAnswer, Judgement, PositionAnswer, Prediction, SegmentAnswer, SegmentFit, THRESHOLDS, Tell,
+    Together, Trend, Unfit, ValveAnswer, Verdict, Width,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyMapping};
+use std::sync::{Mutex, PoisonError};
 
 /// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
-/// Gives the `answer` in plain types, and what PV and the valve's
+/// `progress` is called with the share that is done. Gives the `answer` in plain types, and what PV and the valve's
 /// position said, each None where it was not asked; where it could not be fitted, only why: `unfit`, a word and its number.
 /// `glapp.fit` is the public function.
 #[pyfunction]
-pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResult<Bound<'py, PyDict>> {
+#[pyo3(signature = (batches, sign, progress=None))]
+pub fn fit<'py>(
+    py: Python<'py>,
+    batches: Vec<Batch<'py>>,
+    sign: f64,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
     let batches = columns(&batches)?;
-    let Fitted { answer, pv, position } = py.detach(|| fitted(&batches, sign, None));
+    let Fitted { answer, pv, position } = telling(py, progress, |tell| fitted(&batches, sign, None, tell))?;
     let out = PyDict::new(py);
     out.set_item("answer", plain(py, &answer)?)?;
     out.set_item("pv", pv.map(|pv| of_pv(py, pv)).transpose()?)?;
     out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
     Ok(out)
+}
+
+/// Runs `work` without the interpreter's lock, and calls `progress` with the share that it tells. What `progress` raises first
+/// is raised when the work has ended.
+pub(crate) fn telling<T: Send>(
+    py: Python<'_>,
+    progress: Option<Bound<'_, PyAny>>,
+    work: impl FnOnce(Tell) -> T + Send,
+) -> PyResult<T> {
+    let progress = progress.map(Bound::unbind);
+    let failed = Mutex::new(None);
+    let tell = |share: f64| {
+        if let Some(progress) = &progress {
+            Python::attach(|py| {
+                let told = progress.call1(py, (share,));
+                let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                *failed = failed.take().or(told.err());
+            });
+        }
+    };
+    let done = py.detach(|| work(&tell));
+    failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(done), Err)
 }
 
 /// The answer of PV's fit.
@@ -45,14 +74,16 @@ pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResu
 /// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its batches. As
 /// `fit`; `pv` has the `recordings` in place of windows, of each what PV said alone.
 #[pyfunction]
+#[pyo3(signature = (recordings, sign, progress=None))]
 pub fn fit_valve<'py>(
     py: Python<'py>,
     recordings: Vec<(f64, Vec<Batch<'py>>)>,
     sign: f64,
+    progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let recorded = recordings.iter().map(|(since, batches)| Ok((*since, columns(batches)?)));
     let recorded = recorded.collect::<PyResult<Vec<_>>>()?;
-    let FittedValve { answer, pv, position } = py.detach(|| fitted_valve(&recorded, sign));
+    let FittedValve { answer, pv, position } = telling(py, progress, |tell| fitted_valve(&recorded, sign, tell))?;
     let out = PyDict::new(py);
     out.set_item("answer", plain(py, &answer)?)?;
     out.set_item("pv", of_recordings(py, pv)?)?;
@@ -127,7 +158,7 @@ fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDic
     Ok(out)
 }
 
-/// What is said, under the names of [`Judgement`], and the `evidence`.
+/// Adds the fields of a [`Judgement`] and its `evidence` to a dict.
 fn judged<'py>(py: Python<'py>, out: &Bound<'py, PyDict>, judgement: &Judgement, evidence: &Evidence) -> PyResult<()> {
     out.update(plain(py, judgement)?.cast::<PyMapping>()?)?;
     out.set_item("evidence", plain(py, evidence)?)
@@ -154,7 +185,7 @@ pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 }
 
 pub(crate) fn name(verdict: Verdict) -> &'static str {
-    LostMotion::from(verdict).name()
+    FitVerdict::from(verdict).name()
 }
 
 fn unfit<'py>(py: Python<'py>, why: Unfit, signal: &'static str) -> PyResult<Bound<'py, PyDict>> {
@@ -196,8 +227,8 @@ pub fn width_trend<'py>(
 }
 
 /// What one record says.
-fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Bound<'py, PyDict>> {
-    let RecordAnswer { start, end, starts, h, answer } = record;
+fn answered<'py>(py: Python<'py>, record: SegmentAnswer<SegmentFit>) -> PyResult<Bound<'py, PyDict>> {
+    let SegmentAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);
     out.set_item("verdict", name(answer.verdict))?;
     for (name, value) in [
@@ -211,14 +242,14 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
         ("lr_needed", answer.lr_needed),
         ("lr_no_jump", answer.lr_no_jump),
         ("lr_no_answer", answer.lr_no_answer),
-        ("trust", answer.trust),
+        ("information_ratio", answer.information_ratio),
         ("rise", answer.rise),
         ("kp", answer.kp),
         ("dead_time", answer.dead_time),
         ("lag", answer.lag),
         ("settles", answer.settles),
         ("sigma", answer.sigma),
-        ("echo", answer.echo),
+        ("echo", answer.autocorrelation),
         ("cell", answer.cell),
         ("range", answer.range),
     ] {
@@ -238,7 +269,7 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
     let time = |cell: &Prediction| starts[cell.part] + h * cell.step as f64;
     out.set_item("t", PyArray1::from_iter(py, answer.predictions.iter().map(time)))?;
     for (name, of) in
-        [("pv", (|c| c.pv) as fn(&Prediction) -> f64), ("foreseen", |c| c.foreseen), ("position", |c| c.position)]
+        [("pv", (|c| c.pv) as fn(&Prediction) -> f64), ("predicted", |c| c.predicted), ("position", |c| c.position)]
     {
         out.set_item(name, PyArray1::from_iter(py, answer.predictions.iter().map(of)))?;
     }
@@ -248,7 +279,7 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
         one.set_item("lags", candidate.structure.lags)?;
         one.set_item("integrating", candidate.structure.integrating)?;
         one.set_item("noise", candidate.structure.noise.name())?;
-        one.set_item("behind", candidate.behind)?;
+        one.set_item("delta_deviance", candidate.delta_deviance)?;
         one.set_item("d", candidate.d)?;
         one.set_item("lr_no_gap", candidate.lr_no_gap)?;
         let (d, rise): (Vec<f64>, Vec<f64>) = candidate.profile.into_iter().unzip();

@@ -71,7 +71,7 @@ ROWS = pa.schema([("signal", pa.int8()), ("t", pa.int64()), ("value", pa.float64
 """Rows of a loop, whatever file they came from.
 
 The place of the signal in `SIGNALS`, microseconds since 1970 UTC, the value (NaN where missing; of a mode 1 where it is
-not automatic, of a limit flag 1 where it is at the limit), whether it is of bad quality."""
+automatic and 0 where it is not, of a limit flag 1 where it is at the limit), whether it is of bad quality."""
 
 DAY = 86_400_000_000
 """[µs]."""
@@ -727,9 +727,9 @@ def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
     for name in asked.names:
         place, signal = known.of(file)[name]
         loop, n = known.loops[place], len(rows)
-        told, wants = understand(name).unit, _unit_of(loop, signal)
-        if told and wants and _alike(told) != _alike(wants):
-            problems.append(_unit_problem(file, name, loop.name, told, wants, n, done + 1))
+        unit, wants = understand(name).unit, _unit_of(loop, signal)
+        if unit and wants and _alike(unit) != _alike(wants):
+            problems.append(_unit_problem(file, name, loop.name, unit, wants, n, done + 1))
             continue
         x = _values(table.column(name).take(taken), SIGNALS[signal], loop, file, name, rows + done, problems)
         parts.append(_Part(np.full(n, place, np.int32), np.full(n, signal, np.int8), t[rows], x, bad))
@@ -744,10 +744,14 @@ def _values(
     """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, and told once a file and tag."""
     reader = Reader(loop, None, file.digits, Quality((), words_for_bad(loop.bad_values)))
     flag = role in _WORDS
-    missing = 1.0 if role == "mode" else 0.0 if flag else np.nan
+    missing = 0.0 if flag else np.nan
     for _ in range(_MOST_WORDS):
         try:
-            return (reader.flag(role, cells) != 0).astype(np.float64) if flag else reader.number(cells)
+            if not flag:
+                return reader.number(cells)
+            raised: NDArray[np.bool_] = reader.flag(role, cells) != 0  # of a mode: not automatic
+            values: NDArray[np.float64] = (raised != (role == "mode")).astype(np.float64)
+            return values
         except CellFault as fault:
             if fault.value is None or not len(rows) or not is_text(plain(cells).type):
                 row = int(rows[0]) + 1 if len(rows) else None
@@ -794,8 +798,8 @@ def _units(
 ) -> NDArray[np.bool_]:
     """Which rows are in the unit that the loop's settings tell; where they tell none, all are."""
     fits = np.ones(len(codes), np.bool_)
-    told = plain(cells).cast(pa.string())
-    each = told.dictionary_encode(null_encoding="encode")
+    texts = plain(cells).cast(pa.string())
+    each = texts.dictionary_encode(null_encoding="encode")
     units, of = each.dictionary.to_pylist(), each.indices.to_numpy(zero_copy_only=False)
     for code in np.unique(codes):
         name = asked.names[code]
@@ -811,8 +815,8 @@ def _units(
     return fits
 
 
-def _unit_problem(file: File, tag: str, loop: str, told: str, wants: str, n: int, row: int) -> DataIssue:
-    what = f"{n} rows are in {told}, and the loop's settings say {wants}: they are left out"
+def _unit_problem(file: File, tag: str, loop: str, unit: str, wants: str, n: int, row: int) -> DataIssue:
+    what = f"{n} rows are in {unit}, and the loop's settings say {wants}: they are left out"
     return DataIssue(
         "unit", what, "convert them, or correct the unit in the settings", file.name, row, tag, loop, rows=n
     )

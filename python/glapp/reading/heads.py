@@ -110,8 +110,9 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
             if not names[at] and understand(cell).role == "time":
                 names[at], units[at] = cell.strip(), None
     if any(folded(cell) == "sampletime[ms]" for _, cells in rows[start:end] for cell in cells[:1]):
-        for at, name in enumerate(names):  # TwinCAT's Scope calls its columns of times as it calls the line
-            if at % 2 == 0 and name == names[0]:
+        line = names[0]
+        for at in range(0, width, 2):  # TwinCAT's Scope calls its columns of times as it calls the line
+            if names[at] == line:
                 names[at], units[at] = "time", "ms"
     return Head(names, units, rows[named][0], end)
 
@@ -156,7 +157,7 @@ def _is_label(rows: Sequence[Row], at: int, width: int) -> bool:
 
 
 def _is_remark(cells: Sequence[str], width: int) -> bool:
-    """Whether a line between the names and the rows is no sample.
+    """Whether a line between the column names and the samples is a remark.
 
     It is empty, a rule (-----+-----), an annotation (#ROWS), or has a number of each column, such as its span.
     """

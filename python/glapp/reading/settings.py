@@ -204,7 +204,7 @@ def _complete(controller: Mapping[str, Any]) -> bool:
 
 
 def _completed(defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """A default controller with what the loops must add, so that what it does say can be checked."""
+    """The default controller, with placeholders for what each loop adds, so that it can be validated by itself."""
     controller = defaults.get("controller")
     if not isinstance(controller, dict):
         return {}

@@ -12,8 +12,8 @@ from nicegui import ui
 
 from ..report.words import duration, quantity
 from ..service.compensation import TEXT_OF_STATE
-from ..service.monitor import SEEN
 from ..service.settable import usual_of
+from ..service.watchdog import WATCHDOG_SEEN
 from . import charts
 from .client import loop_path
 from .compensate import calm, plan, why_off
@@ -86,7 +86,7 @@ class CompensationPage:
     async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
         made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
-        self._tested, self._set = settings.get(SEEN), settings
+        self._tested, self._set = settings.get(WATCHDOG_SEEN), settings
         self.body.clear()
         with self.body:
             if made is None:
@@ -101,18 +101,18 @@ class CompensationPage:
         if (known := await self.known()) is not None:
             await self._fill(*known)
 
-    async def _go(self, what: str, body: dict[str, Any], said: str) -> bool:
+    async def _go(self, what: str, body: dict[str, Any], message: str) -> bool:
         """A command; whatever comes of it, the dialog shows what is so afterwards."""
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
-        return await command(self.station, self.session, asking, said) is not None
+        return await command(self.station, self.session, asking, message) is not None
 
     async def _look(self) -> None:
         """What has changed by itself: the effect goes on, a test is over, the compensation was withdrawn."""
         status = self.station.view.shown["loops"].get(self.loop, {})
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
-        if settings.get(SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
+        if settings.get(WATCHDOG_SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
             await self._anew()
         elif self._enabled:
             await self._effect()

@@ -225,7 +225,7 @@ def simc(process: Process, kind: Kind = "PI", *, tau_c: float | None = None) -> 
 
 
 def _by(rule: str, source: str, plant: Plant, closed_form: Callable[..., tuple[float, ...]], *numbers: Any) -> Tuning:
-    """Ask the core, and look at what it makes of the loop."""
+    """Compute K, Ti and Td by a closed formula of the core, and assess the loop with them."""
     try:
         k, ti, td = closed_form(*numbers)
     except ValueError as error:

@@ -1,6 +1,6 @@
 //! How large the likelihood ratio of no gap gets by chance.
 
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::Theta;
 use crate::search::likelihood::{Point, Search};
 use crate::search::screen::FINE_TOLERANCE;
@@ -42,7 +42,7 @@ fn simulated_lr(search: &Search, without: &Point, innovations: &[f64], mut draws
     let record = search.record.with(ys.collect());
     let search = Search { record: &record, ..*search };
     let with = |theta: Theta, part: f64, unless: f64| {
-        let lost = LostMotion { d: part * record.range, ..without.lost.clone() };
+        let lost = BacklashModel { d: part * record.range, ..without.lost.clone() };
         search.from(&[(theta, lost)], 6, FINE_TOLERANCE, unless)
     };
     // The model that made the record is near the best for each width, and most widths are soon plainly worse.

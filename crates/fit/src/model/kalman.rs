@@ -132,7 +132,7 @@ pub(crate) struct Whitened {
     gains: Vec<Lanes>,
     gains_kept: usize,
     runs: Vec<Run>,
-    stretches: Vec<Place>,
+    stretches: Vec<Checkpoint>,
     /// The transition of the process, row by row, and the pole.
     process: Vec<Lanes>,
 }
@@ -164,7 +164,7 @@ enum Kind {
 
 /// Where a stretch begins among innovations, gains and runs.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Checkpoint {
     count: usize,
     gains: usize,
     runs: usize,
@@ -196,7 +196,7 @@ impl Whitened {
 
     /// Notes where a stretch of so many cells begins, and makes room for it with models of so many states.
     fn begin(&mut self, cells: usize, states: usize) {
-        self.stretches.push(Place { count: self.count, gains: self.gains_kept, runs: self.runs.len() });
+        self.stretches.push(Checkpoint { count: self.count, gains: self.gains_kept, runs: self.runs.len() });
         let (count, gains) = (self.count + cells, self.gains_kept + cells * (states + 1));
         if self.of_y.len() < count {
             self.of_y.resize(count, Lanes::default());
@@ -468,7 +468,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let load = |lanes: &Lanes| if ONE { Wide::all(self.simd, lanes[0]) } else { Wide::load(self.simd, lanes) };
         let minus = Wide::all(self.simd, -1.0);
         let mut x = [Wide::all(self.simd, 0.0); N];
-        let Place { count, gains, runs } = white.stretches[stretch];
+        let Checkpoint { count, gains, runs } = white.stretches[stretch];
         let last = white.stretches.get(stretch + 1).map_or(white.runs.len(), |next| next.runs);
         let mut sums = Adding::of(self.simd, &white.sums);
         let (mut k, mut count, mut gains) = (0, count, gains);

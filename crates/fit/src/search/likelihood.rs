@@ -1,9 +1,9 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
 use crate::data::cells::{Cells, Positions, Strip};
+use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::{Asked, Delayed, LoadChange, Sides, Sums, Totals, UNKNOWN, Whitened, union};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, wide_enough, widest};
-use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub(crate) struct Point {
     pub(crate) cost: f64,
     /// Static gain (of an integrating process: velocity gain a cell) [PV unit / OP unit].
     pub(crate) kp: f64,
-    pub(crate) lost: LostMotion,
+    pub(crate) lost: BacklashModel,
     /// Variance of the white noise on PV [PV unit²].
     noise: f64,
     /// Σ ε_y·ε_v/S and Σ ε_v²/S, of which the gain is the ratio.
@@ -383,7 +383,7 @@ impl Search<'_> {
     }
 
     /// θ with the variance of its first disturbance that explains most: how restless a load is spans many powers of ten.
-    pub(crate) fn with_best_load_variance(&self, theta: Theta, lost: &LostMotion) -> Theta {
+    pub(crate) fn with_best_load_variance(&self, theta: Theta, lost: &BacklashModel) -> Theta {
         let thetas: [Theta; LANES] = std::array::from_fn(|l| {
             let mut theta = theta;
             theta[self.structure.lags + 1] = 2.5 * l as f64 - 8.0;
@@ -573,7 +573,7 @@ impl Search<'_> {
 
     /// Levenberg–Marquardt from `theta`, at most `rounds` steps, until a step brings less than `enough` of −2·ln L, or as
     /// soon as it is plain that it will not come below `unless`.
-    pub(crate) fn descend(&self, theta: Theta, lost: &LostMotion, rounds: usize, enough: f64, unless: f64) -> Point {
+    pub(crate) fn descend(&self, theta: Theta, lost: &BacklashModel, rounds: usize, enough: f64, unless: f64) -> Point {
         let n = self.record.count as f64;
         let positions = self.record.positions(lost);
         let mut here = self.local(self.structure.bounded(theta, n), &positions, BEGUN);
@@ -611,7 +611,7 @@ impl Search<'_> {
     }
 
     /// The best start of each stretch within the gap at a point, to a few hundredths of the gap; the gain follows.
-    fn placed(&self, point: &Point) -> LostMotion {
+    fn placed(&self, point: &Point) -> BacklashModel {
         let lost = &point.lost;
         let mut best = lost.clone();
         let (mut yv, mut vv) = point.products;
@@ -663,7 +663,7 @@ impl Search<'_> {
 
     /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
     /// another beginning is left where it is.
-    pub(crate) fn from(&self, beginnings: &[(Theta, LostMotion)], rounds: usize, enough: f64, unless: f64) -> Point {
+    pub(crate) fn from(&self, beginnings: &[(Theta, BacklashModel)], rounds: usize, enough: f64, unless: f64) -> Point {
         let mut unless = unless;
         let ends = beginnings.iter().map(|(theta, lost)| {
             let mut point = self.descend(*theta, lost, rounds, enough, unless);
@@ -853,7 +853,7 @@ mod tests {
         let record = Cells::new(&[(&y, &u)], 1).with_changes(vec![vec![120.3]]);
         let search = Search { record: &record, structure, sign: 1.0 };
         let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
-        let positions = record.positions(&LostMotion::gap(0.1, 1));
+        let positions = record.positions(&BacklashModel::gap(0.1, 1));
         let mut workspace = Workspace::default();
         let pass = Pass {
             search: &search,
@@ -883,7 +883,7 @@ mod tests {
                 if forget {
                     WORKSPACE.take();
                 }
-                let positions = record.positions(&LostMotion::gap(d, 2));
+                let positions = record.positions(&BacklashModel::gap(d, 2));
                 search.innovations(&thetas, search.lanes(), &positions, Wanted::Residuals, |found| {
                     let of_all = found.residual.iter().flat_map(|r| r.map(f64::to_bits));
                     of_all.chain(found.sums.yv.map(f64::to_bits)).collect::<Vec<u64>>()
@@ -928,12 +928,12 @@ mod tests {
         let structure = of_two_lags(Noise::Input);
         let search = Search { record: &record, structure, sign: 1.0 };
         let theta = structure.beginning(8.0, 2.4);
-        let point = search.descend(theta, &LostMotion::gap(0.5, 1), 0, 0.1, f64::INFINITY);
+        let point = search.descend(theta, &BacklashModel::gap(0.5, 1), 0, 0.1, f64::INFINITY);
         let places = Lanes::each(|l| l as f64 / 7.0);
         let stretch = &record.stretches[0];
         let sums = search.beginnings(&point, 0, &stretch.positions_from(&point.lost, 1, 150)(&places));
         for l in 0..LANES {
-            let lost = LostMotion { start: vec![places[l]], ..point.lost.clone() };
+            let lost = BacklashModel { start: vec![places[l]], ..point.lost.clone() };
             let of_one = |found: &Innovations| (found.sums.yv[0], found.sums.vv[0]);
             let thetas = [point.theta; LANES];
             let (yv, vv) = search.innovations(&thetas, 1, &record.positions(&lost), Wanted::Sums, of_one);
@@ -956,7 +956,7 @@ mod tests {
                 let structure = Structure { lags, integrating, noise };
                 let search = Search { record: &record, structure, sign: 1.0 };
                 let theta = structure.beginning(8.0, 2.4);
-                let positions = record.positions(&LostMotion::gap(0.2, 2));
+                let positions = record.positions(&BacklashModel::gap(0.2, 2));
                 let of_pass = |marks: &[Vec<f64>]| {
                     let record = record.with_changes(marks.to_vec());
                     Search { record: &record, structure, sign: 1.0 }.at(&theta, &positions).sum[0]

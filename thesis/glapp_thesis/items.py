@@ -293,7 +293,7 @@ ITEMS = (
     Item(
         "4.1",
         "lag-dominated, delay-dominated, balanced, integrating",
-        "`glapp.plant.Plant.character`",
+        "`glapp.tuning.character`",
         "[tuning rules](tuning.md)",
     ),
     Item("4.1, system P1", "e^(−0.2s)/(s(1 + 0.8s))", "`glapp.plant.PLANTS`", "`python -m glapp_thesis`", check="P1"),

@@ -526,7 +526,7 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     unit = loop.op_label
     if "unfit" in answer:
         return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
-    best = _shown(answer, "position")
+    best = _best_window(answer, "position")
     best["candidates"] = [{"noise": "position", "delta_deviance": 0.0, "profile": best["profile"]}]
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
     return Fit(
@@ -552,12 +552,12 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
     fitted = _fit_from_answer(answer, unit)
     if sinusoid is None:
         return fitted
-    return replace(fitted, verdict="oscillation", why="sinusoidal", reason=sinusoid + _changed(answer, unit))
+    return replace(fitted, verdict="oscillation", why="sinusoidal", reason=sinusoid + _width_change_text(answer, unit))
 
 
 def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
     """What the core said of PV, in words."""
-    best = _shown(answer, "PV") | {name: answer[name] for name in JUDGED}
+    best = _best_window(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     return Fit(
         verdict=answer["verdict"],
@@ -577,7 +577,7 @@ def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
     )
 
 
-def _shown(answer: dict[str, Any], signal: str) -> dict[str, Any]:
+def _best_window(answer: dict[str, Any], signal: str) -> dict[str, Any]:
     """The window that shows best what all say, and which signal was fitted."""
     best: dict[str, Any] = answer["windows"][answer["shown"]]
     best["signal"] = signal
@@ -600,10 +600,10 @@ def _trend(answer: dict[str, Any]) -> Trend | None:
 def _sentence(answer: dict[str, Any], unit: str) -> str:
     """Verdict and evidence, and how the width changes where that is plain."""
     message = answer["message"]
-    return to_text(message["code"], message["numbers"], op_unit=unit) + _changed(answer, unit)
+    return to_text(message["code"], message["numbers"], op_unit=unit) + _width_change_text(answer, unit)
 
 
-def _changed(answer: dict[str, Any], unit: str) -> str:
+def _width_change_text(answer: dict[str, Any], unit: str) -> str:
     message = (answer.get("trend") or {}).get("message")
     return "" if message is None else f"; {to_text(message['code'], message['numbers'], op_unit=unit)}"
 

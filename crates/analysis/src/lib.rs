@@ -4,7 +4,7 @@
 //! for whatever shows an answer.
 //!
 //! An [`Analysis`] is made of what is known of a loop and the beginning of its recording, is handed all rows, and ends in an
-//! [`Answer`]. It asks, in this order:
+//! [`AnalysisResult`]. It asks, in this order:
 //! [`identify`] reads the controller's law out of OP's moves. [`DataStatistics`] counts what all rows hold, and [`quality`] judges a
 //! recording by it and by its first rows. [`crossings`] has the widths from zero crossings over a whole recording, and what
 //! they allow to be said. [`step_test`] reads dead band and gain off steps of OP in manual. What a single signal is like, its steps, its noise, where it stands still, stands beside them.

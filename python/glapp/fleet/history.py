@@ -101,13 +101,13 @@ def _followed(rows: pa.Table, day: dict[str, Any], loop: Loop, state: str | None
     if "mode" in found:  # until a mode is told the loop is taken for automatic, as one that has none
         held = {"mode": (1.0, False)} | held
     for name, (value, lost) in held.items():
-        samples[name] = _after(value, lost, samples.get(name))
+        samples[name] = _with_last_value(value, lost, samples.get(name))
     detector = None if day["detector"] is None else json.loads(day["detector"])
     pinned, history = before["pinned"], None
     if pinned is not None:
         history = _glapp.History.load(pinned["history"])
     followed = "pv" in samples and _usable(day)
-    if followed and detector is not None and (pinned is None or _other(pinned["told"], detector)):
+    if followed and detector is not None and (pinned is None or _settings_differ(pinned["told"], detector)):
         history = _glapp.History(_settings(detector), detector["tf"] is not None)
         pinned = {"told": detector, "since": int(samples["pv"].t[0]), "origins": day["origins"]}
     row: dict[str, Any] = {}
@@ -115,12 +115,12 @@ def _followed(rows: pa.Table, day: dict[str, Any], loop: Loop, state: str | None
         if followed:
             _take(history, samples, pinned)
             pinned["history"] = history.save()
-        row = {"followed": followed, **_heard(history.heard(), pinned, loop)}
-    after = {name: _last(signal) for name, signal in samples.items() if name != "pv"}
+        row = {"followed": followed, **_crossing_columns(history.heard(), pinned, loop)}
+    after = {name: _last_value(signal) for name, signal in samples.items() if name != "pv"}
     return row | {"state": json.dumps({"held": after, "pinned": pinned}, sort_keys=True)}
 
 
-def _after(value: float | None, lost: bool, signal: Signal | None) -> Signal:
+def _with_last_value(value: float | None, lost: bool, signal: Signal | None) -> Signal:
     """A signal with the last value of the day before in front."""
     begin = Signal(np.array([_BEFORE]), np.array([np.nan if value is None else value]), np.array([lost]))
     if signal is None:
@@ -129,7 +129,7 @@ def _after(value: float | None, lost: bool, signal: Signal | None) -> Signal:
     return Signal(*(np.concatenate([getattr(begin, name), getattr(signal, name)]) for name in names))
 
 
-def _last(signal: Signal) -> tuple[float | None, bool]:
+def _last_value(signal: Signal) -> tuple[float | None, bool]:
     value = float(signal.value[-1])
     return (None if np.isnan(value) else value), bool(signal.lost[-1])
 
@@ -141,7 +141,7 @@ def _usable(day: dict[str, Any]) -> bool:
     return all(one["severity"] != "refuse" and one["code"] != "sinusoidal" for one in day["quality"] or ())
 
 
-def _other(pinned: dict[str, Any], detector: dict[str, Any]) -> bool:
+def _settings_differ(pinned: dict[str, Any], detector: dict[str, Any]) -> bool:
     """Whether a day shows other settings than those that are pinned."""
 
     def apart(name: str, factor: float) -> bool:
@@ -168,7 +168,7 @@ def _take(history: _glapp.History, samples: dict[str, Signal], pinned: dict[str,
     history.take(t, signals.get("sp", none), signals["pv"], op, flags)
 
 
-def _heard(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
+def _crossing_columns(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
     """What was heard so far, in columns."""
     detector = pinned["told"]
     rejected = dict(heard["reasons"])

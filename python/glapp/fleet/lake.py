@@ -316,7 +316,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     for i, n in enumerate(rows):
         done = 0
         try:
-            for group, seen, fault, lacking in _looked(bare, path, i):
+            for group, seen, fault, lacking in _inspected_parts(bare, path, i):
                 groups.append(group)
                 qualities.update(dict.fromkeys(seen[:_MOST_WORDS]))
                 without.update(lacking)
@@ -364,7 +364,9 @@ _LACKING = {"no_time": "time between 1971 and 2100", "no_tag": "tag"}
 _REPAIR = "export them again with it"
 
 
-def _looked(file: File, path: Path, i: int) -> Iterator[tuple[Group, list[str], CellFault | None, dict[str, int]]]:
+def _inspected_parts(
+    file: File, path: Path, i: int
+) -> Iterator[tuple[Group, list[str], CellFault | None, dict[str, int]]]:
     """Time and tags of a group of rows, part by part, and the words of its quality.
 
     With them what is wrong with its times, and how many rows have no time or no tag.
@@ -442,7 +444,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
     kind = column.type
     if pa.types.is_timestamp(kind) and (kind.tz is not None or file.zone is None):
         ticks = column.cast(pa.timestamp("us", kind.tz), safe=False)
-        return _known(ticks, 0)
+        return _valid_times(ticks, 0)
     if pa.types.is_timestamp(kind):
         ticks = column.cast(pa.timestamp("us"), safe=False)
         early, late = (
@@ -450,7 +452,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
         )
         plainly = pc.equal(early, late)
         doubtful = len(column) - column.null_count - (pc.sum(plainly).as_py() or 0)
-        return _known(pc.if_else(plainly, early, None), doubtful)
+        return _valid_times(pc.if_else(plainly, early, None), doubtful)
     clock = Clock(column.slice(0, 1000), None, None, file.zone)
     if clock.t0 is None:
         raise CellFault(0, "they are plain numbers, and no date")
@@ -461,7 +463,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
     return begin + np.rint(np.where(good, seconds, 0.0) * 1e6).astype(np.int64), good, 0
 
 
-def _known(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
+def _valid_times(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
     t: NDArray[np.int64] = ticks.cast(pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
     good: NDArray[np.bool_] = ticks.is_valid().to_numpy(zero_copy_only=False)
     return t, good & (t > _YEARS[0]) & (t < _YEARS[1]), doubtful

@@ -479,7 +479,7 @@ def judge(
             problems.append(DataIssue("window", what, "nothing; more rows a day give better windows", loop=loop.name))
         if recordings:
             of = [_look_of(one, looks) for one in recordings]
-            known = [_known(day) for day in of]
+            known = [_known_unfit(day) for day in of]
             fit = fit_recordings(recordings, unfit=known)
             for one, window, its in zip(recordings, fit.recordings, of, strict=True):
                 windows.append(_window(loop, one, window, its))
@@ -543,7 +543,7 @@ def _recordings(samples: pa.Table, loop: Loop) -> tuple[list[Samples], int]:
     return found, short
 
 
-def _known(day: dict[str, Any]) -> Any:
+def _known_unfit(day: dict[str, Any]) -> Any:
     """What a look at the day found that the fit need not ask."""
     return None if day["unfit"] is None else (day["unfit"], day["unfit_code"], day["unfit_reason"])
 
@@ -630,7 +630,7 @@ def _loop_row(
     start = None if not windows else windows[0]["first"]
     rows = sum(day["rows"] for day in looks)
     findings = _lasting(looks)
-    code = (_why(fit) if fit is not None else result.why) or None
+    code = (_reason_code(fit) if fit is not None else result.why) or None
     dated = [day for day in looks if day["first"] is not None]
     return {
         "loop": loop.name,
@@ -684,7 +684,7 @@ def _loop_row(
     }
 
 
-def _why(fit: Fit) -> str:
+def _reason_code(fit: Fit) -> str:
     """The word for what decided; where no window could be fitted, that of most of them."""
     words = [one.fit.why for one in fit.recordings]
     return fit.why or (max(sorted(set(words)), key=words.count) if words else "")

@@ -94,7 +94,7 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
     if not lines:  # the first line is all there is, and may hold years or numbers of columns
         lines, end = [start], start + 1
     lines = [i for i in lines if all(j in lines or _is_remark(rows[j][1], width) for j in range(i, lines[-1]))]
-    named = max(lines, key=lambda i: (_understood(rows[i][1]), _filled(rows[i][1]), -i))
+    named = max(lines, key=lambda i: (_understood(rows[i][1]), _filled_count(rows[i][1]), -i))
     names = [" ".join(cell.split()) for cell in rows[named][1]]  # a quoted name may be broken into lines
     units = [understand(name).unit for name in names]
     below = [i for i in lines if i > named]
@@ -195,7 +195,7 @@ def _under(above: Sequence[str], below: Sequence[str]) -> list[str]:
     return names
 
 
-def _filled(cells: Sequence[str]) -> int:
+def _filled_count(cells: Sequence[str]) -> int:
     return sum(bool(cell.strip()) for cell in cells)
 
 

@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from ..palette import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL
 from . import words
-from .figures import _figure, _known, _middle, _plain, _time, _time_axis
+from .figures import _figure, _has_values, _middle, _plain, _time, _time_axis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,7 +54,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
     lines = [("OP", op, {"color": OUTPUT, "width": 1.4}, 1, unit)] if fine else []
     if f.found or not fine:
         lines.append(("valve, as the model has it", valve, {"color": POSITION, "width": 2.2}, 1, unit))
-    if _known(trace, "sp") and not position:
+    if _has_values(trace, "sp") and not position:
         sp = np.interp(t, trace.t, _middle(trace, "sp"))
         lines.append(("SP", sp, {"color": INK, "width": 1.2, "dash": "6px,3px"}, 2, pv_unit))
     lines.append((seen_name, seen, {"color": SIGNAL, "width": 1.4}, 2, seen_unit))

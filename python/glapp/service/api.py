@@ -407,7 +407,7 @@ def _command_routes(app: FastAPI, api: _Api) -> None:
 
         async def go() -> Any:
             api.as_seen(name, asked)
-            return await api.monitor.commands.change(name, asked.values, *_who(person))
+            return await api.monitor.commands.change(name, asked.values, *_name_and_role(person))
 
         found: dict[str, Any] = await api.done(person, "change", api.known(name), asked.model_dump(), go())
         return found
@@ -418,7 +418,7 @@ def _command_routes(app: FastAPI, api: _Api) -> None:
 
         async def go() -> Any:
             api.as_seen(name, asked)
-            return await api.monitor.commands.enable(name, *_who(person))
+            return await api.monitor.commands.enable(name, *_name_and_role(person))
 
         found: dict[str, Any] = await api.done(person, "enable", api.known(name), None, go())
         return found
@@ -426,20 +426,22 @@ def _command_routes(app: FastAPI, api: _Api) -> None:
     @app.post("/loops/{name:path}/watchdog-test")
     async def watchdog_test(person: engineer, name: Name) -> dict[str, Any]:
         """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
-        await api.done(person, "drill", name, None, api.monitor.commands.watchdog_test(api.known(name), *_who(person)))
+        await api.done(
+            person, "drill", name, None, api.monitor.commands.watchdog_test(api.known(name), *_name_and_role(person))
+        )
         return {"asked": name}
 
     @app.post("/loops/{name:path}/disable")
     async def disable(person: operator, name: Name) -> dict[str, Any]:
         """End the compensation of a loop."""
-        going = api.monitor.commands.disable(api.known(name), *_who(person))
+        going = api.monitor.commands.disable(api.known(name), *_name_and_role(person))
         found: dict[str, Any] = await api.done(person, "disable", name, None, going)
         return found
 
     @app.post("/loops/{name:path}/fit")
     async def fit(person: operator, name: Name) -> dict[str, Any]:
         """Have a loop fitted as soon as the one before it is done."""
-        await api.monitor.commands.fit(api.known(name), *_who(person))
+        await api.monitor.commands.fit(api.known(name), *_name_and_role(person))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/take_over")
@@ -448,7 +450,7 @@ def _command_routes(app: FastAPI, api: _Api) -> None:
 
         async def go() -> Any:
             api.as_seen(name, asked)
-            return await api.monitor.commands.take_over(name, asked.answer, *_who(person))
+            return await api.monitor.commands.take_over(name, asked.answer, *_name_and_role(person))
 
         found: dict[str, Any] = await api.done(person, "take_over", api.known(name), {"answer": asked.answer}, go())
         return found
@@ -473,7 +475,7 @@ def _user_routes(app: FastAPI, api: _Api) -> None:
 
         await api.done(person, "put_user", None, {"user": user, "role": asked.role}, go())
         after = {"user": user, "role": asked.role, "new_password": asked.password is not None}
-        await api.monitor.journal.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
+        await api.monitor.journal.log(*_name_and_role(person), "put_user", None, {"user": user, "role": before}, after)
         return {"user": user, "role": asked.role}
 
     @app.delete("/users/{user}")
@@ -484,7 +486,7 @@ def _user_routes(app: FastAPI, api: _Api) -> None:
             await asyncio.to_thread(api.users.remove, user)
 
         await api.done(person, "remove_user", None, {"user": user}, go())
-        await api.monitor.journal.log(*_who(person), "remove_user", None, {"user": user}, None)
+        await api.monitor.journal.log(*_name_and_role(person), "remove_user", None, {"user": user}, None)
         return {}
 
 
@@ -624,7 +626,7 @@ class ApiServer:
             raise
 
 
-def _who(person: Person) -> tuple[str, str]:
+def _name_and_role(person: Person) -> tuple[str, str]:
     return person.name, person.role.name.lower()
 
 

@@ -444,7 +444,7 @@ class OpcUa:
         if t <= tag.last:
             if not (live and t == tag.stamp and tag.good == bool(note)):
                 if live and not (tag.first and time.monotonic() < self._quiet):
-                    self._again(tag, t, value)
+                    self._tell_not_newer(tag, t, value)
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
         tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
@@ -453,7 +453,7 @@ class OpcUa:
             self._newest[tag.loop] = t
         return Value(tag.loop, tag.signal, t, value, not note, note)
 
-    def _again(self, tag: _Tag, t: float, value: float) -> None:
+    def _tell_not_newer(self, tag: _Tag, t: float, value: float) -> None:
         """Tell of a value that is left out, since it is not newer than the last one."""
         if t == tag.stamp:
             same = value == tag.value or value != value
@@ -763,12 +763,12 @@ async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
         await client.connect()
     try:
         uris = await client.get_namespace_array()
-        return [found async for found in _below(client, uris, most)]
+        return [found async for found in _variables_below(client, uris, most)]
     finally:
         await _disconnect(client, connection)
 
 
-async def _below(client: Client, uris: Sequence[str], most: int) -> Any:
+async def _variables_below(client: Client, uris: Sequence[str], most: int) -> Any:
     seen: set[ua.NodeId] = set()
     waiting: deque[tuple[ua.NodeId, str]] = deque([(client.nodes.objects.nodeid, "")])
     while waiting and len(seen) < most:

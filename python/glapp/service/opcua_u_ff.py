@@ -88,9 +88,9 @@ class UffNodes:
             if abs(value) > feed.limit:
                 text = f"{loop}: u_FF is {value:g}, must be within ±{feed.limit:g} (u_ff_limit)"
                 raise WriteRefused("too_large", text)
-            found = await self._found(client, loop, feed)
+            found = await self._value_in_plant(client, loop, feed)
             if feed.written is not None and found != feed.written:
-                self._taken(loop, feed, f"u_FF is {found:g} where {feed.written:g} was written")
+                self._refuse_other_writer(loop, feed, f"u_FF is {found:g} where {feed.written:g} was written")
             nearer = abs(value) <= abs(found) and value * found >= 0.0
             if feed.state == "off" and not nearer:
                 raise WriteRefused("not_enabled", f"{loop}: writing is not enabled; u_FF may only go to 0")
@@ -110,8 +110,8 @@ class UffNodes:
                 raise WriteRefused("by_server", f"{loop}: the server refuses u_FF: {status.name}")
             feed.written, feed.at = value, now
             feed.allowed = max(allowed - abs(value - found), 0.0)
-            if (found := await self._found(client, loop, feed)) != value:
-                self._taken(loop, feed, f"u_FF is {found:g} right after {value:g} was written")
+            if (found := await self._value_in_plant(client, loop, feed)) != value:
+                self._refuse_other_writer(loop, feed, f"u_FF is {found:g} right after {value:g} was written")
 
     async def read_back(self, loop: str, now: float) -> Value:
         """The feed-forward that stands in the plant now; not good where it cannot be read.
@@ -176,7 +176,7 @@ class UffNodes:
             raise WriteRefused("not_connected", f"{loop}: there is no connection to the node of u_FF")
         return self.client
 
-    async def _found(self, client: Client, loop: str, feed: UffNode) -> float:
+    async def _value_in_plant(self, client: Client, loop: str, feed: UffNode) -> float:
         """What stands at the node of u_FF now."""
         try:
             [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
@@ -187,7 +187,7 @@ class UffNodes:
             raise WriteRefused("by_server", f"{loop}: u_FF cannot be read: {note}")
         return value
 
-    def _taken(self, loop: str, feed: UffNode, text: str) -> NoReturn:
+    def _refuse_other_writer(self, loop: str, feed: UffNode, text: str) -> NoReturn:
         feed.state = "taken"
         self._events.event("other_writer", loop, f"{loop}: {text}; nothing is written any more")
         raise WriteRefused("other_writer", f"{loop}: {text}")

@@ -492,7 +492,7 @@ class Store(Reader):
                 "answers and events of before; restore a copy of it"
             )
         try:
-            _ours(self._db)
+            _configure(self._db)
         except sqlite3.OperationalError as error:
             self._db.close()
             raise InputError(f"cannot be opened: {error}", file=str(path)) from None
@@ -547,9 +547,9 @@ class Store(Reader):
             self._db.executemany(
                 "INSERT INTO entries VALUES (?, ?, ?)", [(entry.id, entry.now, entry.packed()) for entry in entries]
             )
-            self._put(halves, events)
+            self._insert(halves, events)
 
-    def _put(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
+    def _insert(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
         self._db.executemany(_INSERT_HALF, halves)
         self._db.executemany(
             "INSERT INTO events (time, loop, kind, text) VALUES (?, ?, ?, ?)",
@@ -568,7 +568,7 @@ class Store(Reader):
             self._db.execute("DELETE FROM entries WHERE id <= ?", (position,))
             self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", states.items())
             self._db.execute("INSERT OR REPLACE INTO meta VALUES ('position', ?)", (str(position),))
-            self._put((), events)
+            self._insert((), events)
 
     def position(self) -> int:
         """Number of the last entry in the saved states; 0 before the first."""
@@ -592,7 +592,7 @@ class Store(Reader):
     def tell(self, events: Iterable[Event]) -> None:
         """Store events."""
         with self._writing():
-            self._put((), list(events))
+            self._insert((), list(events))
 
     def forget(self, before: float) -> int:
         """Take out the rejected half-periods that ended before a time; gives how many. The accepted ones stay.
@@ -695,7 +695,7 @@ def _connected(path: Path) -> sqlite3.Connection:
     return db
 
 
-def _ours(db: sqlite3.Connection) -> None:
+def _configure(db: sqlite3.Connection) -> None:
     """What is asked of a database that is written: not before it was checked, for the first of it changes the file."""
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too

@@ -250,7 +250,11 @@ class View:
         for i in range(0, len(new), 500):
             for row in reader.answers_shown(new[i : i + 500]):
                 if row["answer"] is not None:
-                    self._answers[row["name"]] = (row["id"], json.loads(row["answer"]), _own(row["recordings"]))
+                    self._answers[row["name"]] = (
+                        row["id"],
+                        json.loads(row["answer"]),
+                        _trend_within(row["recordings"]),
+                    )
                     self._believed[row["name"]] = {
                         "recordings": json.loads(row["recordings"] or "[]"),
                         "process": json.loads(row["process"] or "null"),
@@ -498,7 +502,7 @@ def _compensation(status: Mapping[str, Any]) -> str:
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 
-def _own(recordings: str | None) -> Trend | None:
+def _trend_within(recordings: str | None) -> Trend | None:
     """The trend within one answer: of the widths that its recordings gave each by itself, where they did."""
     return _through(
         [

@@ -66,7 +66,7 @@ impl<R: Real> HalfPeriodResult<R> {
 /// Detects half-periods with backlash and estimates the width of the gap, on line (thesis 2.1, chapters 5 and 7).
 ///
 /// samples → [`SecondOrderFilter`] → [`ZeroCrossing`] → [`HalfPeriod`] → [`Width`] → [`SafetyNet`] → [`MedianMean`].
-/// O(1) per sample. Every sample belongs to exactly one half-period, and every half-period ends in one [`Record`].
+/// O(1) per sample. Every sample belongs to exactly one half-period, and every half-period ends in one [`HalfPeriodResult`].
 ///
 /// What breaks the signal:
 /// - the first sample, a step h that is negative or longer than `max_h`: a *gap*. The half-period under way ends with

@@ -296,7 +296,7 @@ impl JointAnswer {
         (0..self.records.len()).max_by(order).unwrap_or(0)
     }
 
-    /// See [`Answer::in_units`].
+    /// See [`SegmentFit::in_units`].
     fn in_units(&mut self, op: Unit, pv: Unit) {
         self.records.iter_mut().for_each(|r| r.answer.in_units(op, pv));
         for width in [&mut self.whole.d, &mut self.whole.low] {

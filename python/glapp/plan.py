@@ -8,8 +8,8 @@ setpoint steps. The share of simulations that end in the right answer is the pow
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from statistics import NormalDist
 from typing import Any, Literal
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from . import _glapp
 from .controller import Ideal
 from .errors import InputError
+from .estimate import analyze
 from .fit import Fit, fit
 from .loop import Loop
 from .plant import Plant
@@ -27,9 +28,9 @@ from .recording import Recording, joined
 from .result import Result
 from .scenario import Manual, Samples, Scenario, Valve
 from .simulate import run, run_many
-from .step_test import StepTest, step_test
+from .step_test import step_test
 
-__all__ = ["Kind", "Plan", "Planned", "plan_test"]
+__all__ = ["Kind", "Plan", "Planned", "plan_from", "plan_test", "with_plan"]
 
 Floats = NDArray[np.float64]
 Limits = tuple[float, float]
@@ -51,13 +52,6 @@ Where a recording does not tell the gap, it often does not tell the process eith
 
 WORTH = 0.5
 """A test that decides less often is not proposed."""
-
-MARGIN = 0.2
-"""A step test decides where its interval begins so far above 0, or ends so far below the width [widths].
-
-Where the load wanders, the 95 % interval holds the width in 91 to 95 of 100 tests: at 0 and at the width itself one in
-twenty would decide wrongly.
-"""
 
 POWER = 0.9
 """A test that decides so often is proposed; of those the shortest, and of these the one that moves PV least."""
@@ -163,6 +157,8 @@ class Plan:
         Time that a test may take [min].
     tests : tuple of Planned
         By hand, by setpoint steps, by more hours.
+    reason : str or None
+        Why nothing could be planned at all, where that is no error: in the answer of `glapp.analyze`.
     """
 
     name: str
@@ -174,6 +170,22 @@ class Plan:
     pv_within: Limits
     within: float
     tests: tuple[Planned, ...]
+    reason: str | None = None
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any]) -> Plan:
+        """The plan that `to_dict` told."""
+        pairs = ("op_within", "pv_within")
+        tests = tuple(
+            Planned(**test | {"moves": tuple(test["moves"])} | {key: _pair(test[key]) for key in ("op", "pv")})
+            for test in told["tests"]
+        )
+        return cls(**{**told, "tests": tests, **{key: tuple(told[key]) for key in pairs}})
+
+    @property
+    def by_hand(self) -> Planned | None:
+        """The test with OP by hand, where one can be proposed."""
+        return next((one for one in self.tests if one.kind == "by_hand" and one.power is not None), None)
 
     def __repr__(self) -> str:
         told = ", ".join(
@@ -190,10 +202,15 @@ class Plan:
         return asdict(self)
 
 
+def _pair(of: Sequence[float] | None) -> Limits | None:
+    return None if of is None else (of[0], of[1])
+
+
 def plan_test(
     recording: Recording,
     result: Result,
     *,
+    begins: Recording | None = None,
     op_within: Limits | None = None,
     pv_within: Limits | None = None,
     minutes: float = 60.0,
@@ -208,13 +225,14 @@ def plan_test(
     fit's *found*, or *none seen* above a limit below the width. PV is simulated as P·valve + w: P is the fitted
     process, the valve follows OP with a gap of the width, or without, and w is what is left of the recorded PV, taken
     from a place of the recording that is another one in each simulation. It is the same w with the gap and without:
-    that of the two which leaves less of the recording.
+    that of the two which leaves less of the recording. Gain and times of the process are drawn from within their 95 %
+    limits, anew in each simulation: a process that is not well known makes a promise smaller.
 
     More hours: −2·Δln L of no gap grows in proportion to time, and has the variance of 4 times its growth. Told are the
     hours after which it exceeds what the fit asks for in 80 %.
 
-    Known bias: valve, process and load are those of the fit. Where the true gain is smaller than the fitted one, or the
-    process slower, less is decided than promised. A valve that sticks is simulated as one with a gap.
+    Known bias: valve and load are those of the fit. Where the true gain is below its limits, or the process slower than
+    its limits allow, less is decided than promised. A valve that sticks is simulated as one with a gap.
 
     Parameters
     ----------
@@ -222,6 +240,8 @@ def plan_test(
         The loop's recording.
     result : Result
         What `glapp.analyze` says of it.
+    begins : Recording, optional
+        A later recording of the loop, at whose end the test begins; the same where not given.
     op_within, pv_within : (float, float), optional
         Limits of OP [OP unit] and PV [PV unit] for the test; the least and greatest value in the recording where not
         given.
@@ -265,7 +285,7 @@ def plan_test(
     if unknown := set(kinds) - {"by_hand", "setpoint", "more_hours"}:
         raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
     asked = _width(result) if width is None else width
-    loop = _Fitted.of(recording, result, asked, op_within, pv_within)
+    loop = _Fitted.of(recording, result, asked, op_within, pv_within, begins or recording)
     told = progress or (lambda _: None)
     tests = []
     for i, kind in enumerate(kinds):
@@ -289,6 +309,59 @@ def plan_test(
         within=minutes,
         tests=tuple(tests),
     )
+
+
+TRIED = 3
+"""Of several recordings so many are tried, the newest first, until one tells the process."""
+
+
+def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> Plan:
+    """Plan a test for a loop with one recording or several: from the newest one whose fit tells the process.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        In the order of time; the test begins where the last one ends.
+    result : Result
+        What `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
+    **asked
+        As in `plan_test`.
+
+    Raises
+    ------
+    InputError
+        As `plan_test` of the newest recording.
+    """
+    width = asked.pop("width", None) or _width(result)
+    first: InputError | None = None
+    for recording in reversed(recordings[-TRIED:]):
+        alone = result if recording.source == result.source else analyze(recording)
+        try:
+            return plan_test(recording, alone, width=width, begins=recordings[-1], **asked)
+        except InputError as error:
+            first = first or error
+    assert first is not None
+    raise first
+
+
+def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
+    """The result with `Result.plan`: what would decide, where a gap is *likely* or the data *cannot tell*.
+
+    Parameters
+    ----------
+    recordings, result, **asked
+        As in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
+    """
+    if result.answer.confidence not in ("likely", "cannot_tell"):
+        return result
+    try:
+        plan = plan_from(recordings, result, **asked)
+    except InputError as error:
+        none = (math.nan, math.nan)
+        within = asked.get("minutes", 60.0)
+        unit, pv_unit = result.unit, result.loop.pv_unit or "PV unit"
+        plan = Plan(result.name, result.source, unit, pv_unit, math.nan, none, none, within, (), str(error))
+    return replace(result, plan=plan)
 
 
 def _width(result: Result) -> float:
@@ -318,6 +391,9 @@ class _Fitted:
     plant: Plant
     strong: Plant
     """The process with the largest gain that is planned for."""
+    gain_spread: float
+    """Standard deviation of ln Kp, and that of the logarithm of the process' times, by their 95 % limits."""
+    time_spread: float
     integrating: bool
     settling: float
     left: _Left
@@ -331,7 +407,13 @@ class _Fitted:
 
     @classmethod
     def of(
-        cls, recording: Recording, result: Result, width: float, op_within: Limits | None, pv_within: Limits | None
+        cls,
+        recording: Recording,
+        result: Result,
+        width: float,
+        op_within: Limits | None,
+        pv_within: Limits | None,
+        begins: Recording,
     ) -> _Fitted:
         found = result.fit
         if found is not None and found.through_pv is not None:
@@ -362,11 +444,12 @@ class _Fitted:
         op, pv = _rows(recording, best["t_start"], best["t_end"], h)
         plant, strong = (_plant(gain, best, h) for gain in gains)
         settling = _settling(plant)
+        given = recording.loop.kp() is not None
         skip = min(len(pv) // 4, int(settling / h))
         either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
         left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
         within = {"op": op_within, "pv": pv_within}
-        stands = _stands(recording)
+        stands = _stands(begins)
         for name, x in (("op", op), ("pv", pv)):
             low, high = within[name] or (float(np.nanmin(x)), float(np.nanmax(x)))
             within[name] = low, high
@@ -387,6 +470,8 @@ class _Fitted:
             h=h,
             plant=plant,
             strong=strong,
+            gain_spread=0.0 if given else _spread(process.kp),
+            time_spread=_spread(_times(process)),
             integrating=process.integrating,
             settling=settling,
             left=left,
@@ -401,6 +486,19 @@ class _Fitted:
     def disturbance(self, n: int, at: int, seed: int) -> Floats:
         """So many values of what is left of PV, from another place with each seed, 0 at the sample `at`."""
         return self.left.piece(n, at, np.random.default_rng(seed))
+
+    def process(self, seed: int) -> Plant:
+        """A process as the recording allows it: gain and times drawn from within their limits, anew with each seed."""
+        random = np.random.default_rng([seed, 2])
+        gain, time = (
+            math.exp(spread * float(np.clip(random.standard_normal(), -_LIMIT, _LIMIT)))
+            for spread in (self.gain_spread, self.time_spread)
+        )
+        order = len(self.plant.den) - 1
+        num = [gain * x for x in self.plant.num]
+        den = [x * time ** (order - i - self.integrating) for i, x in enumerate(self.plant.den)]
+        plant = Plant(num, den, self.plant.dead_time * time)
+        return plant if np.abs(plant.poles).max() * self.h < 3.0 else Plant(num, self.plant.den, self.plant.dead_time)
 
     def swing(self, n: int) -> Limits:
         """How far PV goes by itself from where it stands, within so many samples."""
@@ -417,6 +515,29 @@ def _gains(fitted: Sequence[float], given: float | None, found: bool) -> tuple[f
         return None
     kp = kp if given is None else given
     return kp, math.copysign(BEYOND * max(abs(kp), most if given is None else 0.0), kp)
+
+
+_LIMIT = NormalDist().inv_cdf(0.975)
+"""A 95 % limit is so many standard deviations away."""
+
+MOST_SPREAD = 0.5
+"""Standard deviation of the logarithm of what has no upper limit: 95 % within a factor of 2.7 either way."""
+
+
+def _spread(value: Sequence[float]) -> float:
+    """Standard deviation of the logarithm of what has these 95 % limits."""
+    most, *ends = (abs(x) for x in value)
+    low, high = min(ends), max(ends)
+    if not most > 0.0 or not math.isfinite(high):
+        return MOST_SPREAD
+    low = low if low > 0.0 else most * most / high
+    return min(math.log(high / low) / (2.0 * _LIMIT), MOST_SPREAD)
+
+
+def _times(process: Any) -> tuple[float, float, float]:
+    """Dead time and lags together with their limits: the sum is known better than either."""
+    (dead, *_), (lag, low, high) = process.dead_time, process.lag
+    return dead + lag, dead + low, dead + high
 
 
 def _stands(recording: Recording) -> dict[str, float]:
@@ -635,20 +756,17 @@ def _tried(
 ) -> list[tuple[float, Found | None]]:
     """What the step test says of simulated tests, with the gap and without."""
     each = [(d, seed) for d in (loop.width, 0.0) for seed in seeds]
-    simulations = run_many([_scenario(loop, loop.plant, d, levels, hold, seed) for d, seed in each], progress=False)
+    simulations = run_many(
+        [_scenario(loop, loop.process(seed), d, levels, hold, seed) for d, seed in each], progress=False
+    )
     first = round(2 * hold / loop.h)
     judged = []
     for (d, _), s in zip(each, simulations, strict=True):
-        read = step_test(t=s.t[first:], pv=s.pv[first:] + loop.pv, op=s.op[first:] + loop.op, manual=True)
-        judged.append((d, decided(read, loop.width)))
+        read = step_test(
+            t=s.t[first:], pv=s.pv[first:] + loop.pv, op=s.op[first:] + loop.op, manual=True, width=loop.width
+        )
+        judged.append((d, None if read.asked is None else read.asked.found))
     return judged
-
-
-def decided(test: StepTest, width: float) -> Found | None:
-    """What a step test says of a gap of that width: there is a gap, there is none so wide, or nothing."""
-    if test.low is not None and test.low > MARGIN * width:
-        return "gap"
-    return "no_gap" if test.high is not None and test.high < (1.0 - MARGIN) * width else None
 
 
 def _planned(
@@ -742,11 +860,13 @@ def _fitted(
 ) -> list[tuple[float, Found | None]]:
     """What the fit says of simulated setpoint steps, with the gap and without."""
     each = [(d, seed) for d in (loop.width, 0.0) for seed in range(100, 100 + count)]
-    simulations = run_many(
-        [_stepped(loop, law, loop.plant, d, levels, apart, seed) for d, seed in each], progress=False
-    )
     judged: list[tuple[float, Found | None]] = []
-    for (d, _), s in zip(each, simulations, strict=True):
+    for d, seed in each:
+        try:
+            s = run(_stepped(loop, law, loop.process(seed), d, levels, apart, seed))
+        except InputError:  # that process runs away under the controller: nothing is decided
+            judged.append((d, None))
+            continue
         judged.append((d, fit_decides(fit(t=s.t, sp=s.sp, pv=s.pv, op=s.op, loop=loop.loop), loop.width)))
     return judged
 

@@ -35,6 +35,7 @@ from .. import __version__
 from ..errors import InputError
 from .listener import Bounds, Listener, logged_in, network
 from .monitor import Monitor
+from .proof import Proof, routes
 from .signal import Event
 from .store import StoreFull
 from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, listed, station_key
@@ -441,6 +442,10 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         await done(person, "remove_user", None, {"user": user}, go())
         await monitor.log(*_who(person), "remove_user", None, {"user": user}, None)
         return {}
+
+    app.state.proof = Proof(monitor)
+    may = {role: Depends(at_least(role)) for role in (Role.VIEWER, Role.OPERATOR)}
+    routes(app, app.state.proof, may[Role.VIEWER], may[Role.OPERATOR], known, done, looked)
 
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Numbers(monitor, refused_logins))

@@ -336,6 +336,11 @@ class Monitor:
     # Names and values
 
     @property
+    def now(self) -> float:
+        """The service's clock [s since 1970 UTC]."""
+        return self._clock()
+
+    @property
     def names(self) -> list[str]:
         """Names of the loops."""
         return list(self._loops)

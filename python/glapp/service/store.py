@@ -77,7 +77,25 @@ CREATE TABLE tokens (
 CREATE TABLE shown (id INTEGER PRIMARY KEY CHECK (id = 1), time REAL NOT NULL, body TEXT NOT NULL);
 """
 
-_MIGRATIONS = (_FIRST,)
+_SECOND = """
+CREATE TABLE plans (
+    id INTEGER PRIMARY KEY, loop INTEGER NOT NULL REFERENCES loops (id), time REAL NOT NULL, person TEXT NOT NULL,
+    asked TEXT NOT NULL, plan TEXT, refused TEXT
+);
+CREATE INDEX plans_loop ON plans (loop, id);
+CREATE TABLE guided_tests (
+    id INTEGER PRIMARY KEY, loop INTEGER NOT NULL REFERENCES loops (id), begun REAL NOT NULL, person TEXT NOT NULL,
+    asked TEXT NOT NULL, state TEXT NOT NULL, ended REAL
+);
+CREATE INDEX guided_tests_loop ON guided_tests (loop, id);
+CREATE TABLE repairs (
+    id INTEGER PRIMARY KEY, loop INTEGER NOT NULL REFERENCES loops (id), time REAL NOT NULL, noted REAL NOT NULL,
+    person TEXT NOT NULL, note TEXT NOT NULL
+);
+CREATE INDEX repairs_loop ON repairs (loop, time)
+"""
+
+_MIGRATIONS = (_FIRST, _SECOND)
 """What leads from one version of the schema to the next; a database that is version n has had the first n."""
 
 SCHEMA = len(_MIGRATIONS)
@@ -386,6 +404,27 @@ class Reader:
             row["before"], row["after"] = json.loads(row["before"]), json.loads(row["after"])
         return found
 
+    def plan(self, loop: str) -> dict[str, Any] | None:
+        """The last plan of a test that was asked for: `asked` with its limits, and `plan` or why it was `refused`."""
+        return _parsed(self._last("plans", loop), "asked", "plan")
+
+    def guided_test(self, loop: str) -> dict[str, Any] | None:
+        """The last guided step test: what was `asked`, its `state`, and when it `ended`; None: it goes on."""
+        return _parsed(self._last("guided_tests", loop), "asked", "state")
+
+    def repairs(self, loop: str) -> list[dict[str, Any]]:
+        """The repairs of a loop's valve that persons have noted, the newest first."""
+        return self.rows(
+            "SELECT id, time, noted, person, note FROM repairs WHERE loop = (SELECT id FROM loops WHERE name = ?) "
+            "ORDER BY time DESC, id DESC",
+            loop,
+        )
+
+    def _last(self, table: str, loop: str) -> dict[str, Any] | None:
+        return self.one(
+            f"SELECT * FROM {table} WHERE loop = (SELECT id FROM loops WHERE name = ?) ORDER BY id DESC LIMIT 1", loop
+        )
+
     def settings(self, loop: str) -> dict[str, Any]:
         """What persons have set of a loop."""
         found = self._db.execute(
@@ -404,6 +443,13 @@ class Reader:
         """When the service last wrote what it shows, and that."""
         row = self._db.execute("SELECT time, body FROM shown").fetchone()
         return None if row is None else (row["time"], json.loads(row["body"]))
+
+
+def _parsed(row: dict[str, Any] | None, *columns: str) -> dict[str, Any] | None:
+    """A row with these columns read as JSON."""
+    if row is not None:
+        row |= {column: None if row[column] is None else json.loads(row[column]) for column in columns}
+    return row
 
 
 class Store(Reader):

@@ -152,6 +152,7 @@ def values_of(table):
         at = row["time"].timestamp()
         found += [
             Value("FIC0", Signal.MODE, at, float(row["MODE"] == "AUTO"), True),
+            Value("FIC0", Signal.SP, at, 40.0, True),
             Value("FIC0", Signal.OP, at, row["OP"], True),
             Value("FIC0", Signal.PV, at, row["PV"], True),
         ]

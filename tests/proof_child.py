@@ -36,8 +36,9 @@ H = 0.25
 GAIN, LAG, LATE = 0.8, 1.2, 0.25
 K, TI = 0.4, 2.0
 GAP = 1.0
-NOISE, WALK = 0.25, 0.05
+NOISE, WALK = 0.3, 0.08
 SP = 40.0
+SWING = 4.0
 YESTERDAY = 1800.0
 """So much was recorded on the day before [s]."""
 
@@ -52,10 +53,10 @@ LOOP = Loop(
 )
 
 
-def history(folder: Path, end: float, seed: int = 1) -> None:
+def history(folder: Path, end: float, seed: int = 7) -> None:
     """The day before: the loop in automatic, with a few setpoint steps."""
     random = Random(seed)
-    steps = [(0.0, SP), *((t * YESTERDAY / 8, SP + random.uniform(-1.5, 1.5)) for t in range(1, 8))]
+    steps = [(0.0, SP), *((t * YESTERDAY / 8, SP + random.uniform(-SWING, SWING)) for t in range(1, 8))]
     made = closed_loop(
         ([GAIN], [LAG, 1.0], LATE),
         (K, TI),

@@ -229,7 +229,8 @@ def test_a_plan_is_the_same_after_it_was_stored():
 def test_a_process_that_is_not_well_known_makes_a_promise_smaller(monkeypatch):
     monkeypatch.setattr(glapp.plan, "SIMULATIONS", 24)
     known = by_hand()
-    monkeypatch.setattr(glapp.plan, "_spread", lambda _: 0.5)
+    monkeypatch.setattr(glapp.plan, "_time_spread", lambda *_: 0.5)
+    monkeypatch.setattr(glapp.plan, "_gain_spread", lambda *_: 0.5)
     unknown = by_hand(minutes=known.minutes)
     assert (unknown.power or 0.0) < known.power
 

@@ -73,6 +73,7 @@ class ProofCards:
         self.repair = ui.element("div").classes("card")
         for card in (self.guided, self.plan, self.repair):
             card.set_visibility(False)
+        self.dialogs = ui.element("div")  # a card that is filled anew takes what was opened in it along
 
     async def refresh(self) -> None:
         """What the database has of them now; what has not changed stays as it is."""
@@ -147,7 +148,7 @@ class ProofCards:
         last = self._shown["plan"][0]
         asked = None if last is None else last["asked"]
         fields: dict[str, tuple[ui.number, ui.number]] = {}
-        with dialog_of(f"{self.loop}: plan a test") as dialog:
+        with self.dialogs, dialog_of(f"{self.loop}: plan a test") as dialog:
             ui.label(
                 "No planned test passes these limits in any simulation. Where PV comes to one all the same, you stop."
             ).classes("small muted")
@@ -251,7 +252,7 @@ class ProofCards:
         return True
 
     async def _note(self) -> None:
-        with dialog_of(f"{self.loop}: note a repair") as dialog:
+        with self.dialogs, dialog_of(f"{self.loop}: note a repair") as dialog:
             ui.label("From then on the loop is judged by what was recorded after the repair.").classes("small muted")
             now = datetime.fromtimestamp(self.station.view.now)
             at = ui.input("When", value=now.strftime("%Y-%m-%d %H:%M"))
@@ -273,7 +274,7 @@ class ProofCards:
     async def _compare(self, row: dict[str, Any]) -> None:
         view = self.station.view
         settings = view.loops[self.loop].model_dump_json(exclude_unset=True)
-        with dialog_of(f"{self.loop}: before and after the repair of {moment(row['time'])[:10]}"):
+        with self.dialogs, dialog_of(f"{self.loop}: before and after the repair of {moment(row['time'])[:10]}"):
             waiting = ui.label("Reading what was recorded.").classes("muted")
             body = ui.element("div")
             try:

@@ -110,7 +110,7 @@ def test_from_likely_to_found_to_repaired(browser: Any, plant: Plant) -> None:
     page.locator(".guided").get_by_text("Put the controller in manual").wait_for()
     ended = guided(page, plant)
     assert "There is a gap" in ended and "decided" in ended.partition("\n")[0]
-    page.get_by_text(re.compile("has a dead band of")).first.wait_for(timeout=1000 * TEST_TAKES)
+    page.get_by_text(re.compile("FIC7 has a dead band of")).first.wait_for(timeout=1000 * TEST_TAKES)
     assert "Backlash" in page.locator("body").inner_text()
 
     plant.say("repair")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .words import number, op_unit
@@ -42,8 +43,7 @@ def text(test: Planned, plan: Plan) -> str:
         return f"{more} more of the same show the gap in {_share(test.power)}, if there is one (not simulated)."
     assert test.hold is not None
     what, unit = ("OP", op_unit(plan)) if test.kind == "by_hand" else ("SP", plan.pv_unit)
-    moves = " → ".join(number(x, 4) for x in test.moves)
-    said = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
+    said = f"{what} {_moves(test.moves)} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
         said += f"PV stays within {_within(test.pv)}"
         said += ". " if test.kind == "by_hand" else f", OP within {_within(test.op)}. "
@@ -51,6 +51,23 @@ def text(test: Planned, plan: Plan) -> str:
         f"It decides in {_share(test.power)}: {_share(test.with_gap)} of {test.simulations} simulations with the gap "
         f"show it, {_share(test.without)} of as many without show that there is none."
     )
+
+
+def _moves(moves: Sequence[float]) -> str:
+    """The moves; what is made again and again is told once.
+
+    >>> _moves((50.0, 52.0, 54.0, 52.0)), _moves((50.0, 52.0, 50.0, 52.0, 50.0, 52.0, 50.0))
+    ('50 → 52 → 54 → 52', '50 → 52 → 50, three times,')
+    """
+    first, rest = moves[0], moves[1:]
+    for size in (2, 4):
+        times = len(rest) // size
+        if 1 < times < len(_TIMES) and tuple(rest) == tuple(rest[:size]) * times:
+            return f"{' → '.join(number(x, 4) for x in (first, *rest[:size]))}, {_TIMES[times]},"
+    return " → ".join(number(x, 4) for x in moves)
+
+
+_TIMES = ("", "once", "twice", "three times", "four times", "five times")
 
 
 def _share(of: float | None) -> str:

@@ -73,7 +73,8 @@ class ProofCards:
         self.repair = ui.element("div").classes("card")
         for card in (self.guided, self.plan, self.repair):
             card.set_visibility(False)
-        self.dialogs = ui.element("div")  # a card that is filled anew takes what was opened in it along
+        # A card that is filled anew takes along what was opened in it.
+        self.dialogs = ui.element("div").style("display: contents")
 
     async def refresh(self) -> None:
         """What the database has of them now; what has not changed stays as it is."""
@@ -83,7 +84,8 @@ class ProofCards:
                 lambda r: (r.plan(self.loop), r.guided_test(self.loop), r.repairs(self.loop)),
             )
             self._show("guided", self.guided, (test, self._left(test)), self._guided)
-            self._show("plan", self.plan, (plan, test and test["ended"], self._confidence()), self._planned)
+            goes_on = test is not None and test["ended"] is None
+            self._show("plan", self.plan, (plan, goes_on, self._confidence()), self._planned)
             self._show("repair", self.repair, (noted, self._fall()), self._repaired)
 
     def _show(self, name: str, card: ui.element, what: Any, fill: Callable[..., bool]) -> None:
@@ -112,8 +114,7 @@ class ProofCards:
 
     # The test that would decide
 
-    def _planned(self, row: dict[str, Any] | None, ended: float | None, confidence: str | None) -> bool:
-        going_on = self._shown["guided"][0] is not None and ended is None
+    def _planned(self, row: dict[str, Any] | None, goes_on: bool, confidence: str | None) -> bool:
         if confidence not in OPEN and row is None:
             return False
         heading("Which test would decide", 2)
@@ -136,7 +137,7 @@ class ProofCards:
         with ui.element("div").classes("bar").style("margin-top: 8px"):
             self._may(quiet("Plan a test" if row is None else "Plan anew", self._ask))
             told = None if row is None else row["plan"]
-            if told is not None and Plan.of(told).by_hand is not None and not going_on:
+            if told is not None and Plan.of(told).by_hand is not None and not goes_on:
                 begin = ui.button("Begin the guided test", on_click=self._begin)
                 self._may(begin.props("no-caps unelevated color=primary"))
         return True

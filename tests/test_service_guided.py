@@ -75,7 +75,7 @@ def test_the_test_ends_as_soon_as_it_has_decided(d, found):
     assert (decided.begins, decided.ends) == (BEGIN + AUTO, pytest.approx(BEGIN + ends[0] - 1))
     assert (decided.low > 0.2) if d else (decided.high < 0.8)
     said = result_text(asdict(decided), ASKED, "%")
-    assert said.startswith("There is a gap: " if d else "There is no gap of 1\N{NO-BREAK SPACE}%: ")
+    assert said.startswith("There is a gap: " if d else "There is no gap of 1\N{NO-BREAK SPACE}%: it is ")
 
 
 def test_noise_that_hides_the_gap_leaves_it_open_at_the_end():

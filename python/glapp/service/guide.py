@@ -311,6 +311,8 @@ def result_text(state: Mapping[str, Any], asked: Asked, unit: str) -> str:
     """
     said = FOUND[state["found"]].format(width=quantity(asked.width, unit))
     d, low, high = (state[name] for name in ("d", "low", "high"))
+    if d is not None and state["found"] == "no_gap":
+        return f"{said}: it is {quantity(high, unit)} at most, with 95 % confidence."
     if d is not None:
         return f"{said}: {quantity(d, unit)} (95 %: {number(low)} to {number(high)})."
     return f"{said}: more than {quantity(low, unit)}." if low is not None else f"{said}."

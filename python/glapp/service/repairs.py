@@ -213,7 +213,7 @@ def _width(row: Mapping[str, Any] | None, unit: str) -> str:
 def _between(value: Between | None, unit: str) -> str:
     if value is None:
         return "–"
-    middle, low, high = value
+    middle, low, high = (float(f"{x:.3g}") for x in value)
     return f"{quantity(middle, unit)} ({number(low)} to {number(high)})"
 
 

@@ -299,4 +299,4 @@ class ProofCards:
                 ui.label(
                     "In brackets are 95 % intervals. Up to 7 days before the repair and after it count, in automatic. "
                     "A load that was calmer or rougher afterwards changes them too."
-                ).classes("small muted")
+                ).classes("small muted").style("margin-top: 8px")

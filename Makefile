@@ -68,7 +68,7 @@ $(VERIFIED:%=timed-%): timed-%:
 		printf '== %s took %d s\n' '$*' $$(($$(date +%s) - began))
 
 check: setup lint
-	cargo test --release --quiet -p glapp-core --lib --test blocks
+	cargo test --release --quiet $(TESTED:%=-p glapp-%) --lib --test blocks
 	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow and not verify" tests
 
 # As they are shipped, with the crates that `make run` has compiled: the Python face is among them, since its dependencies choose
@@ -77,9 +77,11 @@ TESTED := core fit sim analysis capi embedded plc-check py
 rust:
 	+cargo test --release --quiet $(TESTED:%=-p glapp-%)
 
-# The same with all checks of arithmetic left in, and the crates that show the others.
+# The same with all checks of arithmetic left in, and the crates that show the others. Those that hand on to Python and read Parquet
+# have large dependencies, which are compiled only as they are shipped.
 rust-checked:
-	cargo test --workspace --quiet
+	cargo test --workspace --exclude glapp-py --exclude glapp-lake --exclude glapp-bench --quiet
+	cargo test --release --quiet -p glapp-lake -p glapp-py
 
 lint: lint-python lint-rust
 

@@ -213,8 +213,14 @@ function offer() {
     h("select", { id: "loop", onchange: another }, ...loops.map(({ name }, i) => h("option", { value: i, selected: i === file.loop }, name))));
   const roles = ["time", "sp", "pv", "op", "mode", "quality", "position"].filter((role) => !loops[file.loop].tags || !["time", "quality"].includes(role));
   $("columns").replaceChildren(...[several, ...roles.map(choice)].filter(Boolean));
+  $("first-rows").replaceChildren(firstRows(loops[file.loop]));
   $("settings").hidden = false;
 }
+
+/** Names and first rows of the file, so that a person sees what a column holds. */
+const firstRows = ({ names, rows }) => h("table", { "aria-labelledby": "first-rows-name" },
+  h("thead", {}, h("tr", {}, names.map((name) => h("th", { scope: "col" }, name || "(no name)")))),
+  h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell))))));
 
 $("again").addEventListener("submit", (event) => {
   event.preventDefault();

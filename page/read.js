@@ -627,5 +627,17 @@ const Reading = (data) => {
     return { columns: finished(out, bits), t0: time.t0, told: [...time.told, ...told], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
   }
 
-  return { understand, open, recording };
+  /** The first cells of each of a loop's columns, as text. */
+  function firstRows({ names, source }, count) {
+    const rows = Array.from({ length: count }, (_, row) => row);
+    const columnOf = (name, i) => {
+      const tag = source.tags?.get(name);
+      const column = source.columns[tag ? tag.value : i];
+      return texts(taken(column, (tag ? tag.rows : rows).slice(0, count).filter((row) => row < column.cells.length)));
+    };
+    const columns = names.map(columnOf);
+    return rows.map((row) => columns.map((cells) => cells[row] ?? ""));
+  }
+
+  return { understand, open, recording, firstRows };
 };

@@ -12,8 +12,9 @@ for (const name of files) {
   let told;
   try {
     const stem = path.basename(name).replace(/\..*$/, "");
-    const { columns, ...more } = reading.recording(await reading.open(new Uint8Array(readFileSync(name)), stem));
-    told = { columns: Object.fromEntries(Object.entries(columns).map(([of, column]) => [of, plain(column)])), ...more };
+    const file = await reading.open(new Uint8Array(readFileSync(name)), stem);
+    const { columns, ...more } = reading.recording(file);
+    told = { rows: reading.firstRows(file.loops[0], 2), columns: Object.fromEntries(Object.entries(columns).map(([of, column]) => [of, plain(column)])), ...more };
   } catch (wrong) {
     told = { wrong: wrong.message, stack: wrong.stack };
   }

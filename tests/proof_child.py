@@ -20,7 +20,8 @@ from glapp import Loop
 from glapp.service.api import ApiServer
 from glapp.service.api import app_of as service_app
 from glapp.service.fits import answered
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.recordings import SignalStore
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import Store
@@ -133,7 +134,7 @@ async def main(folder: Path) -> None:
     settings = LOOP.model_dump_json(exclude_unset=True)
     row = await asyncio.to_thread(answered, folder, settings, now - 7 * 86400.0, now)
     store.answer(NAME, {"time": now, "asked_by": "the night"} | row)
-    monitor = Monitor([LOOP], store, bounds=Bounds())
+    monitor = Monitor([LOOP], store, options=MonitorOptions())
     users = Users(store, CHEAP)
     for name, role in ROLES.items():
         users.put(name, role, PASSWORDS[name], now)

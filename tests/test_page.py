@@ -204,7 +204,11 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
     drop(page, tmp_path / "odd.csv")
     page.wait_for_selector("#wrong:not([hidden])")
     assert page.locator("#wrong").inner_text() == ("odd.csv: no column for SP and PV among: t, A, B: choose it below")
-    # And it is mended there.
+    # And it is mended there, beside the first rows.
+    cells = page.locator("#first-rows tr").evaluate_all(
+        "(rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent))"
+    )
+    assert cells == [["t", "A", "B"], *([str(k), str(k % 7), str(k % 5)] for k in range(5))]
     page.locator("#columns label", has_text="PV").locator("select").select_option("1")
     page.locator("#columns label", has_text="SP").locator("select").select_option("2")
     page.click("#again button[type=submit]")

@@ -132,6 +132,12 @@ def test_a_fault_has_its_row(read: dict[str, dict[str, Any]]) -> None:
     assert read["a ragged row"]["wrong"] == "row 22: has 3 cells where the header has 4"
 
 
+@pytest.mark.slow
+def test_the_first_rows_are_shown_beside_the_choice_of_columns(read: dict[str, dict[str, Any]]) -> None:
+    assert read["decimal comma"]["rows"] == [["0", "50", "50,0", "40,5"], ["1", "50", "50,125", "40,25"]]
+    assert all(len(row) == len(one["rows"][0]) for one in read.values() if "rows" in one for row in one["rows"])
+
+
 @pytest.mark.parametrize("name", READ | FORMS)
 @pytest.mark.slow
 def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> None:

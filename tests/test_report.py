@@ -655,7 +655,7 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
 
 def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -> None:
     fit = Fit("backlash", "a gap: likelihood ratio 41, 40 needed", "%", 2.0, 1.5, 3.0, lr_no_gap=41.0, lr_needed=40.0)
-    told = words.texts_of(replace(worn, fit=fit))
+    told = replace(worn, fit=fit).texts()
     assert "likelihood" not in told["so"] + told["do"]
     assert told["why"][0] == "a gap: likelihood ratio 41, 40 needed.".capitalize()
     assert words.basis(replace(worn, fit=fit)) == "evidence strong" and words.basis(worn) == "simple method alone"

@@ -139,11 +139,10 @@ def watched(tmp_path, mode=True):
     return one, clock
 
 
-def stored_plan(one, asked=ASKED):
-    one.store.write(
-        "INSERT INTO plans (loop, time, person, asked, plan) VALUES (1, ?, 'eve', '{}', ?)",
-        *(BEGIN, json.dumps(plan_of(asked))),
-    )
+def stored_plan(one, told=None):
+    one.store.ask_plan("FIC0", BEGIN, "eve", {})
+    [row] = one.reader.plans_waiting()
+    one.store.keep_plan(row["id"], told or plan_of(ASKED), None)
 
 
 def values_of(table):
@@ -218,9 +217,7 @@ def test_a_plan_without_a_test_by_hand_begins_nothing(tmp_path):
     one, _ = watched(tmp_path)
     told = plan_of(ASKED)
     told["tests"][0] |= {"power": None, "reason": "the process integrates"}
-    one.store.write(
-        "INSERT INTO plans (loop, time, person, asked, plan) VALUES (1, ?, 'eve', '{}', ?)", BEGIN, json.dumps(told)
-    )
+    stored_plan(one, told)
     with pytest.raises(InputError, match="no test with OP by hand can be proposed: the process integrates"):
         asyncio.run(GuidedTests(one).begin("FIC0", "olaf", "operator"))
     one.store.close()

@@ -48,7 +48,6 @@ BESIDE = {
         "Filter of the detector TF",
         "Longest step between samples",
         "ΔPV in the same direction",
-        "system-ui",
         "OP %{",
         "{} %{",
         "{}<br>",
@@ -105,7 +104,6 @@ BESIDE = {
     ],
     "what the service does, not what an answer is": [
         "the service has not written",
-        "SELECT ",
         "Find out why no value comes",
         "Look at the transmitter",
         "{}: write them into loops.toml.",

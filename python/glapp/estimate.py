@@ -6,7 +6,7 @@ import json
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import Any, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,13 +21,11 @@ from .identify import Identification, identification_from_core, identified
 from .loop import Loop
 from .progress import Progress, shares
 from .quality import Finding, findings_from_core
-from .recording import Batch, Recording
+from .recording import Recording, with_op_unit
 from .result import REASONS, Answer, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
+from .step_test import step_test_from_core
 from .trace import Band, Thinner, Trace
-
-if TYPE_CHECKING:
-    from .step_test import StepTest
 
 __all__ = ["Estimator", "analyze", "estimate", "identify"]
 
@@ -146,7 +144,7 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         Fit the gap from OP and PV as well (`glapp.fit`, a second or more a loop, and a dozen times that for a
         recording of more than half a million rows); without OP the result has no `fit`.
     progress : callable, optional
-        Told the share that is done; reading is the first half of it, the fit the second.
+        Told the share that is done.
 
     Returns
     -------
@@ -203,7 +201,11 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
         analysis = _glapp.Analysis(task, beginning)
     except ValueError as error:
         raise InputError(str(error), loop=loop.name) from None
-    reading, fitting = shares(progress, 0.5, 0.5) if asked["fit"] and beginning.op is not None else (progress, None)
+    # What was read at once is fitted far more slowly; of a longer recording at most a dozen windows are.
+    share = 0.1 if len(beginning) < rows else 0.5
+    reading, fitting = (
+        shares(progress, share, 1 - share) if asked["fit"] and beginning.op is not None else (progress, None)
+    )
     thinner, signals = Thinner(), set[str]()
     for batch in [beginning] if len(beginning) < rows else recording.batches():
         columns = {name: getattr(batch, name) for name in ("pv", "sp", "op", "position")}
@@ -215,13 +217,6 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
             reading(recording.fraction_read())
     done = analysis.finish(fitting)
     return _result(recording, loop, done, _trace(thinner, signals, done["chosen"]))
-
-
-def _step_test(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
-    """The step test that the beginning of a recording holds, in words."""
-    from .step_test import step_test_from_core  # which takes what it needs from here
-
-    return step_test_from_core(found, recording, loop)
 
 
 def _task(loop: Loop) -> dict[str, Any]:
@@ -284,7 +279,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         ),
         answer=Answer.of(answer["answer"]),
         messages=answer["messages"],
-        step_test=None if answer["step_test"] is None else _step_test(answer["step_test"], recording, loop),
+        step_test=None if answer["step_test"] is None else step_test_from_core(answer["step_test"], recording, loop),
         quality=named(answer["quality"], recording.found),
         identification=identification,
         trace=trace,
@@ -439,7 +434,7 @@ def identify(
         batch.op,
         batch.flags,
         setpoint_weight=_given_setpoint_weight(loop),
-        limits=op_range(loop),
+        limits=loop.op_range(),
     )
 
 
@@ -630,17 +625,4 @@ def _process_gain(loop: Loop) -> float | None:
 
 def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> dict[str, Any]:
     given = {} if loop.tf is None else {"tf": loop.tf}
-    return {**ideal._asdict(), **given, "kp": kp, "n": loop.n, "h": h, "op_limits": op_range(loop)}
-
-
-def with_op_unit(loop: Loop, batch: Batch) -> Loop:
-    """Give up the assumption that OP is a percentage where nothing says so and the recording contradicts it."""
-    assumed = loop.op_span is None and loop.op_unit is None
-    if assumed and batch.op is not None and not _glapp.within_percent(batch.op):
-        return loop.model_copy(update={"op_unit": "OP unit"})
-    return loop
-
-
-def op_range(loop: Loop) -> tuple[float, float] | None:
-    """Span of OP; that of a percentage where nothing else is said."""
-    return (0.0, 100.0) if loop.op_span is None and loop.op_label == "%" else loop.op_span
+    return {**ideal._asdict(), **given, "kp": kp, "n": loop.n, "h": h, "op_limits": loop.op_range()}

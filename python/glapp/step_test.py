@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
 from . import _glapp
 from .errors import InputError
-from .estimate import op_range, with_op_unit
 from .loop import Loop
-from .recording import Batch, Recording
+from .recording import Batch, Recording, with_op_unit
 from .samples import recording_of
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 __all__ = ["Asked", "Hold", "Reading", "StepTest", "step_test"]
 
@@ -187,12 +183,6 @@ class StepTest:
     t0: datetime | None = None
     signals: Batch | None = field(default=None, repr=False, compare=False)
 
-    def plot(self) -> go.Figure:
-        """A zoomable figure: PV and OP with what was held, what had settled, and each reading in its place."""
-        from .report.figures import step_test_figure
-
-        return step_test_figure(self)
-
     def to_dict(self) -> dict[str, Any]:
         """All but the signals, as JSON has it."""
         shown = asdict(replace(self, signals=None, travel=None))
@@ -274,7 +264,7 @@ def step_test(
         rows.add(batch)
     kept = rows.kept()
     loop = recording.loop if kept is None else with_op_unit(recording.loop, kept)
-    span, positioner = op_range(loop), loop.positioner
+    span, positioner = loop.op_range(), loop.positioner
     found = rows.read(
         loop.process.type == "integrating",
         None if span is None else span[1] - span[0],

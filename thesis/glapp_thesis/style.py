@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glapp.errors import InputError
-from glapp.report.figures import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL, TOO_WIDE
+from glapp.palette import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL, TOO_WIDE
 from glapp.writing import write_file
 
 try:

@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from ..escape import for_spreadsheet, one_line
-from ..plan import Plan
+from ..planned import Plan
 from ..report import planned, words
 from ..result import Result
 from ..row import columns, rows
@@ -147,7 +147,7 @@ def _planned(plan: Plan) -> list[tuple[str, str]]:
 
 
 def _block(result: Result, why: bool) -> None:
-    told = words.texts_of(result)
+    told = result.texts()
     head = Text("  ").join(
         filter(None, [styled(_name(result), style="bold"), styled(told["headline"]), _verdict(result)])
     )
@@ -173,7 +173,7 @@ def _columns(results: Sequence[Result]) -> list[Column]:
     if fitted:
         columns.append(Column("dead band\n(95 %)", [words.headline(result) or "–" for result in results], True))
     else:
-        columns.append(Column("d̂", [words.quantity(r.d_hat, words.op_unit(r)) for r in results], True))
+        columns.append(Column("d̂", [words.quantity(r.d_hat, words.op_unit(r.unit)) for r in results], True))
     columns.append(Column("valve" if fitted else "verdict", [_verdict(result) for result in results]))
     columns.append(Column("to do", [words.todo(result) for result in results]))
     columns.append(Column("how soon", [words.URGENCIES[result.answer.urgency].lower() for result in results]))
@@ -201,14 +201,14 @@ def _verdict(result: Result) -> Text:
 
 def _crossing(result: Result) -> Text:
     """What a PLC would show, in brackets and crossed out where the fit contradicts it."""
-    text = words.quantity(result.d_hat, words.op_unit(result))
+    text = words.quantity(result.d_hat, words.op_unit(result.unit))
     return styled(text, style="dim") if result.answer.struck is None else styled(f"({text})", style="dim strike")
 
 
 def _cells(result: Result) -> list[str]:
     """What the zero crossings gave: counts, reasons, quality."""
     worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
-    reasons = [f"{name.replace('_', ' ')} {n}" for name, n in words.ranked_reasons(result)[:2]]
+    reasons = [f"{name.replace('_', ' ')} {n}" for name, n in result.ranked_reasons()[:2]]
     return [
         f"{result.detections}/{result.total_half_periods}" if result.trace else "–",
         ", ".join(reasons) or "–",

@@ -13,8 +13,8 @@ from rich.progress import Progress
 from ..errors import InputError
 from ..escape import in_quotes, one_line
 from ..estimate import analyze
-from ..plan import Plan
 from ..plan import plan_test as plan
+from ..planned import Plan
 from ..report import planned
 from .inputs import Valve, open_files, recording_of
 from .options import Options, with_options

@@ -142,5 +142,5 @@ def _share(one: Count) -> str:
 
 
 def _found(one: Scored) -> str:
-    width = "" if one.width is None else f", {words.quantity(one.width, words.op_unit(one.result))}"
+    width = "" if one.width is None else f", {words.quantity(one.width, words.op_unit(one.result.unit))}"
     return f"{one.label.found}{width}"

@@ -29,11 +29,7 @@ import pyarrow.compute as pc
 from ..errors import InputError
 from .history import FOLLOWED, follow
 from .lake import ROWS
-from .problems import DataIssue
-from .results import write_piece
-from .run import (
-    Plan,
-    Stage,
+from .pieces import (
     answers_of,
     chosen_of,
     crossings_of,
@@ -49,6 +45,9 @@ from .run import (
     write_followed,
     write_judged,
 )
+from .plan import Plan, Stage
+from .problems import DataIssue
+from .results import write_piece
 from .windows import DAYS, SAMPLES, cut, judge, look
 
 __all__ = ["AT_A_TIME", "GROUP", "JUDGED_AT_A_TIME", "run"]
@@ -72,7 +71,7 @@ _LOOPS = "key string, loops binary, windows binary, problems string"
 
 
 def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
-    """See `glapp.fleet.run.Engine`; the session is the one that there is, else one of this machine.
+    """See `glapp.fleet.plan.Engine`; the session is the one that there is, else one of this machine.
 
     Raises
     ------

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from .. import _glapp
 from .._glapp import to_text
 from ..errors import InputError, unforeseen
-from ..estimate import analyze, op_range
+from ..estimate import analyze
 from ..fit import Fit, fit_recordings
 from ..loop import Loop
 from ..many import unfit
@@ -375,7 +375,7 @@ def _judged(result: Result, step: float, op: bool, sp: bool) -> dict[str, Any]:
     told = None
     if s.k is not None and s.ti is not None and sp and step > 0:
         told = {name: getattr(s, name) for name in ("k", "ti", "td", "b", "kp", "n")} | {"h": step, "op": op}
-        told |= {"op_limits": op_range(result.loop), "tf": result.loop.tf, "kp_origin": s.origins.get("kp")}
+        told |= {"op_limits": result.loop.op_range(), "tf": result.loop.tf, "kp_origin": s.origins.get("kp")}
     return {
         "crossings": result.crossings,
         "crossings_code": result.why,

@@ -8,23 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from ..palette import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL
 from . import words
-from .figures import (
-    GRID,
-    INK,
-    MUTED,
-    OUTPUT,
-    POINT,
-    POSITION,
-    RAW,
-    SIGNAL,
-    _figure,
-    _known,
-    _middle,
-    _plain,
-    _time,
-    _time_axis,
-)
+from .figures import _figure, _known, _middle, _plain, _time, _time_axis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,7 +44,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
     stretch = _stretch(valve, op) if f.found else slice(0, len(t))
     shown = t[[stretch.start, stretch.stop - 1]]
     fine = float(np.median(np.diff(trace.t))) < float(np.ptp(shown)) / (8 * TURNS)
-    unit, pv_unit = _plain(words.op_unit(result)), _plain(result.loop.pv_unit or "PV unit")
+    unit, pv_unit = _plain(words.op_unit(result.unit)), _plain(result.loop.pv_unit or "PV unit")
     seen_name, seen_unit = ("valve, measured", "% travel") if position else ("PV", pv_unit)
 
     figure = make_subplots(
@@ -99,7 +85,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
     """Draw PV against OP, and over it what the fitted gap makes of a slow cycle of PV's height, with its limits."""
     f, answer = result.fit, result.answer
     assert f is not None
-    unit, name, recorded = _plain(words.op_unit(result)), "PV", "recorded"
+    unit, name, recorded = _plain(words.op_unit(result.unit)), "PV", "recorded"
     axis = _plain(result.loop.pv_unit or "PV unit")
     if f.best["signal"] == "position":
         gain, _ = np.polyfit(valve, f.best["foreseen"][stretch], 1) if np.ptp(valve) > 0 else (1.0, 0.0)
@@ -142,7 +128,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
                 name=label,
                 legendgroup=label,
                 showlegend=label not in named,
-                hovertemplate=f"{label} {_plain(words.quantity(width, words.op_unit(result)))}<extra></extra>",
+                hovertemplate=f"{label} {_plain(words.quantity(width, words.op_unit(result.unit)))}<extra></extra>",
             )
         )
         named.add(label)
@@ -171,7 +157,7 @@ def fit_figure(result: Result) -> go.Figure:
     """
     f = result.fit
     assert f is not None and f.best  # the caller draws no plot without a fit
-    unit, pv = _plain(words.op_unit(result)), _plain(result.loop.pv_unit or "PV unit")
+    unit, pv = _plain(words.op_unit(result.unit)), _plain(result.loop.pv_unit or "PV unit")
     signal, ahead = "PV", ", one step ahead"
     if f.best["signal"] == "position":
         signal, ahead, pv = "measured position", "", "% travel"
@@ -259,7 +245,7 @@ def trend_figure(result: Result) -> go.Figure:
     """
     f = result.fit
     assert f is not None  # the caller draws no plot without a fit
-    unit = _plain(words.op_unit(result))
+    unit = _plain(words.op_unit(result.unit))
     figure = _figure()
     drawn = (
         ("width, 95 % interval", "circle", POINT, [(w, w.d) for w in f.windows if w.sided]),
@@ -275,7 +261,7 @@ def trend_figure(result: Result) -> go.Figure:
             interval = {"array": up, "arrayminus": [w.d - w.low for w, _ in points], "thickness": 1.6, "width": 5}
         spans = [
             f"{words.clock(result.t0, w.t_start)} to {words.clock(result.t0, w.t_end)}<br>{name} "
-            + _plain(words.quantity(value, words.op_unit(result)))
+            + _plain(words.quantity(value, words.op_unit(result.unit)))
             + (f" ({words.number(w.low)} to {words.number(w.high)})" if interval else "")
             for w, value in points
         ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from .words import number, op_unit
 
 if TYPE_CHECKING:
-    from ..plan import Limits, Plan, Planned
+    from ..planned import Limits, Plan, Planned
 
 __all__ = ["KINDS", "limits", "question", "rows", "text"]
 
@@ -18,7 +18,7 @@ KINDS = {"by_hand": "OP by hand", "setpoint": "Setpoint steps", "more_hours": "M
 
 def question(plan: Plan) -> str:
     """What the test would decide."""
-    return f"Is there a gap of {number(plan.width)} {op_unit(plan)}?"
+    return f"Is there a gap of {number(plan.width)} {op_unit(plan.unit)}?"
 
 
 def limits(plan: Plan) -> str:
@@ -42,7 +42,7 @@ def text(test: Planned, plan: Plan) -> str:
         more = f"{number(test.minutes / 60)} h" if test.minutes > 120 else f"{test.minutes:.0f} min"
         return f"{more} more of the same show the gap in {_share(test.power)}, if there is one (not simulated)."
     assert test.hold is not None
-    what, unit = ("OP", op_unit(plan)) if test.kind == "by_hand" else ("SP", plan.pv_unit)
+    what, unit = ("OP", op_unit(plan.unit)) if test.kind == "by_hand" else ("SP", plan.pv_unit)
     said = f"{what} {_moves(test.moves)} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
         said += f"PV stays within {_within(test.pv)}"

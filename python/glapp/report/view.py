@@ -138,7 +138,7 @@ class LoopView:
         """What each of several recordings says alone, and why one does not count."""
         if self.r.fit is None:
             return []
-        unit = words.op_unit(self.r)
+        unit = words.op_unit(self.r.unit)
         return [
             (
                 one.source,
@@ -155,7 +155,7 @@ class LoopView:
         """The process that came with the fit."""
         if self.r.fit is None or (p := self.r.fit.process) is None:
             return []
-        per = f"{self._pv_unit} per {words.op_unit(self.r)}" + (" and s" if p.integrating else "")
+        per = f"{self._pv_unit} per {words.op_unit(self.r.unit)}" + (" and s" if p.integrating else "")
         rows = (
             ("Velocity gain" if p.integrating else "Process gain Kp", p.kp, per),
             ("Dead time", p.dead_time, "s"),
@@ -171,7 +171,7 @@ class LoopView:
     @property
     def crossings(self) -> TableRows:
         """What came of the zero crossings."""
-        r, unit = self.r, words.op_unit(self.r)
+        r, unit = self.r, words.op_unit(self.r.unit)
         if not self.analysed:
             return []
         rows: TableRows = [("A PLC would show", words.crossing(r))]
@@ -188,7 +188,7 @@ class LoopView:
     @property
     def half_periods(self) -> list[tuple[str, int, str]]:
         """Verdicts on half-periods with their counts and shares."""
-        counts = [("accepted", self.r.detections), *words.ranked_reasons(self.r)]
+        counts = [("accepted", self.r.detections), *self.r.ranked_reasons()]
         total = self.r.total_half_periods
         return [(name, n, f"{words.number(100 * n / total, 2)} %") for name, n in counts if n]
 
@@ -205,7 +205,7 @@ class LoopView:
         r, s, loop = self.r, self.r.settings, self.r.loop
         if loop.controller is None and s.k is None:
             return []
-        c, process, op = loop.controller, loop.process, words.op_unit(r)
+        c, process, op = loop.controller, loop.process, words.op_unit(r.unit)
         form = gain = integral = derivative = action = weight = "–"
         others: list[tuple[str, str]] = []
         if c is not None:
@@ -281,7 +281,7 @@ class LoopView:
 
     @property
     def _gain_unit(self) -> str:
-        return f"{words.op_unit(self.r)} per {self._pv_unit}"
+        return f"{words.op_unit(self.r.unit)} per {self._pv_unit}"
 
 
 def _evidence(evidence: Mapping[str, float | int | str]) -> str:

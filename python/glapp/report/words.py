@@ -8,17 +8,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from .. import _glapp
 from .._glapp import count, duration, number, quantity, sentence, to_text
 
 if TYPE_CHECKING:
-    from ..plan import Plan
     from ..result import Result
-    from ..step_test import StepTest
 
 __all__ = ["count", "duration", "number", "quantity", "sentence"]
 
@@ -132,9 +129,9 @@ def days(results: Sequence[Result]) -> str:
     return to_text("answer.days", {"first": min(ends), "last": max(ends)}) if ends else ""
 
 
-def op_unit(result: Result | StepTest | Plan) -> str:
-    """Write the unit of OP as a sentence needs it: `%` alone would leave open of what."""
-    return "%OP" if result.unit == "%" else result.unit
+def op_unit(unit: str) -> str:
+    """The unit of OP as a sentence needs it: `%` alone would leave open of what."""
+    return "%OP" if unit == "%" else unit
 
 
 def ranked(results: Sequence[Result]) -> list[Result]:
@@ -147,52 +144,6 @@ def judged(result: Result) -> bool:
     return result.answer.valve in ("gap", "no_gap")
 
 
-def facts_of(result: Result) -> dict[str, Any]:
-    """The one answer under the names of its document, and beside it what its sentences need more."""
-    f, ranked, positioner = result.fit, ranked_reasons(result), result.loop.positioner
-    contradicts = f is not None and f.through_pv is not None and f.verdict == "cannot_tell"
-    return {
-        **asdict(result.answer),
-        "span": result.span,
-        "fit": f
-        and {
-            "why": f.why,
-            "d": f.d,
-            "jump": f.jump,
-            "position": "contradicts" if contradicts else None,
-            "reason": f.reason,
-            "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
-        },
-        "crossings": {
-            "verdict": result.crossings,
-            "reason": result.reason,
-            **{name: getattr(result, name) for name in ("d_hat", "d_hat_percent_span", "detections", "repeatability")},
-            "half_periods": result.total_half_periods,
-            "n": result.settings.n,
-            "noise_floor": result.noise_floor,
-            "corrected": None if result.corrected is None else asdict(result.corrected),
-            "rejected": ranked[0] if ranked else None,
-            "positioner": None if positioner is None else positioner.dead_band,
-        },
-    }
-
-
-def texts_of(result: Result) -> dict[str, Any]:
-    """The answer in words, all its parts by name: `so`, `do`, `short`, `why`, `headline`, `of_span` and more."""
-    text = json.dumps(_finite(facts_of(result)))
-    found: dict[str, Any] = _glapp.texts_of(text, name=result.name, pv_unit=result.loop.pv_unit, op_unit=result.unit)
-    return found
-
-
-def _finite(of: Any) -> Any:
-    """A value without numbers that JSON does not have."""
-    if isinstance(of, dict):
-        return {name: _finite(value) for name, value in of.items()}
-    if isinstance(of, list | tuple):
-        return [_finite(value) for value in of]
-    return None if isinstance(of, float) and not math.isfinite(of) else of
-
-
 def summary(results: Sequence[Result]) -> str:
     """Tell a run in short: how many loops need what."""
     if len(results) == 1:
@@ -203,11 +154,6 @@ def summary(results: Sequence[Result]) -> str:
             [{"valve": a.valve, "urgency": a.urgency, "next": a.next.code, "acceptable": a.acceptable} for a in answers]
         )
     )
-
-
-def ranked_reasons(result: Result) -> list[tuple[str, int]]:
-    """List the reasons of rejection with their counts, the most frequent first."""
-    return sorted(((name, n) for name, n in result.reasons.items() if n), key=lambda pair: -pair[1])
 
 
 def headline(result: Result) -> str:
@@ -232,7 +178,7 @@ def lead(result: Result) -> str:
 
 def why(result: Result) -> list[str]:
     """Tell what the answer stands on, a sentence each."""
-    found: list[str] = texts_of(result)["why"]
+    found: list[str] = result.texts()["why"]
     return found
 
 
@@ -253,7 +199,7 @@ def todo(result: Result) -> str:
 
 
 def _part(result: Result, name: str) -> str:
-    return str(texts_of(result)[name])
+    return str(result.texts()[name])
 
 
 def comparisons(result: Result, i: int) -> list[tuple[str, bool | None]]:

@@ -9,7 +9,6 @@ cannot be written at all.
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
 import asyncio
 import ipaddress
-import json
 import math
 import socket
 import ssl
@@ -38,7 +37,7 @@ from .monitor import Monitor
 from .proof import Proof, routes
 from .signal import Event
 from .store import StoreFull
-from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, listed, station_key
+from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, station_key
 
 __all__ = ["ApiServer", "app_of", "loopback"]
 
@@ -189,7 +188,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
             if found.role < role:
                 why = f"needs the role {role.name.lower()}"
                 path, loop = request.url.path, request.path_params.get("name")
-                await monitor.refused(found.name, found.role.name.lower(), path, loop, None, why)
+                await monitor.commands.refused(found.name, found.role.name.lower(), path, loop, None, why)
                 raise HTTPException(403, why)
             return found
 
@@ -200,7 +199,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     engineer = Annotated[Person, Depends(at_least(Role.ENGINEER))]
 
     def known(name: str) -> str:
-        if name not in monitor.names:
+        if name not in monitor.loops:
             raise HTTPException(404, "no such loop")
         return name
 
@@ -209,11 +208,11 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         try:
             return _plain(await what)
         except InputError as error:
-            await monitor.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
+            await monitor.commands.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
             raise
 
     def as_seen(name: str, asked: Seen | None) -> None:
-        now = _plain(monitor.settings(known(name)))
+        now = _plain(monitor.commands.settings(known(name)))
         for key, value in ((asked and asked.seen) or {}).items():
             if now.get(key) != value:
                 raise InputError(
@@ -291,12 +290,12 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         ] = None,
     ) -> dict[str, Any]:
         """The newest values of loops, of all where none is named."""
-        names = [known(name) for name in loop or monitor.names]
+        names = [known(name) for name in loop or monitor.loops]
         if loop and after is not None:
             until = time.monotonic() + LONGEST
-            while time.monotonic() < until and not any(monitor.newer(name, after) for name in names):
+            while time.monotonic() < until and not any(monitor.ingest.newer(name, after) for name in names):
                 await asyncio.sleep(0.02)
-        return {name: monitor.live(name) for name in names}
+        return {name: monitor.ingest.live(name) for name in names}
 
     @app.get("/loops/{name:path}/half_periods")
     async def half_periods(
@@ -316,7 +315,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
         if not end - begin <= 32 * 86400.0:
             raise HTTPException(422, "end - begin must be at most 32 days")
-        table = await looked(monitor.recorded, known(name), begin, end)
+        table = await looked(monitor.journal.recorded, known(name), begin, end)
         every = max(1, -(-len(table) // most))
         found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
         found["time"] = [at.timestamp() for at in found["time"]]
@@ -325,13 +324,13 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.get("/loops/{name:path}/parameters")
     async def parameters(person: viewer, name: Name) -> dict[str, Any]:
         """What may be set of a loop, as it is in force."""
-        found: dict[str, Any] = _plain(monitor.settings(known(name)))
+        found: dict[str, Any] = _plain(monitor.commands.settings(known(name)))
         return found
 
     @app.get("/loops/{name:path}/bounds")
     async def bounds(person: viewer, name: Name) -> dict[str, dict[str, Any]]:
         """Unit, least and greatest of what may be set of a loop, whether it may be 0, whether it is a whole number."""
-        return {parameter: bound._asdict() for parameter, bound in monitor.limits(known(name)).items()}
+        return {parameter: bound._asdict() for parameter, bound in monitor.commands.bounds(known(name)).items()}
 
     @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
@@ -341,10 +340,10 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.get("/answers/{id}")
     async def answer(person: viewer, id: Annotated[int, InPath(ge=1, le=2**53)]) -> Any:
         """All of one answer, as `glapp analyze --json` writes it."""
-        found = await looked(reader.one, "SELECT document FROM answers WHERE id = ?", id)
+        found = await looked(reader.document, id)
         if found is None:
             raise HTTPException(404, "no such answer")
-        return json.loads(found["document"])["analysis"]
+        return found
 
     @app.get("/events")
     async def events(
@@ -368,7 +367,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await monitor.change(name, asked.values, *_who(person))
+            return await monitor.commands.change(name, asked.values, *_who(person))
 
         found: dict[str, Any] = await done(person, "change", known(name), asked.model_dump(), go())
         return found
@@ -379,7 +378,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await monitor.enable(name, *_who(person))
+            return await monitor.commands.enable(name, *_who(person))
 
         found: dict[str, Any] = await done(person, "enable", known(name), None, go())
         return found
@@ -387,20 +386,20 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.post("/loops/{name:path}/watchdog-test")
     async def watchdog_test(person: engineer, name: Name) -> dict[str, Any]:
         """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
-        await done(person, "drill", name, None, monitor.watchdog_test(known(name), *_who(person)))
+        await done(person, "drill", name, None, monitor.commands.watchdog_test(known(name), *_who(person)))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/disable")
     async def disable(person: operator, name: Name) -> dict[str, Any]:
         """End the compensation of a loop."""
-        going = monitor.disable(known(name), *_who(person))
+        going = monitor.commands.disable(known(name), *_who(person))
         found: dict[str, Any] = await done(person, "disable", name, None, going)
         return found
 
     @app.post("/loops/{name:path}/fit")
     async def fit(person: operator, name: Name) -> dict[str, Any]:
         """Have a loop fitted as soon as the one before it is done."""
-        await monitor.asked_fit(known(name), *_who(person))
+        await monitor.commands.fit(known(name), *_who(person))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/take_over")
@@ -409,7 +408,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await monitor.take_over(name, asked.answer, *_who(person))
+            return await monitor.commands.take_over(name, asked.answer, *_who(person))
 
         found: dict[str, Any] = await done(person, "take_over", known(name), {"answer": asked.answer}, go())
         return found
@@ -417,19 +416,19 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.get("/users")
     async def all_users(person: engineer) -> list[dict[str, str]]:
         """Name and role of every user."""
-        return await looked(listed, reader)
+        return await looked(reader.users)
 
     @app.put("/users/{user}")
     async def put_user(person: engineer, user: Annotated[str, InPath(max_length=64)], asked: User) -> dict[str, Any]:
         """Add a user, or change role or password of one."""
-        before = {one["name"]: one["role"] for one in await looked(listed, reader)}.get(user)
+        before = {one["name"]: one["role"] for one in await looked(reader.users)}.get(user)
 
         async def go() -> None:
             await asyncio.to_thread(users.put, user, asked.role, asked.password, time.time())
 
         await done(person, "put_user", None, {"user": user, "role": asked.role}, go())
         after = {"user": user, "role": asked.role, "new_password": asked.password is not None}
-        await monitor.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
+        await monitor.journal.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
         return {"user": user, "role": asked.role}
 
     @app.delete("/users/{user}")
@@ -440,7 +439,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
             await asyncio.to_thread(users.remove, user)
 
         await done(person, "remove_user", None, {"user": user}, go())
-        await monitor.log(*_who(person), "remove_user", None, {"user": user}, None)
+        await monitor.journal.log(*_who(person), "remove_user", None, {"user": user}, None)
         return {}
 
     app.state.proof = Proof(monitor)

@@ -14,7 +14,6 @@ from typing import Any
 
 from .. import _glapp
 from ..errors import InputError
-from ..estimate import op_range
 from ..loop import Loop
 from ..modules import BacklashDetection, Graph, Input, Output, Source
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
@@ -75,7 +74,7 @@ def detection_beside(loop: Loop, period: float, **chosen: Any) -> Graph:
     ideal = loop.ideal()
     if ideal is None:
         raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
-    low, high = op_range(loop) or (None, None)
+    low, high = loop.op_range() or (None, None)
     spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
     watch = BacklashDetection(
         **ideal._asdict(),

@@ -16,7 +16,6 @@ from ..errors import InputError
 from ..estimate import analyze
 from ..loop import Loop
 from ..many import analyze_recordings
-from ..report.words import texts_of
 from ..result import Result
 from .guide import read_test
 from .recordings import SignalStore
@@ -115,7 +114,7 @@ def row_of(result: Result, begin: float, end: float) -> dict[str, Any]:
     fitted = result.fit is not None and one.verdict == result.fit.verdict
     reason = result.fit.reason if result.fit is not None and fitted else result.reason
     if one.step_test is not None and one.step_test.decided is not None:
-        reason = texts_of(result)["why"][0]
+        reason = result.texts()["why"][0]
     found = result.settings
     values = {"k": found.k, "ti": found.ti, "td": found.td, "kp": found.kp}
     learnt = {

@@ -13,11 +13,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from .._glapp import duration, number, quantity
 from ..errors import InputError
 from ..loop import Loop
-from ..plan import Plan
+from ..planned import Plan
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
-from ..report.words import duration, number, quantity
 from ..step_test import StepTest, step_test
 
 __all__ = ["Asked", "Guide", "guide", "read_test", "result_text"]

@@ -14,9 +14,9 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
+from .._glapp import number
 from ..errors import InputError
-from ..plan import Plan
-from ..report.words import number
+from ..planned import Plan
 from .guide import Asked, Guide, guide, result_text
 from .monitor import Monitor
 from .plans import loop_of
@@ -43,10 +43,7 @@ class GuidedTests:
 
     def going_on(self) -> list[dict[str, Any]]:
         """The tests that go on; they outlive the service."""
-        return self._monitor.reader.rows(
-            "SELECT guided_tests.id, name, begun, person, asked, state FROM guided_tests "
-            "JOIN loops ON loops.id = guided_tests.loop WHERE ended IS NULL ORDER BY guided_tests.id"
-        )
+        return self._monitor.reader.guided_tests_going_on()
 
     async def begin(self, loop: str, person: str, role: str) -> None:
         """Begin the test with OP by hand of the loop's last plan.
@@ -65,20 +62,16 @@ class GuidedTests:
         asked = Asked.of_plan(Plan.of(plan["plan"]))
         if any(row["name"] == loop for row in self.going_on()):
             raise InputError("a guided test of it goes on", loop=loop)
-        if "mode" not in monitor.live(loop):
+        if "mode" not in monitor.ingest.live(loop):
             raise InputError(
                 "its mode does not come from the plant: nobody sees when it is in manual",
                 loop=loop,
                 hint="name its node: mode = ... in the loops.toml",
             )
         first = Guide("Put the controller in manual while the load is calm.")
-        await monitor.log(person, role, "guided_test", loop, None, {"width": asked.width})
-        await asyncio.to_thread(
-            monitor.store.write,
-            "INSERT INTO guided_tests (loop, begun, person, asked, state) "
-            "VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?, ?)",
-            *(loop, monitor.now, person, json.dumps(asdict(asked)), json.dumps(asdict(first))),
-        )
+        await monitor.journal.log(person, role, "guided_test", loop, None, {"width": asked.width})
+        begun = (loop, monitor.now, person, asdict(asked), asdict(first))
+        await asyncio.to_thread(monitor.store.begin_guided_test, *begun)
         self._begun.set()
 
     async def stop(self, loop: str, person: str, role: str) -> None:
@@ -92,7 +85,7 @@ class GuidedTests:
         row = next((row for row in self.going_on() if row["name"] == loop), None)
         if row is None:
             raise InputError("no guided test of it goes on", loop=loop)
-        await self._monitor.log(person, role, "guided_test_stopped", loop, None, None)
+        await self._monitor.journal.log(person, role, "guided_test_stopped", loop, None, None)
         state = json.loads(row["state"]) | {"outcome": "stopped", "until": None}
         back = f" Put OP back to {number(state['levels'][0], 4)}." if state["levels"] else ""
         state["text"] = f"{person} stopped the test.{back} Put the controller in automatic."
@@ -114,13 +107,13 @@ class GuidedTests:
     async def _look(self, row: Mapping[str, Any]) -> None:
         monitor, name = self._monitor, row["name"]
         asked, now = Asked.of(json.loads(row["asked"])), monitor.now
-        if name not in monitor.names:
+        if name not in monitor.loops:
             stopped = json.loads(row["state"]) | {"outcome": "stopped", "text": "The loop is not watched any more."}
             return await self._put(row, stopped, now)
 
         def found() -> Guide:
             loop = loop_of(monitor.reader, name)
-            return guide(asked, monitor.recorded(name, row["begun"], now), loop, row["begun"], now)
+            return guide(asked, monitor.journal.recorded(name, row["begun"], now), loop, row["begun"], now)
 
         state = asdict(await asyncio.to_thread(found))
         if json.dumps(_plain(state)) != row["state"]:
@@ -128,18 +121,14 @@ class GuidedTests:
 
     async def _put(self, row: Mapping[str, Any], state: Mapping[str, Any], ended: float | None) -> None:
         monitor, name = self._monitor, row["name"]
-        await asyncio.to_thread(
-            monitor.store.write,
-            "UPDATE guided_tests SET state = ?, ended = ? WHERE id = ? AND ended IS NULL",
-            *(json.dumps(_plain(dict(state))), ended, row["id"]),
-        )
+        await asyncio.to_thread(monitor.store.keep_guided_test, row["id"], json.dumps(_plain(dict(state))), ended)
         if ended is None:
             return
         asked = Asked.of(json.loads(row["asked"]))
         unit = loop_of(monitor.reader, name).op_label
         monitor.tell(Event(ended, name, "guided_test", result_text(state, asked, unit)))
         if state["found"] is not None:
-            monitor.ask_fit(name, row["person"])  # the answer takes it in
+            monitor.fits.ask(name, row["person"])  # the answer takes it in
 
 
 def _plain(of: Any) -> Any:

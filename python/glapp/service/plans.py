@@ -14,8 +14,9 @@ from ..estimate import analyze
 from ..loop import Loop
 from ..plan import plan_from
 from .apart import apart
-from .monitor import Monitor, with_settings
+from .monitor import Monitor
 from .recordings import SignalStore
+from .settable import with_settings
 from .signal import Event
 from .store import Reader, StoreFull
 
@@ -39,10 +40,10 @@ def loop_of(reader: Reader, name: str) -> Loop:
     InputError
         Where there is no such loop.
     """
-    row = reader.one("SELECT settings FROM loops WHERE name = ?", name)
-    if row is None:
+    given = reader.loops_given().get(name)
+    if given is None:
         raise InputError("there is no such loop", loop=name)
-    return with_settings(Loop(**json.loads(row["settings"])), reader.settings(name))
+    return with_settings(Loop(**given), reader.settings(name))
 
 
 def width_in_question(answer: Mapping[str, Any] | None) -> float | None:
@@ -104,13 +105,6 @@ class Plans:
         self._monitor = monitor
         self._asked = asyncio.Event()
 
-    def waiting(self) -> list[dict[str, Any]]:
-        """The plans that are asked for and not made yet, in their order; they outlive the service."""
-        return self._monitor.reader.rows(
-            "SELECT plans.id, name, time, asked FROM plans JOIN loops ON loops.id = plans.loop "
-            "WHERE plan IS NULL AND refused IS NULL ORDER BY plans.id"
-        )
-
     async def ask(self, loop: str, asked: Mapping[str, Any], person: str, role: str) -> None:
         """Have a test planned as soon as the plan before it is made.
 
@@ -136,19 +130,16 @@ class Plans:
             if not low < high:
                 bound = "the first below the second"
                 raise InputError(f"is {low:g} to {high:g}, must be {bound}", loop=loop, parameter=name, bound=bound)
-        if any(row["name"] == loop for row in self.waiting()):
+        if any(row["name"] == loop for row in self._monitor.reader.plans_waiting()):
             raise InputError("a test of it is planned already", loop=loop)
         monitor = self._monitor
 
         def put() -> None:
             answer = _answer(monitor.reader, loop)
             wanted = {**asked, "width": asked["width"] or width_in_question(answer)}
-            monitor.store.write(
-                "INSERT INTO plans (loop, time, person, asked) VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?)",
-                *(loop, monitor.now, person, json.dumps(wanted)),
-            )
+            monitor.store.ask_plan(loop, monitor.now, person, wanted)
 
-        await monitor.log(person, role, "plan", loop, None, dict(asked))
+        await monitor.journal.log(person, role, "plan", loop, None, dict(asked))
         await asyncio.to_thread(put)
         self._asked.set()
 
@@ -156,7 +147,7 @@ class Plans:
         """Make the plans that wait, one after the other, until cancelled."""
         while True:
             self._asked.clear()
-            for row in await asyncio.to_thread(self.waiting):
+            for row in await asyncio.to_thread(self._monitor.reader.plans_waiting):
                 await self._make(row)
             await self._asked.wait()
 
@@ -173,11 +164,7 @@ class Plans:
         except InputError as error:
             refused = str(error)
         try:
-            await asyncio.to_thread(
-                monitor.store.write,
-                "UPDATE plans SET plan = ?, refused = ? WHERE id = ?",
-                *(None if plan is None else json.dumps(plan), refused, row["id"]),
-            )
+            await asyncio.to_thread(monitor.store.keep_plan, row["id"], plan, refused)
         except StoreFull as full:
             monitor.tell(Event(monitor.now, name, "not_planned", str(full)))
             await asyncio.sleep(60.0)  # it is made once more
@@ -189,9 +176,6 @@ class Plans:
 
 def _answer(reader: Reader, loop: str) -> dict[str, Any] | None:
     """The one answer of a loop by its last fit."""
-    row = reader.one(
-        "SELECT json_extract(document, '$.analysis.loops[0].answer') AS answer FROM answers "
-        "WHERE loop = (SELECT id FROM loops WHERE name = ?) ORDER BY time DESC, id DESC LIMIT 1",
-        loop,
-    )
-    return None if row is None or row["answer"] is None else json.loads(row["answer"])
+    rows = reader.answers(loop, 1)
+    document = reader.document(rows[0]["id"]) if rows else None
+    return None if document is None else document["loops"][0]["answer"]

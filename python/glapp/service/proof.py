@@ -80,14 +80,9 @@ class Proof:
         monitor = self.monitor
         if asked.time > monitor.now + AHEAD:
             raise InputError("has not come yet", loop=loop, parameter="time", value=asked.time)
-        await monitor.log(person, role, "repaired", loop, None, {"time": asked.time, "note": asked.note})
-        await asyncio.to_thread(
-            monitor.store.write,
-            "INSERT INTO repairs (loop, time, noted, person, note) "
-            "VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?, ?)",
-            *(loop, asked.time, monitor.now, person, asked.note),
-        )
-        monitor.ask_fit(loop, person)
+        await monitor.journal.log(person, role, "repaired", loop, None, {"time": asked.time, "note": asked.note})
+        await asyncio.to_thread(monitor.store.note_repair, loop, asked.time, monitor.now, person, asked.note)
+        monitor.fits.ask(loop, person)
 
 
 Done = Callable[[Person, str, str | None, Any, Awaitable[Any]], Awaitable[Any]]

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from .. import _glapp
+from .._glapp import number, quantity
 from ..loop import Loop
 from ..recording import Batch, Recording, joined
-from ..report.words import number, quantity
 from .recordings import SignalStore
 from .store import Reader
 

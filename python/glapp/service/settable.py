@@ -8,10 +8,20 @@ from typing import Any, NamedTuple
 
 from .. import _glapp
 from ..errors import InputError
-from ..estimate import op_range
 from ..loop import Loop
 
-__all__ = ["DETECTOR", "SETTINGS", "SHARE", "Bound", "bounds_of", "check", "of_plant", "usual_of"]
+__all__ = [
+    "DETECTOR",
+    "SETTINGS",
+    "SHARE",
+    "Bound",
+    "bounds_of",
+    "check",
+    "compensation_settings",
+    "of_plant",
+    "usual_of",
+    "with_settings",
+]
 
 DETECTOR = ("k", "ti", "td", "setpoint_weight", "kp", "tf", "n", "acceptable_dead_band")
 """What a person may set of a detector: what it believes of the controller, never the controller itself."""
@@ -97,7 +107,7 @@ def usual_of(most: tuple[float, float]) -> dict[str, float]:
 
 def of_plant(loop: Loop) -> tuple[Bound, Bound]:
     """The bounds of `u_ff_limit` and `u_ff_rate` in a loops.toml: OP's range, and ten times that in a second."""
-    low, high = op_range(loop) or (0.0, _GREATEST)
+    low, high = loop.op_range() or (0.0, _GREATEST)
     limit = Bound("OP unit", 0.0, high - low, zero=False)
     return limit, limit._replace(unit="OP unit/s", high=10.0 * limit.high)
 
@@ -143,7 +153,7 @@ def bounds_of(loop: Loop, settings: Mapping[str, Any], most: tuple[float, float]
         limit = 2.0 * most[0]
     if not 0.0 <= size <= of_plant(loop)[0].high:
         size = 0.0
-    rows = _glapp.compensation_bounds(ideal.ti, size=size, share=share, limit=limit, limits=op_range(loop))
+    rows = _glapp.compensation_bounds(ideal.ti, size=size, share=share, limit=limit, limits=loop.op_range())
     core = {name: Bound(unit, low, high, zero=not above) for name, unit, low, high, above in rows}
     widest = core["size"].high
     # Only the width that counts is bounded by the limit, too.
@@ -196,6 +206,50 @@ these bounds
             bound=bound.words,
             hint="give a value within these bounds",
         )
+
+
+def compensation_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of a loop's settings that are of its compensation."""
+    return {name: settings[name] for name in SETTINGS if name in settings}
+
+
+def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
+    """The loop, with what persons have set of its detector in the place of what it had.
+
+    Raises
+    ------
+    InputError
+        With the parameter, its value and its bound.
+    """
+    given = {name: settings[name] for name in DETECTOR if settings.get(name) is not None}
+    if not given:
+        return loop
+    data = loop.model_dump(exclude_unset=True)
+    ideal = loop.ideal()
+    if given.keys() & {"k", "ti", "td", "setpoint_weight"}:
+        known = {} if ideal is None else {"k": ideal.k, "ti": ideal.ti, "td": ideal.td, "setpoint_weight": ideal.b}
+        known |= {name: given[name] for name in ("k", "ti", "td", "setpoint_weight") if name in given}
+        if known.get("k") == 0.0:
+            raise InputError("is 0, must not be 0", loop=loop.name, parameter="k", value=0.0, bound="≠ 0")
+        k = known.pop("k", None)
+        data["controller"] = {
+            **known,
+            **({} if k is None else {"k": abs(k), "action": "direct" if k < 0 else "reverse"}),
+            "gain_unit": "OP/PV",
+        }
+    if "kp" in given:
+        data["process"] = {**data.get("process", {}), "kp": given["kp"], "kp_unit": "PV/OP"}
+    for name in ("tf", "n", "acceptable_dead_band"):
+        if name in given:
+            whole = name == "n" and float(given[name]).is_integer()
+            data[name] = int(given[name]) if whole else given[name]
+    try:
+        return Loop(**data)
+    except InputError as error:
+        error.loop = loop.name
+        if error.parameter is not None:
+            error.parameter = error.parameter.rpartition(".")[2]
+        raise
 
 
 def _quotient(a: float, b: float) -> float:

@@ -12,9 +12,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import socket
 import sqlite3
-import sys
 import threading
 import time
 import zlib
@@ -28,10 +26,11 @@ from typing import Any, Self
 import numpy as np
 
 from ..errors import InputError
+from ..folder_lock import FolderLock
 from ..loop import Loop
 from .signal import Event
 
-__all__ = ["COLUMNS", "SCHEMA", "Entry", "Half", "Lock", "Reader", "Store", "StoreFull", "backup", "restore"]
+__all__ = ["COLUMNS", "SCHEMA", "Entry", "Half", "Reader", "Store", "StoreFull", "backup", "restore"]
 
 NAME = "glapp.db"
 
@@ -207,97 +206,6 @@ class Entry:
         )
 
 
-class Lock:
-    """The right to write a data folder: one process has it, and it ends with that process, however that ends.
-
-    Raises
-    ------
-    InputError
-        Where another process has it: which one, on which computer and since when.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> lock = Lock(Path(folder.name))
-    >>> Lock.holder(Path(folder.name))["pid"] == os.getpid()
-    True
-    >>> lock.release()
-    >>> Lock.holder(Path(folder.name)) is None
-    True
-    """
-
-    def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self._path = folder / "lock"
-        self._file = self._path.open("a+", encoding="utf-8")
-        if not _locked(self._file.fileno()):
-            self._file.close()
-            other = _owner_of(self._path)
-            raise InputError(
-                "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
-                file=str(folder),
-                hint="one process writes a data folder: stop that one, or name another folder",
-            )
-        since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
-        said = {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
-        self._file.truncate(0)
-        self._file.write(json.dumps(said))
-        self._file.flush()
-
-    def release(self) -> None:
-        """Give it back."""
-        self._file.truncate(0)
-        self._file.close()
-
-    @staticmethod
-    def holder(folder: Path) -> dict[str, Any] | None:
-        """Who has it: `pid`, `host`, `since`; None where nobody has."""
-        path = folder / "lock"
-        if not path.is_file():
-            return None
-        with path.open("a+", encoding="utf-8") as file:
-            if _locked(file.fileno()):
-                return None
-        return _owner_of(path)
-
-
-_NOBODY = {"pid": "?", "host": "?", "since": "?"}
-
-
-def _owner_of(path: Path) -> dict[str, Any]:
-    """What the holder of a lock wrote into it."""
-    try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return said if isinstance(said, dict) else {}
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _locked(handle: int) -> bool:
-        os.lseek(handle, 1 << 20, os.SEEK_SET)  # behind the text, which others may read
-        try:
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        finally:
-            os.lseek(handle, 0, os.SEEK_SET)
-        return True
-
-else:
-    import fcntl
-
-    def _locked(handle: int) -> bool:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return False
-        return True
-
-
 class Reader:
     """The database, read by anybody at any time.
 
@@ -387,6 +295,68 @@ class Reader:
             *(loop, most),
         )
 
+    def answer(self, loop: str, id: int) -> dict[str, Any] | None:
+        """Verdict, width to compensate and document of an answer of a loop; None where there is no such answer."""
+        return self.one(
+            "SELECT verdict, compensable, document FROM answers JOIN loops ON loops.id = answers.loop "
+            "WHERE answers.id = ? AND loops.name = ?",
+            *(id, loop),
+        )
+
+    def document(self, id: int) -> dict[str, Any] | None:
+        """The document of an answer, as `glapp analyze --json` writes it; None where there is no such answer."""
+        found = self.one("SELECT document FROM answers WHERE id = ?", id)
+        return None if found is None else json.loads(found["document"])["analysis"]
+
+    def answers_shown(self, ids: Sequence[int]) -> list[dict[str, Any]]:
+        """What the station shows of answers: answer, recordings and process as JSON, and when each was made."""
+        return self.rows(
+            "SELECT answers.id, name, "
+            "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
+            "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings, "
+            "json_extract(document, '$.analysis.loops[0].fit.process') AS process, "
+            "json_extract(document, '$.analysis.loops[0].file') AS file, "
+            "t_begin, t_end, time, asked_by FROM answers "
+            f"JOIN loops ON loops.id = answers.loop WHERE answers.id IN ({', '.join('?' * len(ids))})",
+            *ids,
+        )
+
+    def detections(self, loop: str, begin: float, most: int) -> list[dict[str, Any]]:
+        """End, width, estimate and compensation of a loop's accepted half-periods since `begin`; the newest `most`."""
+        found = self.rows(
+            "SELECT t_end, d, median_mean, compensated FROM half_periods WHERE loop = "
+            "(SELECT id FROM loops WHERE name = ?) AND reason = 0 AND t_end >= ? ORDER BY t_end DESC LIMIT ?",
+            *(loop, begin, most),
+        )
+        return found[::-1]
+
+    def reason_counts(self, loop: str, begin: float) -> dict[int, int]:
+        """How many half-periods of a loop ended after `begin` with each code of `HalfPeriods.reason`."""
+        found = self.rows(
+            "SELECT reason, COUNT(*) AS n FROM half_periods WHERE loop = (SELECT id FROM loops WHERE name = ?) "
+            "AND t_end > ? GROUP BY reason",
+            *(loop, begin),
+        )
+        return {row["reason"]: row["n"] for row in found}
+
+    def daily_detections(self, begin: float) -> list[dict[str, Any]]:
+        """Mean width of each loop's detections by day since `begin`, those under compensation left out."""
+        return self.rows(
+            "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d, NULL AS low, NULL AS high FROM "
+            "half_periods JOIN loops ON loops.id = half_periods.loop "
+            "WHERE reason = 0 AND compensated = 0 AND t_end > ? GROUP BY name, day",
+            begin,
+        )
+
+    def daily_widths(self, begin: float) -> list[dict[str, Any]]:
+        """Mean width and limits of each loop's fits that found backlash, by day since `begin`."""
+        return self.rows(
+            "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d, AVG(low) AS low, AVG(high) AS high "
+            "FROM answers JOIN loops ON loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? "
+            "GROUP BY name, day",
+            begin,
+        )
+
     def events(self, loop: str | None = None, most: int = 200, before: int | None = None) -> list[dict[str, Any]]:
         """What happened, the newest first; of one loop where it is named."""
         return self.rows(
@@ -420,6 +390,20 @@ class Reader:
             loop,
         )
 
+    def plans_waiting(self) -> list[dict[str, Any]]:
+        """The plans that are asked for and not made yet, in their order, with the `name` of the loop."""
+        return self.rows(
+            "SELECT plans.id, name, asked FROM plans JOIN loops ON loops.id = plans.loop "
+            "WHERE plan IS NULL AND refused IS NULL ORDER BY plans.id"
+        )
+
+    def guided_tests_going_on(self) -> list[dict[str, Any]]:
+        """The guided tests that go on, with the `name` of the loop."""
+        return self.rows(
+            "SELECT guided_tests.id, name, begun, person, asked, state FROM guided_tests "
+            "JOIN loops ON loops.id = guided_tests.loop WHERE ended IS NULL ORDER BY guided_tests.id"
+        )
+
     def _last(self, table: str, loop: str) -> dict[str, Any] | None:
         return self.one(
             f"SELECT * FROM {table} WHERE loop = (SELECT id FROM loops WHERE name = ?) ORDER BY id DESC LIMIT 1", loop
@@ -432,12 +416,58 @@ class Reader:
         )
         return {row["name"]: json.loads(row["value"]) for row in found}
 
+    def loops_given(self) -> dict[str, dict[str, Any]]:
+        """Of every loop what loops.toml says, by name."""
+        return {row["name"]: json.loads(row["settings"]) for row in self.rows("SELECT name, settings FROM loops")}
+
+    def all_settings(self) -> dict[str, dict[str, Any]]:
+        """What persons have set of each loop, by the loop's name."""
+        found: dict[str, dict[str, Any]] = {}
+        for row in self.rows(
+            "SELECT loops.name AS loop, settings.name, value FROM settings JOIN loops ON loops.id = settings.loop"
+        ):
+            found.setdefault(row["loop"], {})[row["name"]] = json.loads(row["value"])
+        return found
+
+    def users(self) -> list[dict[str, str]]:
+        """Name and role of every user."""
+        return self.rows("SELECT name, role FROM users ORDER BY name")
+
+    def user(self, name: str) -> dict[str, str] | None:
+        """Role and hashed password of a user; None where there is no such user."""
+        return self.one("SELECT role, password FROM users WHERE name = ?", name)
+
+    def logins(self) -> list[dict[str, Any]]:
+        """Who is logged in: digest of the token, name, role and when the token expires."""
+        return self.rows("SELECT digest, name, role, expires FROM tokens JOIN users ON name = person")
+
+    def login(self, digest: str, now: float) -> tuple[str, str] | None:
+        """Name and role of the user whose token has this digest; None where it has expired or there is none."""
+        row = self.one(
+            "SELECT name, role FROM tokens JOIN users ON name = person WHERE digest = ? AND expires > ?", digest, now
+        )
+        return None if row is None else (row["name"], row["role"])
+
+    def known_addresses(self) -> dict[str, list[str]] | None:
+        """Addresses from which each user has logged in, the newest last; None where nothing is kept of that."""
+        row = self.one("SELECT value FROM meta WHERE name = 'known_addresses'")
+        return None if row is None else json.loads(row["value"])
+
+    def wait_at_most(self, milliseconds: int) -> None:
+        """Wait no longer than this where another process writes [ms]."""
+        self._db.execute(f"PRAGMA busy_timeout = {milliseconds:d}")
+
     @property
     def damaged(self) -> str | None:
         """What was wrong with the database that was set aside, as long as that lies in the folder."""
         known = dict(self._db.execute("SELECT name, value FROM meta WHERE name LIKE 'damaged%'").fetchall())
         there = "damaged_file" in known and (self.folder / known["damaged_file"]).exists()
         return known["damaged"] if there else None
+
+    def shown_at(self) -> float | None:
+        """When the service last wrote what it shows [s since 1970 UTC]; None where it never did."""
+        row = self.one("SELECT time FROM shown")
+        return None if row is None else row["time"]
 
     def shown(self) -> tuple[float, dict[str, Any]] | None:
         """When the service last wrote what it shows, and that."""
@@ -453,7 +483,7 @@ def _parsed(row: dict[str, Any] | None, *columns: str) -> dict[str, Any] | None:
 
 
 class Store(Reader):
-    """The database, to be written by the one process that has the folder's `Lock`.
+    """The database, to be written by the one process that has the folder's `FolderLock`.
 
     A database that is damaged is renamed to `glapp.db.damaged-TIME` with all that belongs to it, and a new one begun:
     nothing is written into it. Damaged is what SQLite finds damaged, an empty file, and what has not the tables of
@@ -475,7 +505,7 @@ class Store(Reader):
 
     def __init__(self, folder: Path, now: float | None = None) -> None:
         self.folder = folder
-        self.lock = Lock(folder)
+        self.lock = FolderLock(folder)
         self.found: str | None = None
         self._one_at_a_time = threading.Lock()
         try:
@@ -634,7 +664,7 @@ class Store(Reader):
             self._db.execute("DELETE FROM commands WHERE command = 'login' AND time < ?", (before,))
             return self._db.execute("DELETE FROM half_periods WHERE reason > 0 AND t_end < ?", (before,)).rowcount
 
-    def answer(self, loop: str, answer: Mapping[str, Any]) -> int:
+    def add_answer(self, loop: str, answer: Mapping[str, Any]) -> int:
         """Store an answer; gives its number."""
         names = ", ".join(answer)
         marks = ", ".join("?" * len(answer))
@@ -673,10 +703,77 @@ class Store(Reader):
             )
             self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", (states or {}).items())
 
-    def write(self, statement: str, *values: Any) -> int:
-        """One statement that changes something; gives how many rows it did."""
+    def ask_plan(self, loop: str, now: float, person: str, asked: Mapping[str, Any]) -> None:
+        """Store that somebody asks for a plan of a test."""
         with self._writing():
-            return self._db.execute(statement, values).rowcount
+            self._db.execute(
+                "INSERT INTO plans (loop, time, person, asked) VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?)",
+                (loop, now, person, json.dumps(asked)),
+            )
+
+    def keep_plan(self, id: int, plan: Mapping[str, Any] | None, refused: str | None) -> None:
+        """Store a plan that was asked for, or why there is none."""
+        told = None if plan is None else json.dumps(plan)
+        with self._writing():
+            self._db.execute("UPDATE plans SET plan = ?, refused = ? WHERE id = ?", (told, refused, id))
+
+    def begin_guided_test(
+        self, loop: str, now: float, person: str, asked: Mapping[str, Any], state: Mapping[str, Any]
+    ) -> None:
+        """Store a guided test that begins."""
+        with self._writing():
+            self._db.execute(
+                "INSERT INTO guided_tests (loop, begun, person, asked, state) "
+                "VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?, ?)",
+                (loop, now, person, json.dumps(asked), json.dumps(state)),
+            )
+
+    def keep_guided_test(self, id: int, state: str, ended: float | None) -> None:
+        """Store where a guided test is, as JSON, and when it ended; one that has ended stays as it is."""
+        with self._writing():
+            self._db.execute(
+                "UPDATE guided_tests SET state = ?, ended = ? WHERE id = ? AND ended IS NULL", (state, ended, id)
+            )
+
+    def note_repair(self, loop: str, at: float, now: float, person: str, note: str) -> None:
+        """Store a repair of a loop's valve."""
+        with self._writing():
+            self._db.execute(
+                "INSERT INTO repairs (loop, time, noted, person, note) "
+                "VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?, ?)",
+                (loop, at, now, person, note),
+            )
+
+    def put_user(self, name: str, role: str, password: str, now: float) -> None:
+        """Store a user, with a password that is hashed, and end all logins of that name."""
+        with self._writing():
+            self._db.execute("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", (name, role, password, now))
+            self._db.execute("DELETE FROM tokens WHERE person = ?", (name,))
+
+    def remove_user(self, name: str) -> bool:
+        """Delete a user with all logins; whether there was one of that name."""
+        with self._writing():
+            return self._db.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount > 0
+
+    def add_login(self, digest: str, name: str, expires: float) -> None:
+        """Store a login by the digest of its token."""
+        with self._writing():
+            self._db.execute("INSERT INTO tokens VALUES (?, ?, ?)", (digest, name, expires))
+
+    def end_login(self, digest: str) -> None:
+        """Delete a login."""
+        with self._writing():
+            self._db.execute("DELETE FROM tokens WHERE digest = ?", (digest,))
+
+    def end_logins(self, now: float) -> None:
+        """Delete the logins that have expired."""
+        with self._writing():
+            self._db.execute("DELETE FROM tokens WHERE expires <= ?", (now,))
+
+    def put_known_addresses(self, addresses: Mapping[str, Sequence[str]]) -> None:
+        """Store the addresses from which each user has logged in."""
+        with self._writing():
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('known_addresses', ?)", (json.dumps(addresses),))
 
 
 def _private(path: Path) -> None:
@@ -797,7 +894,7 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
         raise InputError(f"is no database of glapp: it has no {lacks}", file=str(file))
     if not sound or not 1 <= version <= SCHEMA:
         raise InputError(f"is damaged, or of schema {version}, where this glapp reads 1 to {SCHEMA}", file=str(file))
-    lock = Lock(folder)
+    lock = FolderLock(folder)
     try:
         path = folder / NAME
         part = path.with_name(f".{NAME}.part")

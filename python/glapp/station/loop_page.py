@@ -463,16 +463,9 @@ class _Page:
         return [(label, n, meaning) for label, n, meaning, _ in found if label != "accepted"]
 
     async def _counts(self) -> dict[str, int]:
-        rows = await asyncio.to_thread(
-            self.read,
-            lambda r: r.rows(
-                "SELECT reason, COUNT(*) AS n FROM half_periods WHERE loop = (SELECT id FROM loops WHERE name = ?) "
-                "AND t_end > ? GROUP BY reason",
-                self.name,
-                self.station.view.now - REASON_DAYS * 86400.0,
-            ),
-        )
-        return {NAMES[row["reason"]]: row["n"] for row in rows}
+        begin = self.station.view.now - REASON_DAYS * 86400.0
+        found = await asyncio.to_thread(self.read, lambda reader: reader.reason_counts(self.name, begin))
+        return {NAMES[code]: n for code, n in found.items()}
 
     async def _count(self) -> None:
         counts = charts.reasons(await self._counts())

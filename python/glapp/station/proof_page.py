@@ -12,7 +12,7 @@ from typing import Any
 from nicegui import ui
 
 from ..errors import InputError
-from ..plan import Plan
+from ..planned import Plan
 from ..report import planned
 from ..report.words import number, quantity
 from ..service import repairs

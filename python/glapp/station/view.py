@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
 from ..report.words import URGENCIES, VERDICTS, count, number
-from ..service.monitor import with_settings
+from ..service.settable import with_settings
 from ..service.store import Reader
 
 __all__ = ["LoopRow", "Trend", "View", "age", "as_csv", "summary", "trend"]
@@ -230,8 +230,7 @@ class View:
             self.why = str(error)
 
     def _take(self, reader: Reader) -> None:
-        written = reader.one("SELECT time FROM shown")
-        if written is not None and written["time"] == self.at and self.loops:
+        if self.loops and reader.shown_at() == self.at:
             return
         shown = reader.shown()
         if shown is None:
@@ -239,32 +238,17 @@ class View:
         self.at, self.shown = shown
         names = self.shown["loops"].keys()
         if not names <= self.loops.keys():
-            for row in reader.rows("SELECT name, settings FROM loops"):
-                self._given[row["name"]] = self.loops[row["name"]] = Loop(**json.loads(row["settings"]))
+            for name, given in reader.loops_given().items():
+                self._given[name] = self.loops[name] = Loop(**given)
             self._set.clear()
-        by_loop: dict[str, dict[str, Any]] = {}
-        for row in reader.rows(
-            "SELECT loops.name AS loop, settings.name, value FROM settings JOIN loops ON loops.id = settings.loop"
-        ):
-            by_loop.setdefault(row["loop"], {})[row["name"]] = json.loads(row["value"])
-        for name, settings in by_loop.items():
+        for name, settings in reader.all_settings().items():
             if name in self._given and self._set.get(name) != settings:
                 self._set[name] = settings
                 self.loops[name] = with_settings(self._given[name], settings)
         ids = {name: loop["answer"]["id"] for name, loop in self.shown["loops"].items() if loop["answer"] is not None}
         new = [id for name, id in ids.items() if name not in self._answers or self._answers[name][0] != id]
         for i in range(0, len(new), 500):
-            some = new[i : i + 500]
-            for row in reader.rows(
-                "SELECT answers.id, name, "
-                "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
-                "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings, "
-                "json_extract(document, '$.analysis.loops[0].fit.process') AS process, "
-                "json_extract(document, '$.analysis.loops[0].file') AS file, "
-                "t_begin, t_end, time, asked_by FROM answers "
-                f"JOIN loops ON loops.id = answers.loop WHERE answers.id IN ({', '.join('?' * len(some))})",
-                *some,
-            ):
+            for row in reader.answers_shown(new[i : i + 500]):
                 if row["answer"] is not None:
                     self._answers[row["name"]] = (row["id"], json.loads(row["answer"]), _own(row["recordings"]))
                     self._believed[row["name"]] = {
@@ -541,16 +525,9 @@ def _trends(reader: Reader, now: float) -> dict[str, Trend]:
     """
     found: dict[str, Trend] = {}
     since = now - TREND_DAYS * DAY
-    for query in (
-        "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d, NULL AS low, NULL AS high FROM half_periods "
-        "JOIN loops ON loops.id = half_periods.loop WHERE reason = 0 AND compensated = 0 AND t_end > ? "
-        "GROUP BY name, day",
-        "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d, AVG(low) AS low, AVG(high) AS high "
-        "FROM answers JOIN loops ON loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? "
-        "GROUP BY name, day",
-    ):
+    for daily in (reader.daily_detections(since), reader.daily_widths(since)):
         by_loop: dict[str, list[tuple[float, float, float | None, float | None]]] = {}
-        for row in reader.rows(query, since):
+        for row in daily:
             by_loop.setdefault(row["name"], []).append((row["day"], row["d"], row["low"], row["high"]))
         for name, rows in by_loop.items():
             if (one := _through(rows)) is not None:

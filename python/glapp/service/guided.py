@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
@@ -24,6 +25,9 @@ from .signal import Event
 from .store import StoreFull
 
 __all__ = ["GuidedTests"]
+
+PAUSE = 4.0
+"""Between two looks at the tests lies so many times the time that the last look took."""
 
 
 class GuidedTests:
@@ -95,12 +99,13 @@ class GuidedTests:
         """Look at the tests that go on, again and again, until cancelled."""
         while True:
             self._begun.clear()
+            began = time.monotonic()
             rows = await asyncio.to_thread(self.going_on)
             for row in rows:
                 with suppress(StoreFull, OSError):  # the monitor tells it
                     await self._look(row)
-            if rows:
-                await asyncio.sleep(self._every)
+            if rows:  # late in the day there are many files to read: a fifth of one processor, no more
+                await asyncio.sleep(max(self._every, PAUSE * (time.monotonic() - began)))
             else:
                 await self._begun.wait()
 
@@ -115,9 +120,14 @@ class GuidedTests:
             loop = loop_of(monitor.reader, name)
             return guide(asked, monitor.journal.recorded(name, row["begun"], now), loop, row["begun"], now)
 
-        state = asdict(await asyncio.to_thread(found))
+        try:
+            state = asdict(await asyncio.to_thread(found))
+        except Exception as error:  # it must not end the monitor
+            monitor.tell(Event(now, name, "guided_test", f"it cannot be followed: {type(error).__name__}: {error}"))
+            return None
         if json.dumps(_plain(state)) != row["state"]:
             await self._put(row, state, None if state["outcome"] is None else now)
+        return None
 
     async def _put(self, row: Mapping[str, Any], state: Mapping[str, Any], ended: float | None) -> None:
         monitor, name = self._monitor, row["name"]

@@ -161,7 +161,7 @@ class Plans:
             now = monitor.now
             words = (monitor.store.folder, settings, now - DAYS * 86400.0, now, json.loads(row["asked"]))
             plan = await apart(planned, *words, longest=LONGEST)
-        except InputError as error:
+        except (InputError, OSError) as error:
             refused = str(error)
         try:
             await asyncio.to_thread(monitor.store.keep_plan, row["id"], plan, refused)

@@ -377,6 +377,20 @@ def test_the_report_is_a_file_of_its_own(analysed: Any, browser: Any, tmp_path: 
     other.context.close()
 
 
+def test_a_link_opens_the_laboratory_with_its_settings(browser: Any) -> None:
+    for link, d, refused in (("gap.d=4&noise.amplitude=0", "4", ""), ("gap.d=-1&pid.k=1", "2", "gap: d = -1: must be")):
+        page = browser.new_context(offline=True).new_page()
+        page.set_default_timeout(600_000)
+        page.goto(f"{PAGE.as_uri()}#laboratory?{link}")
+        page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1")
+        page.locator("#lab-all summary").click()
+        page.fill("#lab-search", "gap.")
+        assert page.locator("[aria-label='gap.d']").input_value() == d
+        assert page.locator("#lab-wrong").inner_text().startswith(refused)
+        assert page.locator("#lab-wrong").is_hidden() == (not refused)
+        page.close()
+
+
 def test_the_laboratory(page: Any) -> None:
     page.bring_to_front()  # a page behind another draws no pictures
     page.click("#go-laboratory")

@@ -24,7 +24,7 @@ pub struct FitProblem<'a> {
     pub records: Vec<Segment<'a>>,
     /// Sign of the process gain where it is known, else 0.
     pub sign: f64,
-    /// Records simulated without a gap at most, to find how large the likelihood ratio gets by chance; 0 for none.
+    /// Draws at most, to find how large the likelihood ratio of a record without a gap gets by chance; 0 for none.
     pub bootstrap: usize,
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn records(samples: &[Samples]) -> Result<Vec<Segment<'static>>, Unfi
     if fit.is_empty() { Err(why) } else { Ok(fit) }
 }
 
-/// Records that are simulated at most.
+/// Draws at most.
 const BOOTSTRAP: usize = 400;
 
 /// Answers the problem: each record by itself, and all together. A single long record is cut into windows first. `tell` takes the

@@ -52,7 +52,7 @@ thresholds! {
     GAP_JOINT: f64 = 32.0, "−2·ln L";
     /// What must be left of it without the record that gives most: what one alone would need.
     GAP_WITHOUT_ONE: f64 = GAP, "−2·ln L";
-    /// LR of no gap from which on no bootstrap is made: it takes most of a fit's time. No bench of its own.
+    /// LR of no gap from which on no bootstrap is made. No bench of its own.
     GAP_PLAIN: f64 = 100.0, "−2·ln L";
     /// LR of no gap above which a family that predicts nearly as well as the best sees one, and no valve is sound. Simulations
     /// and real loops.

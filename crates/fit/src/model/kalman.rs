@@ -534,46 +534,16 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
     }
 
-    /// A record that the first model itself could have made: `y` up to the sample at which the start is forgotten, from
-    /// there on the model's foresight plus `draw()` standard deviations.
+    /// PV of the first process from rest, without load and noise, at these positions.
     #[inline(always)]
-    pub(crate) fn simulate(
-        &self,
-        y: &[f64],
-        changes: &[f64],
-        kp_v: &[f64],
-        draw: &mut impl FnMut() -> f64,
-    ) -> Vec<f64> {
-        let mut gain = self.start();
+    pub(crate) fn response(&self, v: &[f64]) -> Vec<f64> {
         let mut x = [Wide::all(self.simd, 0.0); N];
-        let mut made = Vec::with_capacity(y.len());
-        let mut seen = 0;
-        // The load and the drift are told by as many samples as the process.
-        let told = 2 * (Self::ORDER + 2);
-        let all = LoadChange::alike(changes);
-        for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
-            let mut unforeseen = None;
-            if y.is_nan() {
-                made.push(y);
-                gain.thaw();
-            } else {
-                let foresight = -self.unforeseen(&x, 0.0).lanes()[0];
-                // After a change PV itself has to tell the load.
-                let known =
-                    seen >= told && !changes.iter().any(|j| (j.ceil() as usize..j.ceil() as usize + told).contains(&k));
-                let value = if !known { y } else { foresight + draw() / gain.scale.lanes()[0] };
-                seen += 1;
-                made.push(value);
-                unforeseen = Some(Wide::all(self.simd, value - foresight));
-            }
-            self.advance(&mut gain, y.is_nan(), all.iter().find(|change| change.cell == k + 1));
-            let v = Some(Wide::all(self.simd, v));
-            match unforeseen {
-                Some(unforeseen) => self.step(&mut x, &gain.l, unforeseen, v),
-                None => self.pass(&mut x, v),
-            }
-        }
-        made
+        let step = |v: &f64| {
+            let now = x[0].lanes()[0];
+            self.pass(&mut x, Some(Wide::all(self.simd, *v)));
+            now
+        };
+        v.iter().map(step).collect()
     }
 
     /// What the states `x` did not foresee of `y`.

@@ -476,6 +476,17 @@ impl Search<'_> {
         (of_y, answers)
     }
 
+    /// PV as the process alone would make it from rest at the positions of a lost motion; none where the record has none.
+    pub(crate) fn predicted(&self, point: &Point, positions: &Positions) -> Vec<Vec<f64>> {
+        let delay = self.delay(&point.theta);
+        let of = |(stretch, positions): (&Strip, &Vec<f64>)| {
+            let v: Vec<f64> = delayed(positions, delay).iter().map(|v| v * point.kp).collect();
+            let response = self.structure.response(&point.theta, &v);
+            response.iter().zip(&*stretch.y).map(|(x, y)| if y.is_nan() { f64::NAN } else { *x }).collect()
+        };
+        self.record.stretches.iter().zip(positions).map(of).collect()
+    }
+
     /// Lanes that a point takes with its derivatives: see [`Search::perturbed`].
     fn lanes(&self) -> usize {
         1 + self.structure.parameters()
@@ -692,15 +703,10 @@ pub(crate) struct Elsewhere<'s> {
 impl<'s> Elsewhere<'s> {
     pub(crate) fn new(search: &Search<'s>, theta: &Theta, positions: &Positions) -> Self {
         let delay = search.delay(theta);
-        let part = delay - delay.floor();
-        let mut shifted = Vec::new();
-        let sides = search.record.stretches.iter().zip(positions).map(|(stretch, positions)| {
-            shifted.clear();
-            shift(positions, delay, &mut shifted);
-            let v = shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect();
-            Sides::new(stretch.y.clone(), v, &stretch.changes)
-        });
-        let sides: Vec<Sides> = sides.collect();
+        let sides = |(stretch, positions): (&Strip, &Vec<f64>)| {
+            Sides::new(stretch.y.clone(), delayed(positions, delay), &stretch.changes)
+        };
+        let sides: Vec<Sides> = search.record.stretches.iter().zip(positions).map(sides).collect();
         let changes = search.record.stretches.iter().map(|stretch| stretch.changes.clone()).collect();
         let mut all = Self { search: *search, theta: *theta, changes, sides, totals: Vec::new() };
         if all.sides.len() > 1 {
@@ -796,6 +802,13 @@ fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
     shifted.resize(from + unseen as usize, v[0]);
     shifted.extend(v[skipped as usize..].iter().take((n + 1 - unseen) as usize));
     shifted.resize(from + v.len() + 1, v[v.len() - 1]);
+}
+
+/// `v` so many cells late.
+fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
+    let (mut shifted, part) = (Vec::new(), delay - delay.floor());
+    shift(v, delay, &mut shifted);
+    shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect()
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -133,7 +133,7 @@ async def main(folder: Path) -> None:
     store.know([LOOP])
     settings = LOOP.model_dump_json(exclude_unset=True)
     row = await asyncio.to_thread(answered, folder, settings, now - 7 * 86400.0, now)
-    store.answer(NAME, {"time": now, "asked_by": "the night"} | row)
+    store.add_answer(NAME, {"time": now, "asked_by": "the night"} | row)
     monitor = Monitor([LOOP], store, options=MonitorOptions())
     users = Users(store, CHEAP)
     for name, role in ROLES.items():

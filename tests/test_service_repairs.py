@@ -69,7 +69,7 @@ def test_what_the_loop_gained_is_told_with_intervals(repaired):
     assert found.widths == (None, None)
     rows = texts(found, "%", "bar")
     assert rows[0] == ("Gap", "not judged", "not judged")
-    assert rows[1][1].startswith("2.00\N{NO-BREAK SPACE}bar (")
+    assert rows[1][1].startswith("2\N{NO-BREAK SPACE}bar (")
 
 
 def test_widths_are_those_of_before_and_after(repaired):
@@ -80,7 +80,7 @@ def test_widths_are_those_of_before_and_after(repaired):
     none = service.answered(Fit("sound", "", "%", 0.0, 0.0, 0.4, lr_no_gap=0.0, lr_needed=15.0), LOOP)
     mixed = service.answered(Fit("backlash", "", "%", 9.0, 8.0, 10.0, lr_no_gap=90.0, lr_needed=15.0), LOOP)
     for row, begin, end in ((wide, BEGIN, AT), (mixed, BEGIN, AT + 3600.0), (none, AT, AT + 3600.0)):
-        one.store.answer("FIC0", {"time": end, "asked_by": "eve"} | row | {"t_begin": begin, "t_end": end})
+        one.store.add_answer("FIC0", {"time": end, "asked_by": "eve"} | row | {"t_begin": begin, "t_end": end})
     found = compared(folder, SETTINGS, AT, BEGIN + 6 * 3600.0)
     assert found.widths[0]["d"] == 2.0, "a fit over both sides of the repair is neither"
     assert found.widths[1]["verdict"] == "sound"

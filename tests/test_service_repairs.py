@@ -69,7 +69,7 @@ def test_what_the_loop_gained_is_told_with_intervals(repaired):
     assert found.widths == (None, None)
     rows = texts(found, "%", "bar")
     assert rows[0] == ("Gap", "not judged", "not judged")
-    assert rows[1][1].startswith("2.00\N{NO-BREAK SPACE}bar (")
+    assert rows[1][1].startswith("2\N{NO-BREAK SPACE}bar (")
 
 
 def test_widths_are_those_of_before_and_after(repaired):

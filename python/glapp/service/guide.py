@@ -307,7 +307,7 @@ def result_text(state: Mapping[str, Any], asked: Asked, unit: str) -> str:
 
     >>> asked = Asked(1.0, (0.0, 2.0, 4.0, 2.0), 60.0, (40.0, 60.0), (0.0, 9.0), 60.0)
     >>> result_text({"found": "gap", "d": 1.1, "low": 0.9, "high": 1.3}, asked, "%")
-    'There is a gap: 1.1\N{NO-BREAK SPACE}% (95 %: 0.9 to 1.3).'
+    'There is a gap: 1.10\xa0% (95 %: 0.900 to 1.30).'
     """
     said = FOUND[state["found"]].format(width=quantity(asked.width, unit))
     d, low, high = (state[name] for name in ("d", "low", "high"))

@@ -207,9 +207,10 @@ catalogue: setup
 	cargo run --quiet -p glapp-analysis --example catalogue > vectors/catalogue.json.new
 	mv vectors/catalogue.json.new vectors/catalogue.json
 
-# The figures of the thesis with their numbers, as docs/gallery has them.
+# The figures of the thesis with their numbers, as docs/gallery has them, and the table of docs/thesis.md.
 gallery: setup
 	$(BIN)/glapp thesis --out docs/gallery --markdown
+	$(BIN)/python -m glapp_thesis
 
 # The Structured Text of plc/ for the makers' tools, the same bytes each time.
 plc:

@@ -149,7 +149,7 @@ def test_cells_mean_what_they_mean_in_any_file(tmp_path: Path) -> None:
         pv = [value for signal, _, value, _ in found[loop, FIRST // DAY] if signal == 0]
         assert np.array_equal(pv, [1234.5, np.nan, np.nan, 0.25], equal_nan=True), loop
     mode = [value for signal, _, value, _ in found["FIC1", FIRST // DAY] if signal == SIGNALS.index("mode")]
-    assert mode == [0, 1, 0, 1]  # 7 is no mode known here: not automatic, and told
+    assert mode == [1, 0, 1, 0]  # 7 is no mode known here: not automatic, and told
     assert [(p.code, p.tag, p.row, p.rows) for p in problems] == [("value", "MODE", 4, 1)]
 
 
@@ -588,7 +588,7 @@ def test_what_could_be_read_at_the_first_look_and_not_later_ends_the_run(tmp_pat
     with pytest.raises(InputError, match=r"FIC1\.parquet: could be read before, and not now: row group 1 is damaged"):
         read_again(plan, unit, before)
     assert read_again(plan, unit, unit_rows(plan, unit)[1])
-    assert [(p.code, p.file) for p in run_module._changed(plan)] == [("changed", "FIC1.parquet")]
+    assert [(p.code, p.file) for p in run_module._changed_files(plan)] == [("changed", "FIC1.parquet")]
 
 
 # --- whole runs
@@ -604,7 +604,7 @@ def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path: Path, m
         pool.submit(os.getpid).result()
 
     with monkeypatch.context() as patch:
-        patch.setattr(local, "_all", killed)
+        patch.setattr(local, "_run_tasks", killed)
         with pytest.raises(InputError, match="a process ended in its work, as for want of memory; give it fewer"):
             fleet.analyze(tmp_path / "lake", tmp_path / "out", workers=1)
     assert fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=1)["lost"]["files"] == 0

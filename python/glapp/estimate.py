@@ -230,7 +230,7 @@ def _task(loop: Loop) -> dict[str, Any]:
         "pv_span": loop.pv_span,
         "op_span": loop.op_span,
         "op_percent": loop.op_label == "%",
-        "place": _place(loop),
+        "exclusion": _exclusion(loop),
         "acceptable": loop.acceptable_dead_band,
         "positioner_dead_band": None if loop.positioner is None else loop.positioner.dead_band,
         "tf": loop.tf,
@@ -292,7 +292,7 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
     """The fit in words."""
     match done["answer"]["fit"]["why"]:
         case {"code": "place"}:
-            return Fit("cannot_tell", _crossings("place", _of_place(loop)), loop.op_label, why="place")
+            return Fit("cannot_tell", _crossings("place", _of_exclusion(loop)), loop.op_label, why="place")
         case {"code": "finding", "of": i} if done["pv"] is None:
             return Fit("cannot_tell", found[i].text, loop.op_label, why=found[i].code)
         case {"code": "finding", "of": i}:
@@ -334,14 +334,14 @@ def _code(answer: dict[str, Any], found: list[Finding]) -> str | None:
 def why_text(
     answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None
 ) -> str | None:
-    """Why the crossings say no more, in words."""
+    """Sentence that explains why the zero crossings give no width, or only a provisional one; None where they do."""
     match answer["why"]:
         case None:
             return None
         case {"code": "finding", "of": int(i)}:
             return found[i].text
         case {"code": "place"}:
-            return _crossings("place", _of_place(loop))
+            return _crossings("place", _of_exclusion(loop))
         case {"code": "nothing_accepted"}:
             return nothing_accepted(answer["reasons"])
         case why:
@@ -580,8 +580,8 @@ class Estimator:
         return type(self).load, (self.save(),)
 
 
-def _place(loop: Loop) -> str | None:
-    """A place of the detector where its estimate would be wrong (thesis 8.3.2)."""
+def _exclusion(loop: Loop) -> str | None:
+    """Why the width of this OP is not that of one valve (thesis 8.3.2); None where it is."""
     if loop.cascade is not None and loop.cascade.role == "primary":
         return "primary"
     if loop.split_range:
@@ -589,12 +589,12 @@ def _place(loop: Loop) -> str | None:
     return None if loop.shared_valve_with is None else "shared_valve"
 
 
-def _of_place(loop: Loop) -> dict[str, str | None]:
+def _of_exclusion(loop: Loop) -> dict[str, str | None]:
     """Where the loop stands, if an estimate would be wrong there, and the partner that the sentence names."""
     partner = loop.shared_valve_with
     if loop.cascade is not None:
         partner = loop.cascade.partner or "the secondary loop"
-    return {"place": _place(loop), "partner": partner}
+    return {"place": _exclusion(loop), "partner": partner}
 
 
 def nothing_accepted(rejected: dict[str, int]) -> str:

@@ -395,7 +395,7 @@ class Answer:
     struck: Struck | None
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Answer:
+    def of(cls, document: Mapping[str, Any]) -> Answer:
         """The answer as the core or a document tells it; what a document says beside it in words is left out."""
         parts = {
             "limit": Limit,
@@ -405,11 +405,11 @@ class Answer:
             "trend": Moves,
             "next": Next,
         }
-        values = {column.name: told[column.name] for column in fields(cls)} | {"rank": tuple(told["rank"])}
+        values = {column.name: document[column.name] for column in fields(cls)} | {"rank": tuple(document["rank"])}
         for name, part in parts.items():
             if values[name] is not None:
-                said = {column.name: values[name].get(column.name) for column in fields(part)}
-                values[name] = part(**said)
+                numbers = {column.name: values[name].get(column.name) for column in fields(part)}
+                values[name] = part(**numbers)
         return cls(**values)
 
 
@@ -623,8 +623,8 @@ class Result:
             high = "no upper limit" if answer.high is None else f"{answer.high:.4g}"
             limits = "" if answer.low is None else f" ({answer.low:.4g} to {high})"
             width = "" if answer.width is None else f" {answer.width:.4g} {self.unit}"
-            told = f"{answer.verdict}{',' if width or limits else ''}{width}{limits}"
-            return f"<Result {self.name}: {told}{'' if (by := self.by_position) is None else f', {by}'}>"
+            text = f"{answer.verdict}{',' if width or limits else ''}{width}{limits}"
+            return f"<Result {self.name}: {text}{'' if (by := self.by_position) is None else f', {by}'}>"
         width = "" if self.d_hat is None else f" {self.d_hat:.4g} {self.unit},"
         found = f"{self.detections} detections in {self.total_half_periods} half-periods"
         return f"<Result {self.name}: {answer.verdict},{width} {found}>"

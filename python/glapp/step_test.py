@@ -279,11 +279,11 @@ def step_test_from_core(found: dict[str, Any], recording: Recording, loop: Loop)
     blank = StepTest(recording.name, recording.source, loop.op_label, loop.pv_unit or "PV unit", None, t0=recording.t0)
     travel = found.pop("travel")
     if travel is not None:
-        travel = _filled(replace(blank, pv_unit="% travel"), travel, "the valve")
-    return replace(_filled(blank, found, "PV"), travel=travel)
+        travel = _with_answer(replace(blank, pv_unit="% travel"), travel, "the valve")
+    return replace(_with_answer(blank, found, "PV"), travel=travel)
 
 
-def _filled(blank: StepTest, found: dict[str, Any], subject: str) -> StepTest:
+def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTest:
     """The core's answer, with its codes in sentences; `subject` is what answered OP."""
     words = {
         "subject": subject,

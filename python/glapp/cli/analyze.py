@@ -147,12 +147,12 @@ def _planned(plan: Plan) -> list[tuple[str, str]]:
 
 
 def _block(result: Result, why: bool) -> None:
-    told = result.texts()
+    texts = result.texts()
     head = Text("  ").join(
-        filter(None, [styled(_name(result), style="bold"), styled(told["headline"]), _verdict(result)])
+        filter(None, [styled(_name(result), style="bold"), styled(texts["headline"]), _verdict(result)])
     )
-    rows = [("", told["so"]), ("do", told["do"])]
-    reasons = [text for text in told["why"] if text not in told["so"]]
+    rows = [("", texts["so"]), ("do", texts["do"])]
+    reasons = [text for text in texts["why"] if text not in texts["so"]]
     if why:
         rows += [("why" if text is reasons[0] else "", text) for text in reasons]
     warnings = [f.text for f in result.quality if f.severity == "warning"]
@@ -193,10 +193,10 @@ def _name(result: Result) -> str:
 def _verdict(result: Result) -> Text:
     """The one verdict, and of crossings alone whether their width is acceptable."""
     answer = result.answer
-    told = [words.VERDICTS[answer.verdict].lower()]
+    parts = [words.VERDICTS[answer.verdict].lower()]
     if answer.acceptable is not None and answer.acceptable != "open":
-        told.append("too wide" if answer.acceptable == "beyond" else "acceptable")
-    return styled(", ".join(told), style=_STYLES[answer.valve])
+        parts.append("too wide" if answer.acceptable == "beyond" else "acceptable")
+    return styled(", ".join(parts), style=_STYLES[answer.valve])
 
 
 def _crossing(result: Result) -> Text:

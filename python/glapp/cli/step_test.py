@@ -135,8 +135,8 @@ def _show(found: StepTest) -> None:
         rows.append((name, f"{quantity(found.kp, gain)}  ({between(found.kp_low, found.kp_high, gain)})"))
     if found.travel is not None:
         width = found.travel
-        told = width.reason or f"{quantity(width.d, op)}  ({between(width.low, width.high, op)})"
-        rows.append(("Gap from travel", told))
+        text = width.reason or f"{quantity(width.d, op)}  ({between(width.low, width.high, op)})"
+        rows.append(("Gap from travel", text))
     if found.settle is not None:
         rows.append(("PV settles within", quantity(found.settle, "s")))
     if rows:

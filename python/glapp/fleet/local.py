@@ -57,7 +57,7 @@ class Local:
         ) as pool:
             try:
                 looks = [work / "days" / f"{unit.key}.parquet" for unit in plan.units]
-                _all(
+                _run_tasks(
                     pool, _look, [(i,) for i, path in enumerate(looks) if not path.exists()], "days", len(looks), stage
                 )
                 days = together(looks, DAYS, problems)
@@ -72,7 +72,7 @@ class Local:
                         path = work / "samples" / f"{digest(unit.key, sorted(here.items()))}.parquet"
                         cuts.append((here, path))
                         asked += [] if path.exists() else [(i, here, path)]
-                _all(pool, _cut, asked, "windows", len(cuts), stage)
+                _run_tasks(pool, _cut, asked, "windows", len(cuts), stage)
                 by_loop: dict[int, list[Path]] = {}
                 for here, path in cuts:
                     for k in here:
@@ -82,7 +82,7 @@ class Local:
                 names = [plan.places.loops[k].name for k in order]
                 of = [tuple(t.filter(pc.equal(t["loop"], name)) for t in (days, crossings)) for name in names]
                 tasks = [(k, *tables, by_loop.get(k, [])) for k, tables in zip(order, of, strict=True)]
-                keys = _all(pool, _judge, tasks, "loops", len(order), stage)
+                keys = _run_tasks(pool, _judge, tasks, "loops", len(order), stage)
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
@@ -119,7 +119,7 @@ def _chained(pool: ProcessPoolExecutor, plan: Plan, paths: Sequence[Path], stage
         stage("crossings", len(paths), len(paths) - len(left))
 
 
-def _all(
+def _run_tasks(
     pool: ProcessPoolExecutor, work: Callable[..., Any], tasks: Sequence[Any], name: str, total: int, stage: Stage
 ) -> list[Any]:
     """Have all tasks done; what they gave, in their order."""

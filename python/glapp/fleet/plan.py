@@ -26,7 +26,7 @@ __all__ = ["AT_ONCE", "FORM", "Engine", "Plan", "Stage", "Unit", "plan_of"]
 AT_ONCE = 4_000_000
 """Most rows of a unit, as far as its files show it: some 0.5 GB of memory a process."""
 
-FORM = 3
+FORM = 4
 """Form of the pieces: a later one makes all of them anew."""
 
 
@@ -116,11 +116,11 @@ def plan_of(
     if not files:
         raise InputError("holds no file that can be read", file=str(lake), hint=problems[0].what if problems else None)
     known, wrong = places(files, given, {})
-    told = digest(
+    checksum = digest(
         version("glapp"), FORM, [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]
     )
     units = _units(files, known)
-    return Plan(lake, tuple(given or ()), known, tuple(units), tuple(files), (*problems, *wrong), fits, told)
+    return Plan(lake, tuple(given or ()), known, tuple(units), tuple(files), (*problems, *wrong), fits, checksum)
 
 
 def _indexed(
@@ -138,8 +138,8 @@ def _indexed(
     def one(name: str) -> tuple[File | None, list[DataIssue]]:
         path = paths[name]
         if path.exists():
-            known, told = json.loads(path.read_text(encoding="utf-8"))
-            return None if known is None else File.of(known), [DataIssue(*problem) for problem in told]
+            known, problems = json.loads(path.read_text(encoding="utf-8"))
+            return None if known is None else File.of(known), [DataIssue(*problem) for problem in problems]
         file, wrong = index_file(lake, name, zone)
         write_file(path, json.dumps([None if file is None else asdict(file), [list(one) for one in wrong]]))
         return file, wrong
@@ -169,8 +169,8 @@ def _units(files: Sequence[File], known: Places) -> list[Unit]:
                 of = tuple(f for f in here if any(touched(f, g, known, loops, begin, end) for g in f.groups))
                 if of:
                     made_of = [(file.name, file.size, file.mtime_ns, file.zone) for file in of]
-                    told = (settings[loops.start : loops.stop], made_of, _columns(of, known, loops))
-                    key = digest(version("glapp"), FORM, day, begin, end, *told)
+                    contents = (settings[loops.start : loops.stop], made_of, _columns(of, known, loops))
+                    key = digest(version("glapp"), FORM, day, begin, end, *contents)
                     before = tuple(sorted({last[k] for k in loops if k in last}))
                     units.append(Unit(day, part, begin, end, loops, of, key, before))
                     last.update(dict.fromkeys(loops, len(units) - 1))

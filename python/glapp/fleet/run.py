@@ -116,8 +116,8 @@ def analyze(
         plan = plan_of(lake, names, out, loops, time_zone, fits, tell, workers or os.cpu_count() or 1)
         plan = replace(plan, problems=(*wrong, *plan.problems))
         made_of, problems = work(plan, out, tell)
-        problems = [*plan.problems, *problems, *_changed(plan)]
-        made_of["loops"], more = _whole(made_of["loops"], plan, problems)
+        problems = [*plan.problems, *problems, *_changed_files(plan)]
+        made_of["loops"], more = _with_refused_loops(made_of["loops"], plan, problems)
         problems += more
         orders = {"days": ("day", "part"), "crossings": ("day", "part"), "windows": ("first",)}
         tables = {
@@ -129,7 +129,7 @@ def analyze(
         about = {
             "provenance": {"glapp": version("glapp"), "settings": plan.settings, "fits": fits},
             "lake": str(lake),
-            "lost": _lost(tables),
+            "lost": _lost_counts(tables),
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
             "engine": engine,
             "seconds": round(time.monotonic() - begun, 3),
@@ -153,7 +153,7 @@ REFUSED = ("loop_tags", "no_tags", "settings", "unreadable")
 """Codes of problems of the plan that leave a loop without a row, the one to be told first."""
 
 
-def _whole(loops: pa.Table, plan: Plan, problems: Sequence[DataIssue]) -> tuple[pa.Table, list[DataIssue]]:
+def _with_refused_loops(loops: pa.Table, plan: Plan, problems: Sequence[DataIssue]) -> tuple[pa.Table, list[DataIssue]]:
     """The answers with a row of every loop that is known and was not judged, refused with its reason.
 
     Each row gets how many files with its signals, or parts of them, could not be read. A loop that only its files'
@@ -201,7 +201,7 @@ def _parts_lost(plan: Plan, problems: Sequence[DataIssue]) -> dict[str, list[str
     return found
 
 
-def _changed(plan: Plan) -> list[DataIssue]:
+def _changed_files(plan: Plan) -> list[DataIssue]:
     """Files that are others now than when they were looked at: what was read of them may be of either."""
 
     def state(file: File) -> tuple[int, int] | None:
@@ -217,7 +217,7 @@ def _changed(plan: Plan) -> list[DataIssue]:
     ]
 
 
-def _lost(tables: Mapping[str, pa.Table]) -> dict[str, int]:
+def _lost_counts(tables: Mapping[str, pa.Table]) -> dict[str, int]:
     """What of the lake is not in the answers: the one count for the headline, the report and the exit code."""
     problems = problems_of(tables["problems"])
     parts = [one for one in problems if one.code in LOST]

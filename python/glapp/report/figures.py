@@ -92,7 +92,7 @@ def loop_figure(result: Result) -> go.Figure:
     if trace is None or len(trace.t) == 0:
         return _empty("No trace: the loop was refused before its signals were read.")
     pv_unit, op_unit = result.loop.pv_unit or "PV unit", words.op_unit(result.unit)
-    has_op = _known(trace, "op") or _known(trace, "position")
+    has_op = _has_values(trace, "op") or _has_values(trace, "position")
     has_halves = halves.count > 0
     has_detections = bool((halves.reason == 0).any())
     panels = ["pv", *(["op"] if has_op else []), *(["d"] if has_detections else [])]
@@ -130,7 +130,7 @@ def loop_figure(result: Result) -> go.Figure:
         ("op", "OP", "op", {"color": OUTPUT, "width": 1.2}),
     ]
     for column, name, panel, style in lines:
-        if _known(trace, column):
+        if _has_values(trace, column):
             band = _band(trace, column)
             whole = np.array_equal(*band, equal_nan=True)  # nothing was thinned
             figure.add_trace(
@@ -327,9 +327,9 @@ def _drawn(t: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.f
 def phase_figure(result: Result) -> go.Figure:
     """Draw PV against OP, the points coloured by time: a gap shows as a flat passage at every reversal."""
     trace = result.trace
-    if trace is None or not _known(trace, "op") or not _known(trace, "pv"):
+    if trace is None or not _has_values(trace, "op") or not _has_values(trace, "pv"):
         return _empty("PV and OP were not both recorded.")
-    source = "pv_filtered" if _known(trace, "pv_filtered") else "pv"
+    source = "pv_filtered" if _has_values(trace, "pv_filtered") else "pv"
     op, pv = _middle(trace, "op"), _middle(trace, source)
     figure = _figure()
     figure.add_trace(
@@ -428,7 +428,7 @@ def _time_axis(figure: go.Figure, result: Result | StepTest, rows: int) -> None:
     figure.update_xaxes(title_text="local time", row=rows, col=1)
 
 
-def _known(trace: Trace, column: str) -> bool:
+def _has_values(trace: Trace, column: str) -> bool:
     """Tell whether a column of the trace was recorded and holds at least one number."""
     band = getattr(trace, column)
     return band is not None and bool(np.isfinite(band.low).any())
@@ -462,7 +462,7 @@ def _zigzag_time(result: Result, trace: Trace) -> NDArray[np.float64]:
 
 def _limits(trace: Trace) -> tuple[float, float]:
     """Range of the PV panel: all of SP and PV with a margin."""
-    bands = [values for column in ("sp", "pv") if _known(trace, column) for values in _band(trace, column)]
+    bands = [values for column in ("sp", "pv") if _has_values(trace, column) for values in _band(trace, column)]
     if not bands:
         return 0.0, 1.0
     low = min(float(np.nanmin(values)) for values in bands)

@@ -117,7 +117,7 @@ def _page(one: Judged) -> dict[str, object]:
         "end": at[1] if at else "",
         "verdict": _VERDICTS[one.verdict],
         "kind": one.verdict,
-        "so": _so(one),
+        "so": _reason_text(one),
         "signals": [name for name, _ in signals],
         "terms": [(term, [tell(read) for _, read in signals]) for term, tell in _terms(op)],
         "op": op,
@@ -130,7 +130,7 @@ def _page(one: Judged) -> dict[str, object]:
     }
 
 
-def _so(one: Judged) -> str:
+def _reason_text(one: Judged) -> str:
     """What the verdict stands on."""
     allowed = f"{words.number(one.allowed)} % of span is allowed ({one.origin})"
     by = "the valve's travel" if one.by == "travel" else "PV"

@@ -112,7 +112,7 @@ class LoopView:
 
     @property
     def source(self) -> TableRows:
-        """What the recording is."""
+        """Rows on the recording: file, time span, area, valve, acceptable dead band."""
         r, loop = self.r, self.r.loop
         rows: TableRows = [("File", r.source)]
         if r.trace is not None and len(r.trace.t):

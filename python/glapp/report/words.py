@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["count", "duration", "number", "quantity", "sentence"]
 
 
-def _all(subject: str) -> dict[str, str]:
+def _catalogue_of(subject: str) -> dict[str, str]:
     """All of a subject of the catalogue, by name."""
     parts = ((code.partition("."), text) for code, text in _glapp.catalogue())
     return {name: text for (of, _, name), text in parts if of == subject}
@@ -34,26 +34,26 @@ class Reason(NamedTuple):
     remedy: str
 
 
-_MEANINGS, _REMEDIES = _all("half_period_meaning"), _all("half_period_remedy")
+_MEANINGS, _REMEDIES = _catalogue_of("half_period_meaning"), _catalogue_of("half_period_remedy")
 
 #: In the order of `glapp.result.REASONS`: the position in this table is the code in `HalfPeriods.reason`.
 REASONS: dict[str, Reason] = {
-    name: Reason(label, _MEANINGS[name], _REMEDIES[name]) for name, label in _all("half_period").items()
+    name: Reason(label, _MEANINGS[name], _REMEDIES[name]) for name, label in _catalogue_of("half_period").items()
 }
 
 NAMES = tuple(REASONS)
 
 #: The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
-VERDICTS = _all("verdict")
+VERDICTS = _catalogue_of("verdict")
 
 #: What is known of a valve.
-VALVES = _all("valve")
+VALVES = _catalogue_of("valve")
 
 #: How soon something is to be done.
-URGENCIES = _all("urgency")
+URGENCIES = _catalogue_of("urgency")
 
 #: What each verdict means.
-MEANINGS = _all("meaning")
+MEANINGS = _catalogue_of("meaning")
 
 #: What each method is and is not.
 METHODS: dict[str, tuple[str, ...]] = {
@@ -158,22 +158,22 @@ def summary(results: Sequence[Result]) -> str:
 
 def headline(result: Result) -> str:
     """Write the one width that a list shows, with its interval if it has one; empty where nothing is known of it."""
-    return _part(result, "headline")
+    return _text_of(result, "headline")
 
 
 def of_span(result: Result) -> str:
     """Write the same in % of OP's span; empty where the span is not known, or the headline says so already."""
-    return _part(result, "of_span")
+    return _text_of(result, "of_span")
 
 
 def crossing(result: Result) -> str:
     """Write the width that a PLC would show, and whether it is wrong."""
-    return _part(result, "plc")
+    return _text_of(result, "plc")
 
 
 def lead(result: Result) -> str:
     """Tell what is so, in one sentence for the person who plans the maintenance."""
-    return _part(result, "so")
+    return _text_of(result, "so")
 
 
 def why(result: Result) -> list[str]:
@@ -190,15 +190,15 @@ def basis(result: Result) -> str:
 
 def next_step(result: Result) -> str:
     """Say in one or two sentences what to do next; a step test that the recording holds is used, not advised."""
-    return _part(result, "do")
+    return _text_of(result, "do")
 
 
 def todo(result: Result) -> str:
     """Say the same in a word or two."""
-    return _part(result, "short")
+    return _text_of(result, "short")
 
 
-def _part(result: Result, name: str) -> str:
+def _text_of(result: Result, name: str) -> str:
     return str(result.texts()[name])
 
 

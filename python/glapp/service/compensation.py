@@ -195,7 +195,7 @@ class Compensator:
         by_rate = self._most / self._graph["watch.comp_rate"]
         return float(min(max(self._graph["watch.comp_release"], by_rate), longest))
 
-    def stands(self, now: float) -> float | None:
+    def stuck_u_ff(self, now: float) -> float | None:
         """The u_FF that is read back from the plant though it had to be 0 by now; None: all is as it has to be.
 
         Parameters

@@ -521,8 +521,8 @@ class Store(Reader):
         why = "has 0 bytes" if empty else None
         try:
             self._db = _connected(path)
-            if (said := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
-                why = why or f"is damaged: {said}"
+            if (fault := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+                why = why or f"is damaged: {fault}"
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
             there = there and (empty or bool(self._db.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()))
             if there and why is None and version <= SCHEMA and (lacks := _missing(self._db, max(version, 1))):
@@ -536,7 +536,7 @@ class Store(Reader):
             raise InputError(
                 f"has schema {version}, and this glapp writes {SCHEMA}", file=str(path), hint="use the newer version"
             )
-        told: list[tuple[str, str]] = []
+        damage: list[tuple[str, str]] = []
         if why is not None:
             self._db.close()
             aside = _set_aside(path, now)
@@ -544,7 +544,7 @@ class Store(Reader):
                 f"the database {why}; it was set aside as {aside.name}, and a new one begun without the users, "
                 f"settings, answers and events of before: restore a copy of it, or take {aside.name} away to go on"
             )
-            told = [("damaged", self.found), ("damaged_file", aside.name)]
+            damage = [("damaged", self.found), ("damaged_file", aside.name)]
             self._db, version = _connected(path), 0
         elif not there and any(self.folder.glob("signals/*")):
             self.found = (
@@ -552,7 +552,7 @@ class Store(Reader):
                 "answers and events of before; restore a copy of it"
             )
         try:
-            _ours(self._db)
+            _configure(self._db)
         except sqlite3.OperationalError as error:
             self._db.close()
             raise InputError(f"cannot be opened: {error}", file=str(path)) from None
@@ -561,7 +561,7 @@ class Store(Reader):
                 for step in _MIGRATIONS[version:]:
                     for statement in step.split(";\n"):
                         self._db.execute(statement)
-                self._db.executemany("INSERT INTO meta VALUES (?, ?)", told)
+                self._db.executemany("INSERT INTO meta VALUES (?, ?)", damage)
                 self._db.execute(f"PRAGMA user_version = {SCHEMA}")
 
     def close(self) -> None:
@@ -607,9 +607,9 @@ class Store(Reader):
             self._db.executemany(
                 "INSERT INTO entries VALUES (?, ?, ?)", [(entry.id, entry.now, entry.packed()) for entry in entries]
             )
-            self._put(halves, events)
+            self._insert(halves, events)
 
-    def _put(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
+    def _insert(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
         self._db.executemany(_INSERT_HALF, halves)
         self._db.executemany(
             "INSERT INTO events (time, loop, kind, text) VALUES (?, ?, ?, ?)",
@@ -628,7 +628,7 @@ class Store(Reader):
             self._db.execute("DELETE FROM entries WHERE id <= ?", (position,))
             self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", states.items())
             self._db.execute("INSERT OR REPLACE INTO meta VALUES ('position', ?)", (str(position),))
-            self._put((), events)
+            self._insert((), events)
 
     def position(self) -> int:
         """Number of the last entry in the saved states; 0 before the first."""
@@ -652,7 +652,7 @@ class Store(Reader):
     def tell(self, events: Iterable[Event]) -> None:
         """Store events."""
         with self._writing():
-            self._put((), list(events))
+            self._insert((), list(events))
 
     def forget(self, before: float) -> int:
         """Take out the rejected half-periods that ended before a time; gives how many. The accepted ones stay.
@@ -796,7 +796,7 @@ def _connected(path: Path) -> sqlite3.Connection:
     return db
 
 
-def _ours(db: sqlite3.Connection) -> None:
+def _configure(db: sqlite3.Connection) -> None:
     """What is asked of a database that is written: not before it was checked, for the first of it changes the file."""
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too

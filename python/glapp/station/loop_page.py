@@ -275,7 +275,7 @@ class _Page:
         return found
 
     async def shade(self) -> None:
-        """The half-periods of the window anew; the signals are there."""
+        """Redraw the shading of the half-periods over the signals."""
         halves = await self._halves(self.station.view.now - self.window) if self.crossings_open else []
         areas = charts.shades(halves, self.window, dark=self.session.dark)
         ui.run_javascript(f"glapp.shade({self.chart.id}, {json.dumps(areas)})")
@@ -520,7 +520,7 @@ class _Page:
             ).classes("small muted")
 
     async def _why_none(self) -> str:
-        """Why there is no detection."""
+        """Sentence that explains why there is no detection."""
         counts = {name: n for label, n, name in await self._reasons_of() if label}
         if not counts:
             return "No detection: PV has not crossed SP and come back yet."

@@ -250,7 +250,11 @@ class View:
         for i in range(0, len(new), 500):
             for row in reader.answers_shown(new[i : i + 500]):
                 if row["answer"] is not None:
-                    self._answers[row["name"]] = (row["id"], json.loads(row["answer"]), _own(row["recordings"]))
+                    self._answers[row["name"]] = (
+                        row["id"],
+                        json.loads(row["answer"]),
+                        _trend_within(row["recordings"]),
+                    )
                     self._believed[row["name"]] = {
                         "recordings": json.loads(row["recordings"] or "[]"),
                         "process": json.loads(row["process"] or "null"),
@@ -471,10 +475,10 @@ def summary(rows: Sequence[LoopRow], when: str = "tonight") -> str:
     swings = VERDICTS["oscillation"]
     needs = ["tuning" if row.urgency == "medium" and row.verdict == swings else row.urgency for row in rows]
     counted = [(key, needs.count(key)) for key in ("high", "signal", "tuning", "medium")]
-    told = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
+    sentences = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
     if unjudged := sum(row.urgency == "unjudged" for row in rows):
-        told.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")
-    return " ".join([f"{count(len(rows), 'loop')}.", *(told or [to_text("answer.run calm")])])
+        sentences.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")
+    return " ".join([f"{count(len(rows), 'loop')}.", *(sentences or [to_text("answer.run calm")])])
 
 
 def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
@@ -500,7 +504,7 @@ def _compensation(status: Mapping[str, Any]) -> str:
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 
-def _own(recordings: str | None) -> Trend | None:
+def _trend_within(recordings: str | None) -> Trend | None:
     """The trend within one answer: of the widths that its recordings gave each by itself, where they did."""
     return _through(
         [

@@ -72,11 +72,12 @@ pub fn performance(rows: &Inspected<'_>, turn: f64) -> Option<Performance> {
     let longest = GAP * crate::median(&mut steps);
     let mut turning = Turning::new(turn);
     let mut blocks = Vec::with_capacity(BLOCKS);
+    // From block to block too: what OP does between two of them counts in the later one.
+    let mut last: Option<usize> = None;
     for i in 0..BLOCKS {
         let part = &good[i * good.len() / BLOCKS..(i + 1) * good.len() / BLOCKS];
         let mean = part.iter().map(|k| pv[*k]).sum::<f64>() / part.len() as f64;
         let mut block = Block { rows: part.len() as f64, ..Block::default() };
-        let mut last: Option<usize> = None;
         for k in part.iter().copied() {
             block.square += (pv[k] - sp.map_or(mean, |sp| sp[k])).powi(2);
             let before = last.filter(|before| (0.0..=longest).contains(&(t[k] - t[*before])));

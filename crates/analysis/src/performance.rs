@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn reversals_and_travel_are_those_of_the_signal_and_trembling_is_none() {
         let t: Vec<f64> = (0..6400).map(|k| k as f64).collect();
-        let op: Vec<f64> = triangle(100.0, 6400).iter().enumerate().map(|(k, x)| x + 0.01 * (k % 2) as f64).collect();
+        let op: Vec<f64> = triangle(100.0, 6400).iter().enumerate().map(|(k, x)| x + 0.03 * (k % 2) as f64).collect();
         let pv = vec![1.0; 6400];
         let rows = Inspected { t: &t, sp: None, pv: &pv, op: Some(&op), flags: None };
         let found = performance(&rows, 0.05).unwrap();

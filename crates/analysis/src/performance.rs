@@ -72,11 +72,12 @@ pub fn performance(rows: &Inspected<'_>, turn: f64) -> Option<Performance> {
     let longest = GAP * crate::median(&mut steps);
     let mut turning = Turning::new(turn);
     let mut blocks = Vec::with_capacity(BLOCKS);
+    // From block to block too: what OP does between two of them counts in the later one.
+    let mut last: Option<usize> = None;
     for i in 0..BLOCKS {
         let part = &good[i * good.len() / BLOCKS..(i + 1) * good.len() / BLOCKS];
         let mean = part.iter().map(|k| pv[*k]).sum::<f64>() / part.len() as f64;
         let mut block = Block { rows: part.len() as f64, ..Block::default() };
-        let mut last: Option<usize> = None;
         for k in part.iter().copied() {
             block.square += (pv[k] - sp.map_or(mean, |sp| sp[k])).powi(2);
             let before = last.filter(|before| (0.0..=longest).contains(&(t[k] - t[*before])));
@@ -162,7 +163,7 @@ mod tests {
     #[test]
     fn reversals_and_travel_are_those_of_the_signal_and_trembling_is_none() {
         let t: Vec<f64> = (0..6400).map(|k| k as f64).collect();
-        let op: Vec<f64> = triangle(100.0, 6400).iter().enumerate().map(|(k, x)| x + 0.01 * (k % 2) as f64).collect();
+        let op: Vec<f64> = triangle(100.0, 6400).iter().enumerate().map(|(k, x)| x + 0.03 * (k % 2) as f64).collect();
         let pv = vec![1.0; 6400];
         let rows = Inspected { t: &t, sp: None, pv: &pv, op: Some(&op), flags: None };
         let found = performance(&rows, 0.05).unwrap();

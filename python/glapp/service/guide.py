@@ -303,7 +303,7 @@ FOUND = {"gap": "There is a gap", "no_gap": "There is no gap of {width}", None: 
 
 
 def result_text(state: Mapping[str, Any], asked: Asked, unit: str) -> str:
-    """What a test has decided, with the width and its interval, in a sentence.
+    r"""What a test has decided, with the width and its interval, in a sentence.
 
     >>> asked = Asked(1.0, (0.0, 2.0, 4.0, 2.0), 60.0, (40.0, 60.0), (0.0, 9.0), 60.0)
     >>> result_text({"found": "gap", "d": 1.1, "low": 0.9, "high": 1.3}, asked, "%")

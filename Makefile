@@ -68,7 +68,7 @@ $(VERIFIED:%=timed-%): timed-%:
 		printf '== %s took %d s\n' '$*' $$(($$(date +%s) - began))
 
 check: setup lint
-	cargo test --release --quiet -p glapp-core --lib --test blocks
+	cargo test --release --quiet $(TESTED:%=-p glapp-%) --lib --test blocks
 	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow and not verify" tests
 
 # As they are shipped, with the crates that `make run` has compiled: the Python face is among them, since its dependencies choose

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import itertools
 import json
 import os
@@ -30,9 +31,10 @@ from pathlib import Path
 from glapp.reading.settings import read_settings
 from glapp.service import plant as of_plant
 from glapp.service.compensation import LATE
-from glapp.service.monitor import SEEN, Bounds
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import NAMESPACE, SimPlant
 from glapp.service.store import Store
+from glapp.service.watchdog import WATCHDOG_SEEN
 
 from .service_zero import LONGEST, RAMP, SCAN, WATCHDOG, Service, until
 
@@ -61,6 +63,11 @@ class Look:
         return cls(
             await asyncio.create_subprocess_exec(*command, stdin=pipe, stdout=pipe, env={**os.environ, **modules})
         )
+
+    def end(self) -> None:
+        """Stop it, however the measurement ended."""
+        if self.child.returncode is None:
+            self.child.kill()
 
     async def read(self) -> None:
         """Take what it prints, until it ends."""
@@ -143,20 +150,27 @@ async def _all(only: list[str]) -> int:
     late = 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        async with SimPlant(len(CORNERS), scan=SCAN, watchdog=WATCHDOG, ramp=RAMP) as plant:
+        async with (
+            SimPlant(len(CORNERS), scan=SCAN, watchdog=WATCHDOG, ramp=RAMP) as plant,
+            contextlib.AsyncExitStack() as at_end,
+        ):
             settings = folder / "loops.toml"
             settings.write_text(plant.settings().replace("[opcua]", f"[opcua]\ninterval = {SCAN / 2}", 1))
             loops = read_settings(settings)
             store = Store(folder / "data")
             store.know(loops)
             for loop in plant.names:  # `bench.service_zero` has the watchdog test itself
-                store.command(time.time(), "bench", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
+                store.command(
+                    time.time(), "bench", "engineer", "drilled", loop, None, None, settings={WATCHDOG_SEEN: {}}
+                )
             store.close()
             service, look = Service(folder / "data", str(settings)), await Look.begin(plant)
+            at_end.callback(service.end)
+            at_end.callback(look.end)
             reading = asyncio.create_task(look.read())
             await service.begin()
             ti = loops[0].ideal().ti  # type: ignore[union-attr]
-            limit, period = loops[0].opcua.u_ff_limit or 0.0, loops[0].sample_time or Bounds().period
+            limit, period = loops[0].opcua.u_ff_limit or 0.0, loops[0].sample_time or MonitorOptions().period
             longest = min(10.0 * ti, 300.0)
 
             def fault(kind: str) -> Callable[[], Awaitable[None]]:

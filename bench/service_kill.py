@@ -43,7 +43,8 @@ from glapp.loop import Loop
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
 from glapp.service.fits import answered
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import SimPlant
 from glapp.service.recordings import SignalStore
 from glapp.service.rows import CODES, LOST
@@ -93,8 +94,10 @@ async def _child(folder: Path, url: str) -> None:
     from glapp.service.opcua import OpcUa
 
     loops = parse_settings((folder / "loops.toml").read_text(), "loops.toml", folder)
-    monitor = Monitor(loops, _Telling(folder), bounds=Bounds(step=0.2, save=2.0))
-    task = asyncio.ensure_future(monitor.run(OpcUa(Connection(url=url, interval=0.5), loops, since=monitor.since())))
+    monitor = Monitor(loops, _Telling(folder), options=MonitorOptions(step=0.2, save=2.0))
+    task = asyncio.ensure_future(
+        monitor.run(OpcUa(Connection(url=url, interval=0.5), loops, since=monitor.ingest.since()))
+    )
     loop = asyncio.get_running_loop()
     loop.add_signal_handler(signal.SIGTERM, task.cancel)
     with contextlib.suppress(asyncio.CancelledError):
@@ -255,8 +258,8 @@ def _run_through(known: list[Loop], killed: Path, folder: Path, chance: random.R
     """One monitor, begun once and never ended, with what the killed one took in."""
     monitor = Monitor(known, Store(folder))
     for piece in _pieces(_taken(killed), chance):
-        monitor.store.add([], monitor._work(piece, tell=False), [])
-        monitor._position = piece.id
+        monitor.store.add([], monitor.ingest.process(piece)[0], [])
+        monitor.journal.position = piece.id
     asyncio.run(monitor.save())
     monitor.store.close()
 

@@ -22,8 +22,10 @@ from typing import Any
 
 from glapp.reading.settings import read_settings
 from glapp.service.connection import read_connection
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.ingest import Ingest
+from glapp.service.monitor import Monitor
 from glapp.service.opcua import OpcUa
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import free_port
 from glapp.service.signal import Signal
 from glapp.service.store import Store
@@ -32,11 +34,11 @@ TOLD = 6
 """Values of a loop that the plant tells in a scan of a second: SP, PV, OP, mode, two limit flags."""
 
 
-class _Measured(Monitor):
+class _Measured(Ingest):
     """Counts the processor time of its parts."""
 
     took = 0.0
-    worked = 0.0
+    processed = 0.0
     count = 0
 
     def take(self, values: Any) -> None:
@@ -45,15 +47,16 @@ class _Measured(Monitor):
         self.took += time.thread_time() - begun
         self.count += len(values)
 
-    def reached(self) -> list[float]:
-        """The plant's time of each loop's newest PV."""
-        return [one.latest[Signal.PV].time for one in self._loops.values() if Signal.PV in one.latest]
-
-    def _work(self, entry: Any, *, tell: bool = True) -> Any:
+    def process(self, entry: Any) -> Any:
         begun = time.thread_time()
-        halves = super()._work(entry, tell=tell)
-        self.worked += time.thread_time() - begun
-        return halves
+        found = super().process(entry)
+        self.processed += time.thread_time() - begun
+        return found
+
+
+def _reached(monitor: Monitor) -> list[float]:
+    """The plant's time of each loop's newest PV."""
+    return [one.latest[Signal.PV].time for one in monitor.loops.values() if Signal.PV in one.latest]
 
 
 def _resident() -> float:
@@ -71,24 +74,25 @@ async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> No
     connection, loops = read_connection(settings), read_settings(settings)
     assert connection is not None
     connection = connection.model_copy(update={"timeout": 30.0})  # a plant without a processor answers late
-    monitor = _Measured(loops, Store(folder), bounds=Bounds(save=60.0))
+    monitor = Monitor(loops, Store(folder), options=MonitorOptions(save=60.0))
+    monitor.ingest = ingest = _Measured(monitor.loops, time.time)
     task = asyncio.create_task(monitor.run(OpcUa(connection, loops)))
-    while not monitor.count and not task.done():
+    while not ingest.count and not task.done():
         await asyncio.sleep(0.5)
     await asyncio.sleep(15.0)
-    monitor.took = monitor.worked = monitor.count = 0
-    began_at = sum(monitor.reached())
+    ingest.took = ingest.processed = ingest.count = 0
+    began_at = sum(_reached(monitor))
     cpu, theirs, begun = time.process_time(), _used(plant), time.monotonic()
     memory = [_resident()]
     while time.monotonic() - begun < seconds and not task.done():
         await asyncio.sleep(min(60.0, seconds / 4))
         memory.append(_resident())
-        passed, reached = time.monotonic() - begun, monitor.reached()
+        passed, reached = time.monotonic() - begun, _reached(monitor)
         print(
-            f"{passed:5.0f} s: {monitor.count / passed:.0f} values/s of "
+            f"{passed:5.0f} s: {ingest.count / passed:.0f} values/s of "
             f"{TOLD * (sum(reached) - began_at) / passed:.0f} sent, "
-            f"{(time.process_time() - cpu) / passed:.1%} of a core, of that {monitor.took / passed:.1%} taking, "
-            f"{monitor.worked / passed:.1%} rows and detectors; "
+            f"{(time.process_time() - cpu) / passed:.1%} of a core, of that {ingest.took / passed:.1%} taking, "
+            f"{ingest.processed / passed:.1%} resamplers and detectors; "
             f"{memory[-1]:.0f} MB, {monitor.status()['waiting']} entries wait; "
             f"the plant {(_used(plant) - theirs) / passed:.1%}, {time.time() - min(reached):.0f} s behind the clock",
             flush=True,

@@ -59,6 +59,12 @@ class Service:
                 return
             await asyncio.sleep(0.1)
 
+    def end(self) -> None:
+        """Stop it, however the measurement ended."""
+        if self.child is not None and self.child.poll() is None:
+            self.child.kill()
+            self.child.wait()
+
     async def asked(self, command: str, loop: str = LOOP, **body: Any) -> httpx.Response:
         """A command for a loop."""
         return await self._client.post(f"{self._api_url}/loops/{loop}/{command}", headers=self._headers, json=body)

@@ -7,7 +7,7 @@ and with them the processes that they start.
 import hashlib
 import os
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +31,10 @@ def kept(asked: str, answer: Callable[[], Any]) -> Any:
     return pickle.loads(path.read_bytes())
 
 
-def fit(*asked: Any) -> Any:
-    """`_glapp.fit`, each answer made once."""
-    question = pickle.dumps(asked, protocol=5)
-    return kept(hashlib.sha256(question).hexdigest(), lambda: made_anew(*asked))
+def fit(batches: Sequence[Batch], sign: float, progress: Callable[[float], None] | None = None) -> Any:
+    """`_glapp.fit`, each answer made once; `progress` is told while it is made."""
+    question = pickle.dumps((batches, sign), protocol=5)
+    return kept(hashlib.sha256(question).hexdigest(), lambda: made_anew(batches, sign, progress))
 
 
 class Analysis:

@@ -13,7 +13,8 @@ import numpy as np
 from glapp import Loop
 from glapp.fit import Fit
 from glapp.result import decide
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.signal import Event, Signal, Value, WriteRefused
 from glapp.service.store import Store
 
@@ -125,10 +126,12 @@ def monitor(
     clock: Clock,
     *,
     compensable: Mapping[str, tuple[float, float]] | None = None,
-    **bounds: float,
+    **options: float,
 ) -> Monitor:
     """A monitor over a folder, to be stepped by hand."""
-    return Monitor(some, Store(folder, clock()), bounds=Bounds(**bounds), clock=clock, compensable=compensable)
+    return Monitor(
+        some, Store(folder, clock()), options=MonitorOptions(**options), clock=clock, compensable=compensable
+    )
 
 
 def fed(one: Monitor, clock: Clock, some: Sequence[Value], *, save_every: int = 0, pace: float = 5.0) -> None:
@@ -143,7 +146,7 @@ def fed(one: Monitor, clock: Clock, some: Sequence[Value], *, save_every: int = 
             while end < len(ordered) and ordered[end].time < until:
                 end += 1
             clock.now = until
-            one.take(ordered[at:end])
+            one.ingest.take(ordered[at:end])
             await one.step()
             steps += 1
             if save_every and steps % save_every == 0:

@@ -8,7 +8,8 @@ from pathlib import Path
 import service
 from service import BEGIN, Clock, loops, values
 
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.store import Store
 
 
@@ -22,11 +23,11 @@ class _Telling(Store):
 
 def main(folder: Path, seconds: int, save_every: int, pause: float = 0.0) -> None:
     clock = Clock()
-    monitor = Monitor(loops(2), _Telling(folder, BEGIN), bounds=Bounds(), clock=clock)
-    since = monitor.since()
+    monitor = Monitor(loops(2), _Telling(folder, BEGIN), options=MonitorOptions(), clock=clock)
+    since = monitor.ingest.since()
     given = [
         value
-        for i, name in enumerate(monitor.names)
+        for i, name in enumerate(monitor.loops)
         for value in values(name, seconds, seed=i + 1)
         if value.time > since.get((value.loop, value.signal), -math.inf)
     ]

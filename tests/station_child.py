@@ -15,7 +15,8 @@ from glapp import Loop
 from glapp.fit import Fit, Verdict
 from glapp.service.api import ApiServer
 from glapp.service.api import app_of as service_app
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.signal import Event
 from glapp.service.store import COLUMNS, Store
 from glapp.service.users import Users
@@ -46,9 +47,9 @@ def made(folder: Path, count: int = 3) -> tuple[Monitor, Users]:
     clock = service.Clock(begin)
     store = Store(folder, begin)
     store.know(loops(count))
-    store.answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, 1.0))
-    store.answer("FIC1", answer("sound", 0.0, 0.0, 0.4, None))
-    monitor = Monitor(loops(count), store, bounds=Bounds(), compensable={"FIC0": (3.0, 0.5)}, clock=clock)
+    store.add_answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, 1.0))
+    store.add_answer("FIC1", answer("sound", 0.0, 0.0, 0.4, None))
+    monitor = Monitor(loops(count), store, options=MonitorOptions(), compensable={"FIC0": (3.0, 0.5)}, clock=clock)
     service.fed(monitor, clock, values("FIC0", 400, begin=begin), pace=20.0)
     monitor.tell(Event(begin, "FIC0", "late", "<b>so</b> late"))
     asyncio.run(monitor.step())
@@ -66,7 +67,7 @@ def made(folder: Path, count: int = 3) -> tuple[Monitor, Users]:
 def again(folder: Path) -> tuple[Monitor, Users]:
     """The same after it was ended: what stands in its folder is what it knows."""
     store = Store(folder)
-    return Monitor(loops(3), store, bounds=Bounds()), Users(store, CHEAP)
+    return Monitor(loops(3), store, options=MonitorOptions()), Users(store, CHEAP)
 
 
 def with_evil(told: dict[str, Any]) -> dict[str, Any]:
@@ -102,9 +103,9 @@ async def main(folder: Path, port: int) -> None:
         if word == "no database":
             (folder / "glapp.db").rename(folder / "away.db")
         if word == "change":
-            await monitor.change("FIC0", {"n": 5}, "olga", "engineer")
+            await monitor.commands.change("FIC0", {"n": 5}, "olga", "engineer")
         if word == "samples":
-            monitor.take(values("FIC1", 100, begin=time.time() - 120.0))
+            monitor.ingest.take(values("FIC1", 100, begin=time.time() - 120.0))
             await monitor.step()
         if word == "evil":
             monitor.tell(Event(time.time(), EVIL, "late", f"{EVIL} came late"))
@@ -114,7 +115,7 @@ async def main(folder: Path, port: int) -> None:
         if word == "no evil":
             del monitor.status
         if word == "share":
-            await monitor.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
+            await monitor.commands.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
         if word == "one less":
             station.view.rows = lambda: View.rows(station.view)[1:]
         if word == "all":

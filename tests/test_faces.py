@@ -139,7 +139,8 @@ OPC_UA = {
 def faces(recording: glapp.Recording, folder: Path) -> list[str]:
     """What every face says of a recording, where it is not what the core decided."""
     from glapp.service.fits import row_of
-    from glapp.service.monitor import Bounds, Monitor
+    from glapp.service.monitor import Monitor
+    from glapp.service.options import MonitorOptions
     from glapp.service.server import node_values
     from glapp.service.store import Store
     from glapp.station.view import LIKELY, View
@@ -162,8 +163,8 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
         store.know([result.loop])
         kept = row_of(result, 0.0, 1.0)
         found += columns_of(core, kept, SERVICE, "database")
-        store.answer(result.name, {"time": clock(), "asked_by": "the night", **kept})
-        monitor = Monitor([result.loop], store, bounds=Bounds(), clock=clock)
+        store.add_answer(result.name, {"time": clock(), "asked_by": "the night", **kept})
+        monitor = Monitor([result.loop], store, options=MonitorOptions(), clock=clock)
         status = monitor.status()["loops"][result.name]
         store.show(clock(), json.dumps(monitor.status()))
         nodes = {name: said.value for name, said in node_values(status).items()}

@@ -49,6 +49,24 @@ def test_the_width_is_found_and_lies_in_its_interval(d: float, seed: int) -> Non
 
 
 @pytest.mark.slow
+def test_progress_follows_the_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stood at 0 until the last window was done; what is told grows from the first window to the end."""
+    monkeypatch.setattr(glapp._glapp, "fit", made_anew)
+    moves = [(40.0 * k, 0.3 * (-1) ** k) for k in range(1, 40)]
+    s = simulation(t_end=1600, load=moves)
+    told: list[float] = []
+    glapp.fit(t=s.t, pv=s.pv, op=s.op, progress=told.append)  # type: ignore[arg-type]
+    assert told == sorted(told) and told[-1] == 1.0
+    assert len(told) > 8 and max(np.diff([0.0, *told])) < 0.4
+
+    def stop(share: float | None) -> None:
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        glapp.fit(t=s.t[:900], pv=s.pv[:900], op=s.op[:900], progress=stop)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_without_a_gap_none_is_claimed(seed: int) -> None:
     f = simulated(d=0.0, seed=seed, **LOADS)

@@ -58,6 +58,7 @@ def by_hand(**more):
     return plan_test(recording, result, **({"width": TRUE_GAP, "kinds": ("by_hand",)} | LIMITS | more))["by_hand"]
 
 
+@pytest.mark.slow
 def test_the_fit_hands_over_its_process():
     _, result = analysed()
     best = result.fit.best
@@ -92,6 +93,7 @@ def test_the_promised_power_is_that_of_the_loop_and_the_limits_hold(planned_from
     assert sum(one == "no_gap" for one in said[TRUE_GAP]) + sum(one == "gap" for one in said[0.0]) <= 3
 
 
+@pytest.mark.slow
 def test_the_moves_stay_within_the_limits_and_the_time():
     test = by_hand(minutes=40.0)
     assert test.minutes <= 40.0
@@ -105,12 +107,14 @@ def test_the_moves_stay_within_the_limits_and_the_time():
     assert by_hand(minutes=40.0) == test  # the same bits again
 
 
+@pytest.mark.slow
 def test_op_moves_to_the_side_that_has_room():
     stands = by_hand().moves[0]
     assert np.diff(by_hand(op_within=(stands - 10, stands + 1)).moves)[0] < 0
     assert np.diff(by_hand(op_within=(stands - 1, stands + 10)).moves)[0] > 0
 
 
+@pytest.mark.slow
 def test_where_nothing_fits_the_reason_is_told():
     stands = by_hand().moves[0]
     no_room = by_hand(op_within=(stands - 1.2, stands + 1.2))
@@ -140,6 +144,7 @@ def test_wrong_limits_are_refused(wrong, told):
         by_hand(**wrong)
 
 
+@pytest.mark.slow
 def test_an_integrating_process_is_not_left_alone_with_op():
     level = closed_loop(
         ([0.02], [10.0, 1.0, 0.0], 2.0),
@@ -223,6 +228,7 @@ def test_the_command_tells_the_plan(tmp_path):
     assert "It decides in" in shown
 
 
+@pytest.mark.slow
 def test_the_command_tells_why_nothing_fits(tmp_path):
     told = asked_of(tmp_path, "--op-within", "45", "65", "--minutes", "2")
     assert told.exit_code == 1

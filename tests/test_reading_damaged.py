@@ -23,11 +23,11 @@ FILES = int(os.environ.get("GLAPP_FILES", "300"))
 """Damaged files of each kind in `make verify`; 3000 of each take most of an hour, and are what `make fuzz` tries."""
 
 
-def held(found, reader, count):
-    """That a run of the fuzzer found nothing, read most files beyond their header, and kept to time and memory."""
+def held(found, reader, count, beyond=1 / 2):
+    """That a run of the fuzzer found nothing, read so many files beyond their header, and kept to time and memory."""
     assert sum(n for how, n in found.items() if how in fuzzer.GOOD) == count
     assert set(found) <= fuzzer.GOOD | {fuzzer.BEGUN}, found
-    assert found[fuzzer.BEGUN] > count / 2, found
+    assert found[fuzzer.BEGUN] > beyond * count, found
     assert sum(reader.memory) < fuzzer.MEMORY
 
 
@@ -48,7 +48,7 @@ def test_hundreds_of_damaged_files_end_no_process(kind, tmp_path):
     seed = time.time_ns() % 10**6
     print(f"{kind}, seed {seed}")
     found, reader = fuzzer.fuzz(kind, FILES, seed=seed, folder=tmp_path)
-    held(found, reader, FILES)
+    held(found, reader, FILES, beyond=1 / 3)  # about half of them: by chance a little less
 
 
 @pytest.mark.slow

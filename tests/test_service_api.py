@@ -80,13 +80,13 @@ LOOKS = [
 def test_a_role_that_is_too_low_is_refused_and_put_down(
     client: TestClient, monitor: Monitor, method: str, path: str, body: object, needed: str
 ) -> None:
-    before = monitor.settings("FIC0")
+    before = monitor.commands.settings("FIC0")
     for name in ("vera",) if needed == "operator" else ("vera", "olaf"):
         reply = client.request(method, path, json=body, headers=header(client, name))
         assert reply.status_code == 403 and needed in reply.json()["detail"]
         last = monitor.reader.commands()[0]
         assert (last["person"], last["role"]) == (name, ROLES[name]) and needed in last["refused"]
-    assert monitor.settings("FIC0") == before
+    assert monitor.commands.settings("FIC0") == before
     assert {row["name"] for row in monitor.reader.rows("SELECT name FROM users")} == set(ROLES)
 
 
@@ -123,7 +123,11 @@ def test_live_values_may_be_waited_for(client: TestClient, monitor: Monitor, mon
     monkeypatch.setattr("glapp.service.api.LONGEST", 0.1)
     vera = header(client, "vera")
     pv = client.get("/live?loop=FIC0", headers=vera).json()["FIC0"]["pv"]["time"]
-    assert monitor.newer("FIC0", pv - 1.0) and not monitor.newer("FIC0", pv) and not monitor.newer("FIC1", 0.0)
+    assert (
+        monitor.ingest.newer("FIC0", pv - 1.0)
+        and not monitor.ingest.newer("FIC0", pv)
+        and not monitor.ingest.newer("FIC1", 0.0)
+    )
     began = time.monotonic()
     assert client.get(f"/live?loop=FIC0&after={pv}", headers=vera).json()["FIC0"]["pv"]["time"] == pv
     assert time.monotonic() - began >= 0.1  # nothing newer came
@@ -136,7 +140,7 @@ def test_live_values_may_be_waited_for(client: TestClient, monitor: Monitor, mon
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1", headers=vera) as asking:
             told = asyncio.ensure_future(asking.get(f"/live?loop=FIC0&loop=FIC1&after={pv}"))
             await asyncio.sleep(0)
-            monitor.take([Value("FIC0", Signal.PV, pv + 1.0, 51.0, True)])
+            monitor.ingest.take([Value("FIC0", Signal.PV, pv + 1.0, 51.0, True)])
             return (await told).json()["FIC0"]["pv"]["time"]
 
     assert asyncio.run(comes()) == pv + 1.0
@@ -182,7 +186,7 @@ def test_a_change_is_put_down_with_person_when_before_and_after(client: TestClie
     ]
     done = found[-1]
     assert (done["person"], done["before"], done["after"]) == ("eve", {"kp": 2.0}, {"kp": 3.0})
-    assert monitor.settings("FIC0")["kp"] == 3.0
+    assert monitor.commands.settings("FIC0")["kp"] == 3.0
 
 
 def test_what_is_asked_wrongly_is_refused(client: TestClient) -> None:
@@ -359,7 +363,7 @@ def test_refused_logins_are_counted_and_told_together(monitor: Monitor) -> None:
                 body = {"user": "eve" if k % 2 else f"secret {k}", "password": f"guess {k}"}
                 assert (await stranger.post("/login", json=body)).status_code == 401
         await asyncio.sleep(0.1)
-        monitor._repeated.clear()
+        monitor.journal._repeated.clear()
         await monitor.step()
 
     asyncio.run(go())
@@ -467,7 +471,7 @@ def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, monit
     monitor.store._db.execute("PRAGMA query_only = ON")  # as a disk that takes no more
     reply = client.post("/loops/FIC0/parameters", json={"values": {"kp": 3.0}}, headers=eve)
     assert reply.status_code == 503 and "cannot be stored" in reply.json()["detail"]
-    assert monitor.settings("FIC0")["kp"] == 2.0
+    assert monitor.commands.settings("FIC0")["kp"] == 2.0
     monitor.store._db.execute("PRAGMA query_only = OFF")
 
 

@@ -13,7 +13,8 @@ pytest.importorskip("asyncua")
 
 from glapp.reading.settings import parse_settings
 from glapp.service import demonstration
-from glapp.service.monitor import Bounds, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import SimLoop, SimPlant
 from glapp.service.recordings import SignalStore
 from glapp.service.signal import Signal
@@ -114,8 +115,8 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[SimLoop]
     known = parse_settings(SimPlant(loops).settings(), "the demonstration", Path())
     store = Store(folder, NOW)
     demonstration.begin(store, loops, known, NOW)
-    monitor = Monitor(known, store, bounds=Bounds(), clock=lambda: NOW)
-    assert monitor.failing is None
+    monitor = Monitor(known, store, options=MonitorOptions(), clock=lambda: NOW)
+    assert monitor.journal.failing is None
     store.show(NOW, json.dumps(monitor.status()))
     store.close()
     return folder, loops

@@ -13,22 +13,24 @@ from glapp import Loop
 from glapp.cli.watch import _clock_of
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
-from glapp.service.monitor import SEEN, Bounds, Monitor
+from glapp.service.monitor import Monitor
 from glapp.service.opcua import OpcUa
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import NAMESPACE, SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import Store
+from glapp.service.watchdog import WATCHDOG_SEEN
 
 SCAN = 60.0
 WIDTH, ENABLED, REPAIRED = 50, 70, 500
-BOUNDS = Bounds(period=SCAN, lost=10.0 * SCAN, wait=0.0)
+OPTIONS = MonitorOptions(period=SCAN, lost=10.0 * SCAN, wait=0.0)
 
 
 async def seen(monitor: Monitor, loop: str, **settings: float) -> None:
     """As after a watchdog test, and a width that is typed."""
-    await monitor.log("eve", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
-    await monitor.change(loop, settings, "eve", "engineer")
+    await monitor.journal.log("eve", "engineer", "drilled", loop, None, None, settings={WATCHDOG_SEEN: {}})
+    await monitor.commands.change(loop, settings, "eve", "engineer")
 
 
 def test_the_clock_on_the_wall_counts_once_the_plant_has_caught_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,17 +67,17 @@ class Worn(Table):
             if scan == WIDTH:
                 await seen(self.monitor, "FIC101", comp_size=1.5, comp_share=1.0)
             if scan == ENABLED:
-                await self.monitor.enable("FIC101", "eve", "engineer")
+                await self.monitor.commands.enable("FIC101", "eve", "engineer")
             self.time.now += SCAN
             told = self.sim.scan(40.0 if scan < REPAIRED else 0.0, self.u_ff.get("FIC101", 0.0))
             told[Signal.U_FF] = self.u_ff.get("FIC101", 0.0)
             self.heard = self.time.now
             take([Value("FIC101", signal, self.time.now, float(x), True) for signal, x in told.items()])
-            await self.monitor.caught_up(self.time.now)
+            await self.monitor.feedforward.caught_up(self.time.now)
             self.found.append({**self.monitor.status()["loops"]["FIC101"]["compensation"], "made": self._made()})
 
     def _made(self) -> bool:
-        return self.monitor._loops["FIC101"].made == self.time.now
+        return self.monitor.loops["FIC101"].u_ff_time == self.time.now
 
 
 @pytest.mark.slow
@@ -85,7 +87,7 @@ def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdraw
     loop = Loop(name="FIC101", controller={"k": 0.6, "ti": 6 * SCAN}, process={"kp": 1}, op_span=(0, 100))
     most = {"FIC101": (3.0, 1000.0)}
     monitor = plant.monitor = Monitor(
-        [loop], Store(tmp_path), bounds=BOUNDS, compensable=most, clock=clock, hurries=True
+        [loop], Store(tmp_path), options=OPTIONS, compensable=most, clock=clock, hurries=True
     )
     asyncio.run(monitor.run(plant))
     monitor.store.close()
@@ -115,14 +117,14 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
             given = {"interval": 0.01, "samples": 10_000, "watchdog": f"nsu={NAMESPACE};s=Watchdog"}
             most = {"FIC101": (3.0, 1000.0)}
             now = {"clock": lambda: plant.time, "hurries": True}
-            monitor = Monitor(known, Store(tmp_path), bounds=BOUNDS, compensable=most, **now)
-            one = monitor._loops["FIC101"]
+            monitor = Monitor(known, Store(tmp_path), options=OPTIONS, compensable=most, **now)
+            one = monitor.loops["FIC101"]
 
             async def follow(moment: float) -> None:
-                await monitor.caught_up(moment)
+                await monitor.feedforward.caught_up(moment)
                 made = one.compensator
                 assert made is not None
-                found.append((moment, one.made, made.standing if made.enabled else ""))
+                found.append((moment, one.u_ff_time, made.standing if made.enabled else ""))
                 written.append(plant.u_ff("FIC101"))
 
             plant.follow = follow
@@ -135,7 +137,7 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
                     begin = len(found)
                     while len(found) < begin + 20:
                         await asyncio.sleep(0.01)
-                    shown = await monitor.enable("FIC101", "eve", "engineer")
+                    shown = await monitor.commands.enable("FIC101", "eve", "engineer")
                     assert shown["delay"] < SCAN
                     plant._loops["FIC101"].graph["sp.value"] = 60.0  # so that OP turns
                     while sum(bool(standing) for _, _, standing in found) < 150:

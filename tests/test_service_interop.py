@@ -225,7 +225,7 @@ def test_their_client_and_our_answers(stack, sealed, pki, tmp_path):
             asked = asyncio.create_task(said(stack, "answers", *words, pki=pki if sealed else None))
             second = 300
             while not asked.done():  # the monitor goes on meanwhile
-                monitor.take([Value("FIC0", Signal.PV, service.BEGIN + second, 50.0, True)])
+                monitor.ingest.take([Value("FIC0", Signal.PV, service.BEGIN + second, 50.0, True)])
                 second += 1
                 await asyncio.sleep(0.1)
             serving.cancel()

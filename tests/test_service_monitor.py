@@ -14,10 +14,14 @@ from service import BEGIN, Clock, Table, fed, loops, values
 from glapp import Loop
 from glapp.errors import InputError
 from glapp.service import compensation as of_compensation
-from glapp.service import monitor as of_monitor
-from glapp.service.monitor import SEEN, Bounds, Monitor, with_settings
+from glapp.service import watchdog
+from glapp.service.journal import Journal
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
+from glapp.service.settable import with_settings
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import Reader, Store, backup, restore
+from glapp.service.watchdog import WATCHDOG_SEEN
 
 PERIOD = 0.02
 WIDTH = 1.5
@@ -27,7 +31,7 @@ MOST = (3.0, 50.0)
 
 async def after_watchdog_test(monitor: Monitor) -> None:
     """As after a watchdog test."""
-    await monitor.log("eve", "engineer", "drilled", "FIC0", None, None, settings={SEEN: {}})
+    await monitor.journal.log("eve", "engineer", "drilled", "FIC0", None, None, settings={WATCHDOG_SEEN: {}})
 
 
 class Swinging(Table):
@@ -80,7 +84,7 @@ def beside(
     *,
     seen: bool = True,
     ti: float = 2.5,
-    **bounds: float,
+    **options: float,
 ) -> Monitor:
     """Runs a monitor beside the plant while `what` is done.
 
@@ -91,12 +95,15 @@ def beside(
     async def go() -> None:
         source = plant or Swinging()
         monitor = Monitor(
-            [swinging(ti)], Store(folder), bounds=Bounds(step=0.1, wait=0.0, **bounds), compensable={"FIC0": MOST}
+            [swinging(ti)],
+            Store(folder),
+            options=MonitorOptions(step=0.1, wait=0.0, **options),
+            compensable={"FIC0": MOST},
         )
         made.append(monitor)
         task = asyncio.create_task(monitor.run(source))
         try:
-            await until(lambda: Signal.PV in monitor._loops["FIC0"].latest, "no value came")
+            await until(lambda: Signal.PV in monitor.loops["FIC0"].latest, "no value came")
             if seen:
                 await after_watchdog_test(monitor)
             await asyncio.wait_for(what(monitor, source), 300)
@@ -120,8 +127,8 @@ async def until(true: Callable[[], bool], why: str) -> None:
 
 async def in_force(monitor: Monitor, plant: Swinging) -> None:
     """Enabled by name, and u_FF is not 0."""
-    await monitor.change("FIC0", SIZED, "eve", "engineer")
-    shown = await monitor.enable("FIC0", "eve", "engineer")
+    await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
+    shown = await monitor.commands.enable("FIC0", "eve", "engineer")
     assert shown["enabled"]
     await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {monitor.status()}")
 
@@ -135,11 +142,11 @@ def shown(monitor: Monitor) -> dict[str, object]:
 def test_nothing_is_written_until_it_is_enabled_by_name(tmp_path: Path) -> None:
     async def look(monitor: Monitor, plant: Swinging) -> None:
         with pytest.raises(InputError, match="no width is given"):
-            await monitor.enable("FIC0", "eve", "engineer")
-        await monitor.change("FIC0", SIZED, "eve", "engineer")
+            await monitor.commands.enable("FIC0", "eve", "engineer")
+        await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
         await asyncio.sleep(0.2)
         assert all(u_ff == 0.0 for _, u_ff in plant.writes) and not plant.may
-        await monitor.enable("FIC0", "eve", "engineer")
+        await monitor.commands.enable("FIC0", "eve", "engineer")
         await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
         assert max(abs(u_ff) for _, u_ff in plant.writes) <= WIDTH / 2
 
@@ -154,7 +161,7 @@ def test_it_is_0_when_it_is_disabled_and_when_the_service_ends(tmp_path: Path) -
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
         await in_force(monitor, plant)
-        await monitor.disable("FIC0", "olaf", "operator")
+        await monitor.commands.disable("FIC0", "olaf", "operator")
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
         assert shown(monitor)["why_off"] == "olaf disabled it" and not plant.may
         await in_force(monitor, plant)
@@ -250,7 +257,7 @@ def test_what_was_restored_is_not_in_force(tmp_path: Path) -> None:
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
         assert not shown(monitor)["enabled"] and not plant.may
-        assert monitor.settings("FIC0")["comp_size"] == WIDTH, "what was set is there"
+        assert monitor.commands.settings("FIC0")["comp_size"] == WIDTH, "what was set is there"
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
         assert not shown(monitor)["enabled"] and not plant.may
 
@@ -265,7 +272,7 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
 ) -> None:
     """A server tells SP, mode and u_FF when they change; after a restart they are those of before, and u_FF is read."""
 
-    async def nothing(monitor: Monitor) -> None:
+    async def nothing(journal: Journal) -> None:
         """What a kill leaves: the entries, and no state."""
 
     class Sparing(Swinging):
@@ -281,7 +288,7 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
     plant.sent = {}
     with monkeypatch.context() as patched:
         if killed:
-            patched.setattr(Monitor, "_save", nothing)
+            patched.setattr(Journal, "_save", nothing)
         beside(tmp_path, in_force, plant)
     plant.u_ff["FIC0"] = plant.sent[Signal.U_FF] = 0.6  # it stands there, and nobody tells
 
@@ -308,7 +315,7 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
+    monkeypatch.setattr(watchdog, "_HEARTBEAT", 0.05)
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
         await until(lambda: plant.heartbeats >= 1, "no heartbeat without compensation")
@@ -330,7 +337,7 @@ def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monke
 def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
+    monkeypatch.setattr(watchdog, "_HEARTBEAT", 0.05)
     monkeypatch.setattr(of_compensation, "LATE", 0.3)
 
     class Keeps(Swinging):
@@ -343,7 +350,7 @@ def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
         assert isinstance(plant, Keeps)
         await in_force(monitor, plant)
         plant.keeps = True  # it confirms every write, and does none of them
-        await monitor.disable("FIC0", "olaf", "operator")
+        await monitor.commands.disable("FIC0", "olaf", "operator")
         before = plant.heartbeats
         await until(lambda: monitor.status()["loops"]["FIC0"]["health"] == "FAILURE", "nobody saw it")
         assert plant.heartbeats > before, "so long the watchdog heard of us"
@@ -353,7 +360,7 @@ def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
         with pytest.raises(
             InputError, match=r"u_FF of FIC0 is not 0 in the plant, .* set it to 0 in the control system"
         ):
-            await monitor.enable("FIC0", "eve", "engineer")
+            await monitor.commands.enable("FIC0", "eve", "engineer")
         assert plant.heartbeats == before, "nor does who tries to enable count it up"
         plant.u_ff["FIC0"] = 0.0
         await until(lambda: monitor.status()["loops"]["FIC0"]["health"] == "NORMAL", "it is 0 by now")
@@ -381,15 +388,15 @@ def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
     """There is one watchdog for all loops."""
     both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]
     monitor = Monitor(both, Store(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
-    one, other = (monitor._loops[name].compensator for name in ("FIC0", "FIC1"))
+    one, other = (monitor.loops[name].compensator for name in ("FIC0", "FIC1"))
     assert one is not None and other is not None
     other._graph["watch.compensate"] = 1.0
     one.read_back = True
     one.take(Value("FIC0", Signal.U_FF, 1.0, 0.5, True), 1.0)
     one.scan(0.0, True)
-    monitor._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE - 0.1)
-    assert other.enabled and not monitor._not_taken_away(), "it is on its way"
-    monitor._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE + 0.1)
+    monitor.watchdog.look_for_stuck(one.away_within + 3.0 * PERIOD + of_compensation.LATE - 0.1)
+    assert other.enabled and not monitor.watchdog.stuck, "it is on its way"
+    monitor.watchdog.look_for_stuck(one.away_within + 3.0 * PERIOD + of_compensation.LATE + 0.1)
     assert not other.enabled and other.why_off == "the watchdog is not counted up: u_FF of FIC0 is not 0"
     assert [monitor.status()["loops"][name]["health"] for name in ("FIC0", "FIC1")] == ["FAILURE", "CHECK_FUNCTION"]
     monitor.store.close()
@@ -402,11 +409,11 @@ def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
             await super().write(loop, u_ff)
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        await monitor.change("FIC0", SIZED, "eve", "engineer")
+        await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(
             InputError, match=r"u_FF comes \d\.\d+ s late, (\d+ scans .*)?more than (the core|32 scans)"
         ):
-            await monitor.enable("FIC0", "eve", "engineer")
+            await monitor.commands.enable("FIC0", "eve", "engineer")
         assert not shown(monitor)["enabled"] and not plant.may
 
     beside(tmp_path, look, Slow(), ti=0.5)
@@ -421,13 +428,13 @@ def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
             raise WriteRefused("not_named", "no watchdog is named")
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        await monitor.change("FIC0", SIZED, "eve", "engineer")
+        await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(InputError, match="no watchdog is named"):
-            await monitor.enable("FIC0", "eve", "engineer")
+            await monitor.commands.enable("FIC0", "eve", "engineer")
         assert not plant.may
-        before = monitor.live("FIC0")["pv"]["time"]
+        before = monitor.ingest.live("FIC0")["pv"]["time"]
         await asyncio.sleep(0.3)
-        assert monitor.live("FIC0")["pv"]["time"] > before, "it goes on watching"
+        assert monitor.ingest.live("FIC0")["pv"]["time"] > before, "it goes on watching"
 
     beside(tmp_path, look, Deaf())
 
@@ -450,15 +457,15 @@ class Wired(Swinging):
 @pytest.mark.slow
 def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path: Path) -> None:
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        await monitor.change("FIC0", SIZED, "eve", "engineer")
+        await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(InputError, match=r"never seen .* glapp watch watchdog-test FIC0"):
-            await monitor.enable("FIC0", "eve", "engineer")
-        await monitor.watchdog_test("FIC0", "eve", "engineer")
-        for going in (monitor.watchdog_test, monitor.enable):
+            await monitor.commands.enable("FIC0", "eve", "engineer")
+        await monitor.commands.watchdog_test("FIC0", "eve", "engineer")
+        for going in (monitor.commands.watchdog_test, monitor.commands.enable):
             with pytest.raises(InputError, match=r"watchdog.test"):
                 await going("FIC0", "eve", "engineer")
         await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.25), "nothing was written")
-        await until(lambda: not monitor._watchdog_test_runs(), "it does not end")
+        await until(lambda: not monitor.watchdog.tests, "it does not end")
         assert plant.u_ff["FIC0"] == 0.0 and len(plant.writes) == 1
         assert not plant.may
         await in_force(monitor, plant)
@@ -471,12 +478,12 @@ def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path
 @pytest.mark.slow
 def test_a_watchdog_test_that_fails(tmp_path: Path) -> None:
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        await monitor.change("FIC0", SIZED, "eve", "engineer")
-        await monitor.watchdog_test("FIC0", "eve", "engineer")
-        await until(lambda: not monitor._watchdog_test_runs(), "it does not end")
+        await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
+        await monitor.commands.watchdog_test("FIC0", "eve", "engineer")
+        await until(lambda: not monitor.watchdog.tests, "it does not end")
         assert plant.u_ff["FIC0"] == 0.0, "we took it away ourselves"
         with pytest.raises(InputError, match="never seen"):
-            await monitor.enable("FIC0", "eve", "engineer")
+            await monitor.commands.enable("FIC0", "eve", "engineer")
 
     plant = Wired()
     plant.wired = False
@@ -489,7 +496,7 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A client that loses its connection cancels all that waits for an answer: that is not meant for us."""
-    monkeypatch.setattr(of_monitor, "_HEARTBEAT", 0.05)
+    monkeypatch.setattr(watchdog, "_HEARTBEAT", 0.05)
 
     class Broken(Swinging):
         runs = 0
@@ -506,7 +513,7 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
                 raise asyncio.CancelledError
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        await until(lambda: plant.heartbeats >= 4 and monitor.live("FIC0") != {}, "it has ended")
+        await until(lambda: plant.heartbeats >= 4 and monitor.ingest.live("FIC0") != {}, "it has ended")
 
     beside(tmp_path, look, Broken())
 
@@ -515,12 +522,12 @@ def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
 def test_late_values_move_nothing(tmp_path: Path) -> None:
     async def look(monitor: Monitor, plant: Swinging) -> None:
         await in_force(monitor, plant)
-        compensator = monitor._loops["FIC0"].compensator
+        compensator = monitor.loops["FIC0"].compensator
         assert compensator is not None
         plant.silent = True
         await until(lambda: not compensator.fresh_pv, "the last PV was not used")
-        monitor.take(plant.scan(7, time.time() - 100.0))
-        assert not compensator.fresh_pv and not monitor._loops["FIC0"].due.is_set()
+        monitor.ingest.take(plant.scan(7, time.time() - 100.0))
+        assert not compensator.fresh_pv and not monitor.loops["FIC0"].pv_came.is_set()
 
     beside(tmp_path, look)
 
@@ -541,9 +548,9 @@ def test_parameters_are_changed_all_or_none_and_put_down(tmp_path: Path) -> None
             ("x", 1, "no such"),
         ):
             with pytest.raises(InputError, match=bound):
-                await monitor.change("FIC0", {"kp": 3.0, name: value}, "eve", "engineer")
-        assert monitor.settings("FIC0")["kp"] == 2.0
-        after = await monitor.change("FIC0", {"kp": 3.0, "n": 5.0, "k": -0.7}, "eve", "engineer")
+                await monitor.commands.change("FIC0", {"kp": 3.0, name: value}, "eve", "engineer")
+        assert monitor.commands.settings("FIC0")["kp"] == 2.0
+        after = await monitor.commands.change("FIC0", {"kp": 3.0, "n": 5.0, "k": -0.7}, "eve", "engineer")
         assert (after["kp"], after["n"], after["k"], after["ti"]) == (3.0, 5, -0.7, 5.0)
 
     asyncio.run(go())
@@ -552,13 +559,15 @@ def test_parameters_are_changed_all_or_none_and_put_down(tmp_path: Path) -> None
     assert (row["person"], row["role"], row["time"]) == ("eve", "engineer", clock.now)
     monitor.store.close()
     again = service.monitor(tmp_path, loops(), clock)
-    assert again.settings("FIC0")["k"] == -0.7, "it is kept"
+    assert again.commands.settings("FIC0")["k"] == -0.7, "it is kept"
 
     async def back() -> None:
-        await again.change("FIC0", {"k": None, "kp": None}, "eve", "engineer")
+        await again.commands.change("FIC0", {"k": None, "kp": None}, "eve", "engineer")
 
     asyncio.run(back())
-    assert (again.settings("FIC0")["k"], again.settings("FIC0")["kp"]) == (0.5, 2.0), "as in loops.toml"
+    assert (again.commands.settings("FIC0")["k"], again.commands.settings("FIC0")["kp"]) == (0.5, 2.0), (
+        "as in loops.toml"
+    )
 
 
 def test_settings_of_a_loop_without_a_controller() -> None:
@@ -569,9 +578,9 @@ def test_settings_of_a_loop_without_a_controller() -> None:
 
 
 @pytest.mark.parametrize("name", ["period", "step", "save", "wait", "keep", "fit_hour"])
-def test_bounds(name: str) -> None:
+def test_options(name: str) -> None:
     with pytest.raises(InputError, match=name):
-        Bounds(**{name: -1})
+        MonitorOptions(**{name: -1})
 
 
 # Fits
@@ -589,7 +598,9 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
     )
     loop = Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1}, op_unit="%", sample_time=0.1)
     clock = Clock()
-    monitor = Monitor([loop], Store(tmp_path), bounds=Bounds(wait=0.0), clock=clock, compensable={"P3": (1.0, 1.0)})
+    monitor = Monitor(
+        [loop], Store(tmp_path), options=MonitorOptions(wait=0.0), clock=clock, compensable={"P3": (1.0, 1.0)}
+    )
     given = [
         Value("P3", signal, BEGIN + float(t), float(x), True)
         for name, signal in (("sp", Signal.SP), ("pv", Signal.PV), ("op", Signal.OP))
@@ -598,9 +609,9 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
     fed(monitor, clock, given, pace=20.0)
 
     async def go() -> None:
-        monitor.ask_fit("P3", "olaf")
-        monitor.ask_fit("P3", "olaf")
-        fits = asyncio.create_task(monitor._fits())
+        monitor.fits.ask("P3", "olaf")
+        monitor.fits.ask("P3", "olaf")
+        fits = asyncio.create_task(monitor.fits.run())
         while monitor.status()["loops"]["P3"]["fitting"]:
             await asyncio.sleep(0.1)
         fits.cancel()
@@ -609,8 +620,8 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
         assert (answer["verdict"], answer["asked_by"]) == ("backlash", "olaf")
         assert 0 < answer["low"] == answer["compensable"] < 0.05 < answer["high"]
         with pytest.raises(InputError, match="no such answer"):
-            await monitor.take_over("P3", answer["id"] + 1, "eve", "engineer")
-        after = await monitor.take_over("P3", answer["id"], "eve", "engineer")
+            await monitor.commands.take_over("P3", answer["id"] + 1, "eve", "engineer")
+        after = await monitor.commands.take_over("P3", answer["id"], "eve", "engineer")
         assert after["comp_fitted"] == answer["compensable"]
 
     asyncio.run(go())
@@ -622,14 +633,14 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
 @pytest.mark.slow
 def test_a_fit_that_takes_too_long_is_ended_and_the_next_one_begins(tmp_path: Path) -> None:
     clock = Clock()
-    monitor = Monitor(loops(2), Store(tmp_path), bounds=Bounds(fit_longest=1e-6), clock=clock)
+    monitor = Monitor(loops(2), Store(tmp_path), options=MonitorOptions(fit_longest=1e-6), clock=clock)
     fed(monitor, clock, values("FIC0", 400), pace=20.0)
 
     async def go() -> None:
-        fits = asyncio.create_task(monitor._fits())
+        fits = asyncio.create_task(monitor.fits.run())
         for name, longest in (("FIC0", 1e-6), ("FIC1", 600.0)):
-            monitor.bounds = Bounds(fit_longest=longest)
-            monitor.ask_fit(name, "olaf")
+            monitor.fits.options = MonitorOptions(fit_longest=longest)
+            monitor.fits.ask(name, "olaf")
             while monitor.status()["loops"][name]["fitting"]:
                 await asyncio.sleep(0.05)
         fits.cancel()
@@ -650,9 +661,9 @@ def test_a_fit_whose_process_is_killed_is_told_and_the_next_one_begins(tmp_path:
     fed(monitor, clock, values("FIC0", 400), pace=20.0)
 
     async def go() -> None:
-        fits = asyncio.create_task(monitor._fits())
-        monitor.ask_fit("FIC0", "olaf")
-        monitor.ask_fit("FIC1", "olaf")
+        fits = asyncio.create_task(monitor.fits.run())
+        monitor.fits.ask("FIC0", "olaf")
+        monitor.fits.ask("FIC1", "olaf")
         while not (children := multiprocessing.active_children()):
             await asyncio.sleep(0.01)
         children[0].kill()  # as a system does that has no more memory
@@ -675,11 +686,11 @@ def test_nights_go_by_the_clock_of_the_watch(tmp_path: Path) -> None:
     monitor = service.monitor(tmp_path, loops(2), clock)
 
     async def go() -> list[str]:
-        nights = asyncio.create_task(monitor._nights())
+        nights = asyncio.create_task(monitor.fits._nights())
         await asyncio.sleep(0.1)
-        assert monitor._asked.empty()
+        assert monitor.fits._queue.empty()
         clock.now += 86_400.0
-        found = [(await asyncio.wait_for(monitor._asked.get(), 30))[0] for _ in range(2)]
+        found = [(await asyncio.wait_for(monitor.fits._queue.get(), 30))[0] for _ in range(2)]
         nights.cancel()
         await asyncio.gather(nights, return_exceptions=True)
         return found
@@ -693,7 +704,7 @@ def test_a_fit_under_way_ends_with_the_service(tmp_path: Path) -> None:
     """It was waited for, however long it took."""
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
-        monitor.ask_fit("FIC0", "olaf")
+        monitor.fits.ask("FIC0", "olaf")
         while not multiprocessing.active_children():
             await asyncio.sleep(0.01)
 

@@ -18,12 +18,14 @@ from service import BEGIN, Clock, fed, loops, values
 from glapp import Loop
 from glapp.errors import InputError
 from glapp.fit import Fit, Verdict
-from glapp.service.monitor import Bounds, Health, Monitor
+from glapp.service.monitor import Monitor
+from glapp.service.options import MonitorOptions
 from glapp.service.plant import free_port
 from glapp.service.security import Security
 from glapp.service.server import DI, NAMESPACE, NODES, AnswerServer, node_values
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import Store
+from glapp.service.watched import Health
 
 PASSWORD = "long enough"
 
@@ -39,7 +41,7 @@ def monitor(tmp_path: Path) -> Iterator[Monitor]:
     """Two loops, of which the first was heard of, and may be compensated."""
     clock = Clock()
     monitor = Monitor(
-        loops(2), Store(tmp_path, clock()), bounds=Bounds(), compensable={"FIC0": (1.0, 0.5)}, clock=clock
+        loops(2), Store(tmp_path, clock()), options=MonitorOptions(), compensable={"FIC0": (1.0, 0.5)}, clock=clock
     )
     fed(monitor, clock, values("FIC0", 200), pace=20.0)
     yield monitor
@@ -61,7 +63,7 @@ async def read(node: Any) -> ua.DataValue:
 @pytest.mark.slow
 def test_what_it_says(monitor: Monitor) -> None:
     async def go() -> None:
-        await monitor._answered("FIC0", "olaf", answer())
+        await monitor.fits.keep_answer("FIC0", "olaf", answer())
         async with served(monitor) as (_, client, node):
             said = {name: await read(node(f"FIC0.{name}")) for name in NODES}
             plain = {name: one.Value.Value for name, one in said.items() if one.StatusCode.is_good()}
@@ -175,7 +177,7 @@ def test_a_change_arrives_and_what_stays_is_not_told_again(monitor: Monitor) -> 
             await changes.until(lambda: len(changes.seen) == 4)
             before = (await read(node("FIC0.Detections"))).SourceTimestamp
             changes.seen.clear()
-            await monitor._answered("FIC0", "olaf", answer(d=2.5))
+            await monitor.fits.keep_answer("FIC0", "olaf", answer(d=2.5))
             await changes.until(lambda: len(changes.seen) >= 3)
             await asyncio.sleep(0.3)
             told = {("FIC0.Verdict", "backlash"), ("FIC0.Width", 2.5), ("FIC0.DeviceHealth", 4)}
@@ -199,7 +201,9 @@ def test_a_loop_that_is_lost(monitor: Monitor) -> None:
                 return health, *others
 
             def pv(second: int, good: bool = True) -> None:
-                monitor.take([Value("FIC0", Signal.PV, BEGIN + second, 50.0, good, "" if good else "BadSensorFailure")])
+                monitor.ingest.take(
+                    [Value("FIC0", Signal.PV, BEGIN + second, 50.0, good, "" if good else "BadSensorFailure")]
+                )
 
             sound = (Health.NORMAL, "Good", "Good")
             assert await now() == sound
@@ -240,14 +244,14 @@ def test_health_is_that_of_the_answer(
     """It took OP's span as 0 to 100 whatever its unit was: 0.2 to 0.4 mA of 16 is more than 0.5 % of span."""
     loop = Loop(name="FIC0", op_span=span, op_unit="mA", acceptable_dead_band=limit)
     said = Fit(verdict, "seen", "mA", 0.3, low, high)
-    asyncio.run(monitor._answered("FIC0", "olaf", service.answered(said, loop)))
+    asyncio.run(monitor.fits.keep_answer("FIC0", "olaf", service.answered(said, loop)))
     assert monitor.status()["loops"]["FIC0"]["health"] == health.name
     assert node_values(monitor.status()["loops"]["FIC0"])["DeviceHealth"].value == health
 
 
 def test_an_answer_is_the_same_after_a_restart(tmp_path: Path) -> None:
     first = Monitor(loops(2), Store(tmp_path), clock=Clock())
-    asyncio.run(first._answered("FIC0", "olaf", answer()))
+    asyncio.run(first.fits.keep_answer("FIC0", "olaf", answer()))
     before = first.status()["loops"]["FIC0"]["answer"]
     first.store.close()
     again = Monitor(loops(2), Store(tmp_path), clock=Clock())

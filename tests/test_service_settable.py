@@ -164,7 +164,7 @@ def test_what_an_older_version_saved_is_not_used_and_that_is_told(tmp_path: Path
             restore(tmp_path, tmp_path / "old.db", clock())
         again = service.monitor(tmp_path, loops(), clock, compensable={"FIC0": MOST})
         asyncio.run(again.step())
-        now = again.settings("FIC0")
+        now = again.commands.settings("FIC0")
         assert (now["comp_release"], now["comp_limit"], now["comp_rate"], now["ti"]) == (5.0, 10.0, 1.2, 5.0), step
         assert (now["comp_size"], now["comp_band"]) == (2.0, 0.25), "what is within its bounds is kept"
         told = next(row["text"] for row in again.reader.events() if row["kind"] == "setting_refused")
@@ -173,10 +173,10 @@ def test_what_an_older_version_saved_is_not_used_and_that_is_told(tmp_path: Path
         row = again.reader.commands("FIC0")[0]
         assert row["person"] == "glapp" and row["before"]["comp_release"] == 1e9
         # And other parameters may be set.
-        asyncio.run(again.change("FIC0", {"comp_share": 0.5}, "eve", "engineer"))
+        asyncio.run(again.commands.change("FIC0", {"comp_share": 0.5}, "eve", "engineer"))
         again.store.close()
         once_more = service.monitor(tmp_path, loops(), clock, compensable={"FIC0": MOST})
-        assert once_more.settings("FIC0")["comp_share"] == 0.5
+        assert once_more.commands.settings("FIC0")["comp_share"] == 0.5
         once_more.store.close()
 
 

@@ -117,13 +117,13 @@ def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None
     [loop], clock = loops(), Clock()
     monitor = service.monitor(tmp_path, [loop], clock)
     fed(monitor, clock, values("FIC0", 3000))
-    samples = monitor._loops["FIC0"].samples
+    samples = monitor.loops["FIC0"].samples
     samples.extend(samples * 30)  # what takes longer is met sooner
     done, seen = threading.Event(), list[int]()
 
     def look() -> None:
         while not done.is_set():
-            seen.append(len(monitor.recorded("FIC0", BEGIN, BEGIN + 1e6)))
+            seen.append(len(monitor.journal.recorded("FIC0", BEGIN, BEGIN + 1e6)))
 
     looking = [threading.Thread(target=look) for _ in range(2)]
     for one in looking:
@@ -349,7 +349,7 @@ def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     # What came since is handed over once more, as a server with history does: nothing is there twice.
     clock.now = BEGIN + 400
     again = service.monitor(folder, loops(), clock)
-    since = again.since()["FIC0", Signal.PV]
+    since = again.ingest.since()["FIC0", Signal.PV]
     assert since == BEGIN + 149
     clock = Clock()
     again._clock = clock
@@ -415,14 +415,14 @@ def test_a_full_disk_is_told_and_what_came_is_put_down_when_there_is_room(tmp_pa
     monitor = service.monitor(tmp_path / "full", loops(), clock)
     limited(monitor.store, 3)
     fed(monitor, clock, [value for value in given if value.time < BEGIN + 250], pace=1.0)
-    assert monitor.failing is not None and "full" in monitor.failing
+    assert monitor.journal.failing is not None and "full" in monitor.journal.failing
     assert monitor.status()["waiting"] > 20
     with pytest.raises(StoreFull):
         asyncio.run(monitor.save())
     assert len(detections(tmp_path / "full", "FIC0")) < len(detections(tmp_path / "straight", "FIC0"))
     limited(monitor.store, 100_000)
     fed(monitor, clock, [value for value in given if value.time >= BEGIN + 250])
-    assert monitor.failing is None and monitor.status()["waiting"] == 0
+    assert monitor.journal.failing is None and monitor.status()["waiting"] == 0
     assert detections(tmp_path / "full", "FIC0") == detections(tmp_path / "straight", "FIC0")
     kinds = [event["kind"] for event in monitor.reader.events()]
     assert kinds.count("memory_full") >= 1 and kinds.count("memory_again") == 1
@@ -475,7 +475,7 @@ def test_days_become_files_that_analyze_reads(tmp_path: Path) -> None:
     monitor = service.monitor(tmp_path, loops(2), clock)
     fed(monitor, clock, values("FIC0", 300, begin=begin) + values("FIC1", 300, begin=begin, seed=3), save_every=12)
     asyncio.run(monitor.save())
-    signals = monitor.signals
+    signals = monitor.journal.signals
     whole = {name: signals.read(name, begin, begin + 300) for name in ("FIC0", "FIC1")}
     assert len(whole["FIC0"]) == 298
     assert signals.close_days(begin + 301) == signals.days("FIC0")[:1]
@@ -503,17 +503,17 @@ def test_parts_of_a_day_that_was_put_together_before_are_added_once(tmp_path: Pa
     fed(monitor, clock, [value for value in given if value.time < BEGIN + 60])
     asyncio.run(monitor.save())
     later = BEGIN + 2 * 86_400.0
-    monitor.signals.close_days(later)
+    monitor.journal.signals.close_days(later)
     fed(monitor, clock, [value for value in given if value.time >= BEGIN + 60])
     asyncio.run(monitor.save())
     [part] = (tmp_path / "signals" / "open").glob("*.parquet")
     content = part.read_bytes()
-    whole = monitor.signals.read("FIC0", BEGIN, later)
-    monitor.signals.close_days(later)
+    whole = monitor.journal.signals.read("FIC0", BEGIN, later)
+    monitor.journal.signals.close_days(later)
     part.write_bytes(content)
-    assert monitor.signals.read("FIC0", BEGIN, later).equals(whole) and len(whole) == 118
-    monitor.signals.close_days(later)
-    assert monitor.signals.read("FIC0", BEGIN, later).equals(whole) and not part.exists()
+    assert monitor.journal.signals.read("FIC0", BEGIN, later).equals(whole) and len(whole) == 118
+    monitor.journal.signals.close_days(later)
+    assert monitor.journal.signals.read("FIC0", BEGIN, later).equals(whole) and not part.exists()
 
 
 @pytest.mark.parametrize("name", ["FIC 101/A", "..", "../../etc/passwd", ".hidden", "Å\\:*", "C:\\x"])
@@ -523,9 +523,9 @@ def test_no_name_of_a_loop_leads_out_of_the_folder(tmp_path: Path, name: str) ->
     monitor = service.monitor(tmp_path / "data", [loop], clock)
     fed(monitor, clock, values(name, 40))
     asyncio.run(monitor.save())
-    monitor.signals.close_days(BEGIN + 2 * 86_400.0)
+    monitor.journal.signals.close_days(BEGIN + 2 * 86_400.0)
     [file] = (tmp_path / "data" / "signals").glob("2026-*/*.parquet")
-    assert loop_of(file.name) == name and len(monitor.signals.read(name, BEGIN, BEGIN + 100)) == 38
+    assert loop_of(file.name) == name and len(monitor.journal.signals.read(name, BEGIN, BEGIN + 100)) == 38
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
 
@@ -547,4 +547,4 @@ def test_values_of_a_loop_that_is_not_watched_are_left_out(tmp_path: Path) -> No
     clock = Clock()
     monitor = service.monitor(tmp_path, loops(), clock)
     fed(monitor, clock, [Value("OTHER", Signal.PV, BEGIN, 1.0, True)])
-    assert monitor.reader.loops() == {"FIC0": 1} and monitor.names == ["FIC0"]
+    assert monitor.reader.loops() == {"FIC0": 1} and list(monitor.loops) == ["FIC0"]

@@ -95,7 +95,7 @@ def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
 
 def test_what_persons_have_set_counts(plant: tuple[Monitor, FastAPI], view: View) -> None:
     monitor, _ = plant
-    asyncio.run(monitor.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
+    asyncio.run(monitor.commands.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
     monitor.store.show(time.time(), json.dumps(monitor.status()))
     view.refresh()
     assert view.loops["FIC2"].acceptable_dead_band == 1.5 and view.loops["FIC1"].acceptable_dead_band is None
@@ -246,8 +246,8 @@ def test_an_export_holds_no_formula(view: View) -> None:
 
 def test_events_and_commands_are_one_list(plant: tuple[Monitor, FastAPI], view: View) -> None:
     monitor, _ = plant
-    asyncio.run(monitor.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
-    asyncio.run(monitor.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
+    asyncio.run(monitor.journal.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
+    asyncio.run(monitor.commands.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
     found = all_events(Station(view, ApiClient(view.folder)), 100)
     assert [one["at"] for one in found] == sorted((one["at"] for one in found), reverse=True)
     texts = {(one["kind"], one["who"], one["text"]) for one in found}

@@ -603,10 +603,14 @@ def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[floa
 LONG_HISTORY: int
 MOST_EPOCHS: int
 
-def fit(batches: Sequence[Batch], sign: float) -> dict[str, Any]:
+def fit(batches: Sequence[Batch], sign: float, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """Fit records of one valve: the `answer`, and what `pv` and `position` said in whole."""
 
-def fit_valve(recordings: Sequence[tuple[float, Sequence[Batch]]], sign: float) -> dict[str, Any]:
+def fit_valve(
+    recordings: Sequence[tuple[float, Sequence[Batch]]],
+    sign: float,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Any]:
     """As `fit`, of recordings in the order of time: when the time of each is 0 [s] or NaN, and its batches."""
 
 def fit_judgement(evidence: str) -> dict[str, Any]:

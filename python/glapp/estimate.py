@@ -146,7 +146,7 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         Fit the gap from OP and PV as well (`glapp.fit`, a second or more a loop, and a dozen times that for a
         recording of more than half a million rows); without OP the result has no `fit`.
     progress : callable, optional
-        Told the share that is done; reading is the first half of it, the fit the second.
+        Told the share that is done.
 
     Returns
     -------
@@ -203,7 +203,11 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
         analysis = _glapp.Analysis(task, beginning)
     except ValueError as error:
         raise InputError(str(error), loop=loop.name) from None
-    reading, fitting = shares(progress, 0.5, 0.5) if asked["fit"] and beginning.op is not None else (progress, None)
+    # What was read at once is fitted far more slowly; of a longer recording at most a dozen windows are.
+    share = 0.1 if len(beginning) < rows else 0.5
+    reading, fitting = (
+        shares(progress, share, 1 - share) if asked["fit"] and beginning.op is not None else (progress, None)
+    )
     thinner, signals = Thinner(), set[str]()
     for batch in [beginning] if len(beginning) < rows else recording.batches():
         columns = {name: getattr(batch, name) for name in ("pv", "sp", "op", "position")}

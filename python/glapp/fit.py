@@ -305,7 +305,7 @@ def fit(
     loop : Loop
         Settings that go with samples.
     progress : callable, optional
-        Told the share of the windows that are done.
+        Told the share that is done.
 
     Returns
     -------
@@ -386,15 +386,11 @@ def fit_recordings(
         _read(one, sign, told)[0] if why is None else []
         for one, told, why in zip(recordings, reading, known, strict=True)
     ]
-    if fitting is not None:
-        fitting(0.0)
     starts = since(recordings)
     fitted = [pair for pair, why in zip(zip(starts, batches, strict=True), known, strict=True) if why is None]
     found: dict[str, Any] = {"pv": {"unfit": ("few", 0.0)}, "position": None}
     if fitted:
-        found = _glapp.fit_valve(fitted, sign)
-    if fitting is not None:
-        fitting(1.0)
+        found = _glapp.fit_valve(fitted, sign, fitting)
     decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement", "weighed")}
     through_pv = replace(_valve(found["pv"], recordings, known), **decided)
     if found["position"] is None:
@@ -497,11 +493,7 @@ def fit_batches(
     progress: Progress | None = None,
 ) -> Fit:
     """Fit a stretch in memory, or windows of a longer recording. `sign`: that of the process gain, 0 if not known."""
-    if progress is not None:
-        progress(0.0)
-    found = _glapp.fit(batches, sign)
-    if progress is not None:
-        progress(1.0)
+    found = _glapp.fit(batches, sign, progress)
     return fit_from_core(found["answer"], found["pv"], found["position"], loop)
 
 

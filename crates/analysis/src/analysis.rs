@@ -12,7 +12,9 @@ use crate::words;
 use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
 use glapp_core::status::NOT_AUTO;
 use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
-use glapp_fit::{Batch, JointAnswer, LONG_HISTORY, Prediction, Problem, RecordAnswer, Rows, Samples, Unfit, Windows};
+use glapp_fit::{
+    Batch, JointAnswer, LONG_HISTORY, Prediction, Problem, RecordAnswer, Rows, Samples, Tell, Unfit, Windows,
+};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::cmp::Reverse;
@@ -122,7 +124,7 @@ impl Task {
 /// let rows = Inspected { t: &t, sp: Some(&[0.0; 2000]), pv: &pv, op: None, flags: None };
 /// let mut analysis = Analysis::new(task, &rows, None)?;
 /// analysis.take(&rows, None);
-/// let done = analysis.finish(&mut |_| ());
+/// let done = analysis.finish(&|_| ());
 /// assert!((done.answer.d_hat.unwrap() - 4.5).abs() < 0.001);
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
@@ -240,20 +242,20 @@ impl Analysis {
     }
 
     /// The answer. `progress` is told the share of what is left, mostly the fit, that is done.
-    pub fn finish(self, progress: &mut dyn FnMut(f64)) -> Done {
+    pub fn finish(self, progress: Tell) -> Done {
         self.ended(None, progress)
     }
 
     /// The answer, with what the fit of its [`problem`](Self::problem) gave elsewhere.
     pub fn finish_with(self, pv: Result<JointAnswer, Unfit>) -> Done {
-        self.ended(Some(pv), &mut |_| ())
+        self.ended(Some(pv), &|_| ())
     }
 
-    fn ended(mut self, pv: Option<Result<JointAnswer, Unfit>>, progress: &mut dyn FnMut(f64)) -> Done {
+    fn ended(mut self, pv: Option<Result<JointAnswer, Unfit>>, progress: Tell) -> Done {
         let op_limits = self.task.op_limits();
         let mut quality = if self.task.judge { self.inspected() } else { Vec::new() };
         progress(0.0);
-        let fitted = self.fits().then(|| self.fitted(&quality, pv));
+        let fitted = self.fits().then(|| self.fitted(&quality, pv, progress));
         let harm = fitted.as_ref().and_then(|fitted| self.harm(fitted));
         let task = &self.task;
         progress(1.0);
@@ -347,12 +349,12 @@ impl Analysis {
 
     /// The fit, told what is already known: the sign of the process, and what makes any answer wrong. `pv`: where it was
     /// fitted elsewhere.
-    fn fitted(&mut self, quality: &[Finding], pv: Option<Result<JointAnswer, Unfit>>) -> Fitted {
+    fn fitted(&mut self, quality: &[Finding], pv: Option<Result<JointAnswer, Unfit>>, tell: Tell) -> Fitted {
         let sign = self.sign();
         match (self.asked(quality), pv) {
             (Err(why), _) => Fitted::not(why),
             (Ok((batches, sinusoid)), Some(pv)) => fitted_with(&batches, sinusoid, pv),
-            (Ok((batches, sinusoid)), None) => fitted(&batches, sign, sinusoid),
+            (Ok((batches, sinusoid)), None) => fitted(&batches, sign, sinusoid, tell),
         }
     }
 

@@ -4,8 +4,8 @@ use crate::crossings::Place;
 use crate::origin::fitted_gain_serves;
 use crate::trend::{DAY, WidthTrend, of_found};
 use glapp_fit::{
-    AtValve, Batch, Confidence, JointAnswer, Judgement, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Together,
-    Trend, Unfit, ValveAnswer, Weighed,
+    AtValve, Batch, Confidence, JointAnswer, Judgement, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Tell,
+    Together, Trend, Unfit, ValveAnswer, Weighed,
 };
 use serde::{Deserialize, Serialize};
 
@@ -394,11 +394,12 @@ pub(crate) fn problem(batches: &[Batch<'_>], sign: f64) -> Option<Result<Problem
 }
 
 /// Fits a stretch, or the windows of a longer recording. `sign` is that of the process gain, 0 where it is not known;
-/// `sinusoid` the place of the finding that the loop swings in a clean one, where there is such a finding.
-pub fn fitted(batches: &[Batch<'_>], sign: f64, sinusoid: Option<usize>) -> Fitted {
+/// `sinusoid` the place of the finding that the loop swings in a clean one, where there is such a finding; `tell` takes the
+/// share that is done.
+pub fn fitted(batches: &[Batch<'_>], sign: f64, sinusoid: Option<usize>, tell: Tell) -> Fitted {
     match problem(batches, sign) {
         None => Fitted::not(FitWhy::OpRests),
-        Some(problem) => fitted_with(batches, sinusoid, problem.and_then(|problem| glapp_fit::fit(&problem))),
+        Some(problem) => fitted_with(batches, sinusoid, problem.and_then(|problem| glapp_fit::fit(&problem, tell))),
     }
 }
 
@@ -424,13 +425,13 @@ pub struct FittedValve {
 }
 
 /// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its stretch, or its
-/// windows. `sign` is that of the process gain, 0 where it is not known.
-pub fn fitted_valve(recordings: &[(f64, Vec<Batch<'_>>)], sign: f64) -> FittedValve {
+/// windows. `sign` is that of the process gain, 0 where it is not known; `tell` takes the share that is done.
+pub fn fitted_valve(recordings: &[(f64, Vec<Batch<'_>>)], sign: f64, tell: Tell) -> FittedValve {
     let recorded: Vec<Recorded> = recordings
         .iter()
         .map(|(since, batches)| Recorded { since: *since, samples: batches.iter().map(|b| b.samples).collect() })
         .collect();
-    let pv = glapp_fit::fit_valve(&recorded, sign);
+    let pv = glapp_fit::fit_valve(&recorded, sign, tell);
     let through_pv = FitAnswer::of_valve(&pv);
     let on_one_clock = |since: f64, t: &[f64]| t.iter().map(|t| t + if since.is_nan() { 0.0 } else { since }).collect();
     let all: Vec<(Vec<f64>, &Batch)> = recordings

@@ -58,10 +58,10 @@ fn whole(c: &mut Criterion) {
             stretches: vec![Stretch { start: 0.0, sp: [].as_slice().into(), pv: pv.into(), op: op.into() }],
         };
         let problem = Problem { records: vec![record], sign: 1.0, bootstrap: 0 };
-        let answer = pool.install(|| fit(&problem)).expect("a record of this length is fitted");
+        let answer = pool.install(|| fit(&problem, &|_| ())).expect("a record of this length is fitted");
         assert_ne!(answer.whole.verdict, Verdict::Sound, "a fit that misses the gap is no measure");
         group.throughput(Throughput::Elements(samples as u64));
-        group.bench_function(format!("{samples} samples"), |b| b.iter(|| pool.install(|| fit(&problem))));
+        group.bench_function(format!("{samples} samples"), |b| b.iter(|| pool.install(|| fit(&problem, &|_| ()))));
     }
     group.finish();
 }

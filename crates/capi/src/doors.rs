@@ -579,7 +579,7 @@ pub unsafe extern "C" fn glapp_analyze(
         let begun = Analysis::new(task, &all.first(INSPECTED_ROWS), beginning);
         let mut analysis = begun.map_err(Wrong::refused)?;
         analysis.take(&all, position);
-        let answer = serde_json::to_string(&analysis.finish(&mut |_| ()).answer).map_err(Wrong::refused)?;
+        let answer = serde_json::to_string(&analysis.finish(&|_| ()).answer).map_err(Wrong::refused)?;
         // SAFETY: as for the caller.
         unsafe { hand_over(&answer, json, "json", room, needed) }
     })
@@ -633,7 +633,7 @@ fn half_period(row: &Row) -> GlappHalfPeriod {
 fn fit(batch: Batch, sign: f64) -> GlappWidth {
     let Samples { t, pv, sp, op, flags } = batch.samples;
     if t.len() < LONG_HISTORY {
-        return told(&fitted(&[batch], sign, None).answer);
+        return told(&fitted(&[batch], sign, None, &|_| ()).answer);
     }
     let first = ..LONG_HISTORY;
     let beginning = Samples {
@@ -646,7 +646,7 @@ fn fit(batch: Batch, sign: f64) -> GlappWidth {
     let mut windows = Windows::of_history(&beginning, sign);
     windows.add(&batch);
     let best: Vec<Batch> = windows.best().map(Rows::batch).collect();
-    told(&fitted(&best, sign, None).answer)
+    told(&fitted(&best, sign, None, &|_| ()).answer)
 }
 
 fn told(answer: &FitAnswer) -> GlappWidth {

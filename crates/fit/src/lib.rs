@@ -15,6 +15,7 @@ mod loads;
 mod model;
 mod position;
 mod problem;
+mod progress;
 mod search;
 
 pub use data::history::{Batch, LONG_HISTORY, MOST_EPOCHS, Rows, Windows};
@@ -35,3 +36,4 @@ pub use decide::witness::{cycle::Cycle, plateau::Plateau};
 pub use model::structure::{Noise, Structure};
 pub use position::{AtValve, PositionAnswer, Shown, fit_position};
 pub use problem::{Alone, Divided, Problem, Recorded, Window, fit, fit_valve};
+pub use progress::Tell;

@@ -10,6 +10,7 @@ use crate::decide::record::{Fitted, fit_record};
 use crate::decide::valve::{Recording, ValveAnswer, valve};
 use crate::decide::verdict::judge;
 use crate::model::structure::Theta;
+use crate::progress::{Tell, Windows};
 use crate::search::decimation::{FEWEST, MOST_CELLS, cell, look};
 use crate::search::screen::rescaled;
 use rayon::prelude::*;
@@ -49,15 +50,19 @@ pub(crate) fn records(samples: &[Samples]) -> Result<Vec<Record<'static>>, Unfit
 /// Records that are simulated at most.
 const BOOTSTRAP: usize = 400;
 
-/// Answers the problem: each record by itself, and all together. A single long record is cut into windows first.
+/// Answers the problem: each record by itself, and all together. A single long record is cut into windows first. `tell` takes the
+/// share that is done.
 ///
 /// # Errors
 ///
 /// Where no record has 50 samples together in which OP moves.
-pub fn fit(problem: &Problem) -> Result<JointAnswer, Unfit> {
+pub fn fit(problem: &Problem, tell: Tell) -> Result<JointAnswer, Unfit> {
     let divided = Divided::of(problem)?;
-    let alone = divided.windows.par_iter().map(Window::alone).collect();
-    divided.joined(alone)
+    let progress = Windows::new(divided.windows.len(), tell);
+    let alone = divided.windows.par_iter().map(|window| Alone(window.fitted(&progress.one()))).collect();
+    let joint = divided.joined(alone);
+    tell(1.0);
+    joint
 }
 
 /// A problem cut into windows. Each can be fitted by itself, elsewhere as well; what they say is then joined.
@@ -153,10 +158,11 @@ impl Divided {
 impl Window {
     /// What it says by itself.
     pub fn alone(&self) -> Alone {
-        Alone(self.fitted())
+        Alone(self.fitted(&|_| ()))
     }
 
-    fn fitted(&self) -> Option<Fitted> {
+    /// `done` takes the share that is done.
+    fn fitted(&self, done: &dyn Fn(f64)) -> Option<Fitted> {
         let Self { record, cell, sign, .. } = self;
         let signals = record.signals();
         let (seeds, looked) = look(&signals, *sign)?;
@@ -165,7 +171,9 @@ impl Window {
         let cells = Cells::new(&signals, finest);
         let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
         let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
-        (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, bow, self))
+        let fitted = (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, bow, self, done));
+        done(1.0);
+        fitted
     }
 }
 
@@ -194,20 +202,30 @@ pub struct Recorded<'a> {
 }
 
 /// One answer of several recordings of one valve, in the order of time: they share the lost motion. What a recording repeats of one
-/// before it counts once.
+/// before it counts once. `tell` takes the share that is done.
 ///
 /// # Errors
 ///
 /// Why the first recording cannot be fitted, where none can.
-pub fn fit_valve(recordings: &[Recorded], sign: f64) -> Result<ValveAnswer, Unfit> {
+pub fn fit_valve(recordings: &[Recorded], sign: f64, tell: Tell) -> Result<ValveAnswer, Unfit> {
+    let progress = Windows::new(recordings.len(), tell);
     let alone = |(recorded, once): (&Recorded, Once)| {
         let samples: Vec<Samples> =
             recorded.samples.iter().zip(&once.pv).map(|(samples, pv)| Samples { pv, ..*samples }).collect();
         let divided = match Problem::of(&samples, sign).and_then(|problem| Divided::of(&problem)) {
             Ok(divided) => divided,
-            Err(why) => return Recording::unfit(once.repeated, why),
+            Err(why) => {
+                progress.one()(1.0);
+                return Recording::unfit(once.repeated, why);
+            }
         };
-        let mut curves = divided.curves(divided.windows.par_iter().map(Window::alone).collect());
+        let windows = divided.windows.len() as f64;
+        let fitted = |window: &Window| {
+            let fitted = window.fitted(&|_| ());
+            progress.add(1.0 / windows);
+            Alone(fitted)
+        };
+        let mut curves = divided.curves(divided.windows.par_iter().map(fitted).collect());
         match joint(&mut curves, divided.op, divided.pv) {
             Some(own) => Recording::new(recorded.since, once.repeated, own, curves, divided.op),
             None => Recording::unfit(once.repeated, Unfit::Few),
@@ -215,7 +233,9 @@ pub fn fit_valve(recordings: &[Recorded], sign: f64) -> Result<ValveAnswer, Unfi
     };
     let once = once(recordings);
     let recordings: Vec<Recording> = recordings.par_iter().zip(once).map(alone).collect();
-    valve(recordings)
+    let answer = valve(recordings);
+    tell(1.0);
+    answer
 }
 
 #[cfg(test)]

@@ -97,7 +97,7 @@ impl Recording {
     }
 
     pub(crate) fn finish(self, reader: &Reader) -> Result<Value, String> {
-        to_json(self.analysis.finish(&mut |_| ()), self.span, reader)
+        to_json(self.analysis.finish(&|_| ()), self.span, reader)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The analysis of a recording: a task and its rows in, the answer out.
 
 use crate::detector::columns;
-use crate::fit::{of_position, of_pv};
+use crate::fit::{of_position, of_pv, telling};
 use crate::plain::plain;
 use crate::refused;
 use crate::windows::Batch;
@@ -39,18 +39,7 @@ impl PyAnalysis {
     /// there is none; what was fitted, `pv` and `position`, in whole. `progress` is told the share of what is left.
     fn finish<'py>(&mut self, py: Python<'py>, progress: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyDict>> {
         let analysis = self.under_way.take().ok_or_else(finished)?;
-        let progress = progress.map(Bound::unbind);
-        let mut failed = None;
-        let mut tell = |share: f64| {
-            if let Some(progress) = &progress {
-                let told = Python::attach(|py| progress.call1(py, (share,)).map(drop));
-                failed = failed.take().or(told.err());
-            }
-        };
-        let Done { answer, crossings, fitted, op } = py.detach(|| analysis.finish(&mut tell));
-        if let Some(error) = failed {
-            return Err(error);
-        }
+        let Done { answer, crossings, fitted, op } = telling(py, progress, |tell| analysis.finish(tell))?;
         let out = PyDict::new(py);
         out.set_item("answer", plain(py, &answer)?)?;
         out.set_item("op", op)?;

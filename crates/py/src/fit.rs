@@ -5,27 +5,56 @@ use crate::position;
 use crate::windows::{Batch, columns};
 use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve, words};
 use glapp_fit::{
-    Answer, Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together,
+    Answer, Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Tell, Together,
     Trend, Unfit, ValveAnswer, Verdict, Width,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyMapping};
+use std::sync::{Mutex, PoisonError};
 
 /// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
-/// Gives the `answer` in plain types, and what PV and the valve's
+/// `progress` is called with the share that is done. Gives the `answer` in plain types, and what PV and the valve's
 /// position said, each None where it was not asked; where it could not be fitted, only why: `unfit`, a word and its number.
 /// `glapp.fit` is the public function.
 #[pyfunction]
-pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResult<Bound<'py, PyDict>> {
+#[pyo3(signature = (batches, sign, progress=None))]
+pub fn fit<'py>(
+    py: Python<'py>,
+    batches: Vec<Batch<'py>>,
+    sign: f64,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
     let batches = columns(&batches)?;
-    let Fitted { answer, pv, position } = py.detach(|| fitted(&batches, sign, None));
+    let Fitted { answer, pv, position } = telling(py, progress, |tell| fitted(&batches, sign, None, tell))?;
     let out = PyDict::new(py);
     out.set_item("answer", plain(py, &answer)?)?;
     out.set_item("pv", pv.map(|pv| of_pv(py, pv)).transpose()?)?;
     out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
     Ok(out)
+}
+
+/// Runs `work` without the interpreter's lock, and calls `progress` with the share that it tells. What `progress` raises first
+/// is raised when the work has ended.
+pub(crate) fn telling<T: Send>(
+    py: Python<'_>,
+    progress: Option<Bound<'_, PyAny>>,
+    work: impl FnOnce(Tell) -> T + Send,
+) -> PyResult<T> {
+    let progress = progress.map(Bound::unbind);
+    let failed = Mutex::new(None);
+    let tell = |share: f64| {
+        if let Some(progress) = &progress {
+            Python::attach(|py| {
+                let told = progress.call1(py, (share,));
+                let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                *failed = failed.take().or(told.err());
+            });
+        }
+    };
+    let done = py.detach(|| work(&tell));
+    failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(done), Err)
 }
 
 /// The answer of PV's fit.
@@ -45,14 +74,16 @@ pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResu
 /// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its batches. As
 /// `fit`; `pv` has the `recordings` in place of windows, of each what PV said alone.
 #[pyfunction]
+#[pyo3(signature = (recordings, sign, progress=None))]
 pub fn fit_valve<'py>(
     py: Python<'py>,
     recordings: Vec<(f64, Vec<Batch<'py>>)>,
     sign: f64,
+    progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let recorded = recordings.iter().map(|(since, batches)| Ok((*since, columns(batches)?)));
     let recorded = recorded.collect::<PyResult<Vec<_>>>()?;
-    let FittedValve { answer, pv, position } = py.detach(|| fitted_valve(&recorded, sign));
+    let FittedValve { answer, pv, position } = telling(py, progress, |tell| fitted_valve(&recorded, sign, tell))?;
     let out = PyDict::new(py);
     out.set_item("answer", plain(py, &answer)?)?;
     out.set_item("pv", of_recordings(py, pv)?)?;

@@ -25,7 +25,7 @@ from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, s
 
 if TYPE_CHECKING:
     from ..loop import Loop
-    from ..service.monitor import Bounds
+    from ..service.options import MonitorOptions
     from ..service.plant import SimPlant
     from ..service.security import Security
 
@@ -136,7 +136,7 @@ def run(
     """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
     need("watch", "service", "argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is told as an event
-    from ..service.monitor import Bounds
+    from ..service.options import MonitorOptions
 
     if demo == (settings is not None):
         raise CommandError("name a loops.toml, or say --demo")
@@ -148,7 +148,7 @@ def run(
         security = _security(opcua_certificate, opcua_key, opcua_user, opcua_password_file)
         ours = {"port": opcua_port, "host": opcua_host, "security": security}
     period = 1.0 if scan is None or not demo else scan
-    bounds = Bounds(
+    options = MonitorOptions(
         period=period,
         lost=max(15.0, 3.0 * period),
         keep=max(keep, int(days or 0.0) + 1),
@@ -160,7 +160,7 @@ def run(
     address = {"host": host, "port": port, "certificate": certificate, "key": key}
     plant = {"loops": loops, "days": days, "scan": scan, "repair": repair} if demo else None
     with suppress(KeyboardInterrupt):
-        asyncio.run(_serve(settings, data, bounds, address, plant, ours))
+        asyncio.run(_serve(settings, data, options, address, plant, ours))
 
 
 def _security(certificate: Path | None, key: Path | None, user: str | None, file: Path | None) -> Security:
@@ -177,7 +177,7 @@ def _security(certificate: Path | None, key: Path | None, user: str | None, file
 async def _serve(
     settings: Path | None,
     data: Path,
-    bounds: Bounds,
+    options: MonitorOptions,
     address: dict[str, Any],
     demo: dict[str, Any] | None,
     ours: dict[str, Any] | None,
@@ -241,12 +241,12 @@ async def _serve(
         if store.found is not None:
             say_note(store.found)
         first_user(store, time.time())
-        one = Monitor(known, store, bounds=bounds, compensable=_compensable(known), clock=clock, hurries=hurries)
+        one = Monitor(known, store, options=options, compensable=_compensable(known), clock=clock, hurries=hurries)
         if hurries:
-            plant.follow = one.caught_up
+            plant.follow = one.feedforward.caught_up
         hosts = ("127.0.0.1", "localhost", "[::1]", address["host"])
         opened = ApiServer(app_of(one, Users(store), hosts=hosts), **address)
-        source = OpcUa(connection, known, since=one.since())
+        source = OpcUa(connection, known, since=one.ingest.since())
         write_file(data / "api-url", opened.url)  # who waits for it reads the whole of it
         out.print(
             f"Watching {len(known)} loops at {connection.url}; data in {data}, API at {opened.url}.", soft_wrap=True

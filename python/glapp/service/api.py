@@ -188,7 +188,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
             if found.role < role:
                 why = f"needs the role {role.name.lower()}"
                 path, loop = request.url.path, request.path_params.get("name")
-                await monitor.refused(found.name, found.role.name.lower(), path, loop, None, why)
+                await monitor.commands.refused(found.name, found.role.name.lower(), path, loop, None, why)
                 raise HTTPException(403, why)
             return found
 
@@ -199,7 +199,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     engineer = Annotated[Person, Depends(at_least(Role.ENGINEER))]
 
     def known(name: str) -> str:
-        if name not in monitor.names:
+        if name not in monitor.loops:
             raise HTTPException(404, "no such loop")
         return name
 
@@ -208,11 +208,11 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         try:
             return _plain(await what)
         except InputError as error:
-            await monitor.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
+            await monitor.commands.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
             raise
 
     def as_seen(name: str, asked: Seen | None) -> None:
-        now = _plain(monitor.settings(known(name)))
+        now = _plain(monitor.commands.settings(known(name)))
         for key, value in ((asked and asked.seen) or {}).items():
             if now.get(key) != value:
                 raise InputError(
@@ -290,12 +290,12 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         ] = None,
     ) -> dict[str, Any]:
         """The newest values of loops, of all where none is named."""
-        names = [known(name) for name in loop or monitor.names]
+        names = [known(name) for name in loop or monitor.loops]
         if loop and after is not None:
             until = time.monotonic() + LONGEST
-            while time.monotonic() < until and not any(monitor.newer(name, after) for name in names):
+            while time.monotonic() < until and not any(monitor.ingest.newer(name, after) for name in names):
                 await asyncio.sleep(0.02)
-        return {name: monitor.live(name) for name in names}
+        return {name: monitor.ingest.live(name) for name in names}
 
     @app.get("/loops/{name:path}/half_periods")
     async def half_periods(
@@ -315,7 +315,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
         if not end - begin <= 32 * 86400.0:
             raise HTTPException(422, "end - begin must be at most 32 days")
-        table = await looked(monitor.recorded, known(name), begin, end)
+        table = await looked(monitor.journal.recorded, known(name), begin, end)
         every = max(1, -(-len(table) // most))
         found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
         found["time"] = [at.timestamp() for at in found["time"]]
@@ -324,13 +324,13 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.get("/loops/{name:path}/parameters")
     async def parameters(person: viewer, name: Name) -> dict[str, Any]:
         """What may be set of a loop, as it is in force."""
-        found: dict[str, Any] = _plain(monitor.settings(known(name)))
+        found: dict[str, Any] = _plain(monitor.commands.settings(known(name)))
         return found
 
     @app.get("/loops/{name:path}/bounds")
     async def bounds(person: viewer, name: Name) -> dict[str, dict[str, Any]]:
         """Unit, least and greatest of what may be set of a loop, whether it may be 0, whether it is a whole number."""
-        return {parameter: bound._asdict() for parameter, bound in monitor.limits(known(name)).items()}
+        return {parameter: bound._asdict() for parameter, bound in monitor.commands.bounds(known(name)).items()}
 
     @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
@@ -367,7 +367,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await monitor.change(name, asked.values, *_who(person))
+            return await monitor.commands.change(name, asked.values, *_who(person))
 
         found: dict[str, Any] = await done(person, "change", known(name), asked.model_dump(), go())
         return found
@@ -378,7 +378,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await monitor.enable(name, *_who(person))
+            return await monitor.commands.enable(name, *_who(person))
 
         found: dict[str, Any] = await done(person, "enable", known(name), None, go())
         return found
@@ -386,20 +386,20 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.post("/loops/{name:path}/watchdog-test")
     async def watchdog_test(person: engineer, name: Name) -> dict[str, Any]:
         """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
-        await done(person, "drill", name, None, monitor.watchdog_test(known(name), *_who(person)))
+        await done(person, "drill", name, None, monitor.commands.watchdog_test(known(name), *_who(person)))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/disable")
     async def disable(person: operator, name: Name) -> dict[str, Any]:
         """End the compensation of a loop."""
-        going = monitor.disable(known(name), *_who(person))
+        going = monitor.commands.disable(known(name), *_who(person))
         found: dict[str, Any] = await done(person, "disable", name, None, going)
         return found
 
     @app.post("/loops/{name:path}/fit")
     async def fit(person: operator, name: Name) -> dict[str, Any]:
         """Have a loop fitted as soon as the one before it is done."""
-        await monitor.asked_fit(known(name), *_who(person))
+        await monitor.commands.fit(known(name), *_who(person))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/take_over")
@@ -408,7 +408,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
         async def go() -> Any:
             as_seen(name, asked)
-            return await monitor.take_over(name, asked.answer, *_who(person))
+            return await monitor.commands.take_over(name, asked.answer, *_who(person))
 
         found: dict[str, Any] = await done(person, "take_over", known(name), {"answer": asked.answer}, go())
         return found
@@ -428,7 +428,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
         await done(person, "put_user", None, {"user": user, "role": asked.role}, go())
         after = {"user": user, "role": asked.role, "new_password": asked.password is not None}
-        await monitor.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
+        await monitor.journal.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
         return {"user": user, "role": asked.role}
 
     @app.delete("/users/{user}")
@@ -439,7 +439,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
             await asyncio.to_thread(users.remove, user)
 
         await done(person, "remove_user", None, {"user": user}, go())
-        await monitor.log(*_who(person), "remove_user", None, {"user": user}, None)
+        await monitor.journal.log(*_who(person), "remove_user", None, {"user": user}, None)
         return {}
 
     registry = CollectorRegistry(auto_describe=False)

@@ -165,7 +165,7 @@ def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now
         states[id] = json.dumps(state)
     events = [Event(now, None, "demonstration", "a simulated plant: what is older than this was simulated in advance")]
     for name, answer in answers(today).items():
-        store.answer(name, answer)
+        store.add_answer(name, answer)
         events.append(Event(answer["time"], name, "answer", f"{answer['verdict']}: {answer['reason']}"))
     store.add([], halves, sorted(events, key=lambda event: event.time))
     store.save(position, states)

@@ -25,10 +25,10 @@ from asyncua.crypto.permission_rules import SimpleRoleRuleset, User, UserRole
 
 from ..errors import InputError
 from .api import loopback
-from .monitor import Health
 from .plant import free_port
 from .security import Security, secure
 from .users import SHORTEST, TRIES, TRIES_WITHIN
+from .watched import Health
 
 __all__ = ["DI", "NAMESPACE", "NODES", "AnswerServer", "Node", "node_values"]
 

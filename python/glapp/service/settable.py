@@ -11,7 +11,18 @@ from ..errors import InputError
 from ..estimate import op_range
 from ..loop import Loop
 
-__all__ = ["DETECTOR", "SETTINGS", "SHARE", "Bound", "bounds_of", "check", "of_plant", "usual_of"]
+__all__ = [
+    "DETECTOR",
+    "SETTINGS",
+    "SHARE",
+    "Bound",
+    "bounds_of",
+    "check",
+    "compensation_settings",
+    "of_plant",
+    "usual_of",
+    "with_settings",
+]
 
 DETECTOR = ("k", "ti", "td", "setpoint_weight", "kp", "tf", "n", "acceptable_dead_band")
 """What a person may set of a detector: what it believes of the controller, never the controller itself."""
@@ -196,6 +207,50 @@ these bounds
             bound=bound.words,
             hint="give a value within these bounds",
         )
+
+
+def compensation_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of a loop's settings that are of its compensation."""
+    return {name: settings[name] for name in SETTINGS if name in settings}
+
+
+def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
+    """The loop, with what persons have set of its detector in the place of what it had.
+
+    Raises
+    ------
+    InputError
+        With the parameter, its value and its bound.
+    """
+    given = {name: settings[name] for name in DETECTOR if settings.get(name) is not None}
+    if not given:
+        return loop
+    data = loop.model_dump(exclude_unset=True)
+    ideal = loop.ideal()
+    if given.keys() & {"k", "ti", "td", "setpoint_weight"}:
+        known = {} if ideal is None else {"k": ideal.k, "ti": ideal.ti, "td": ideal.td, "setpoint_weight": ideal.b}
+        known |= {name: given[name] for name in ("k", "ti", "td", "setpoint_weight") if name in given}
+        if known.get("k") == 0.0:
+            raise InputError("is 0, must not be 0", loop=loop.name, parameter="k", value=0.0, bound="≠ 0")
+        k = known.pop("k", None)
+        data["controller"] = {
+            **known,
+            **({} if k is None else {"k": abs(k), "action": "direct" if k < 0 else "reverse"}),
+            "gain_unit": "OP/PV",
+        }
+    if "kp" in given:
+        data["process"] = {**data.get("process", {}), "kp": given["kp"], "kp_unit": "PV/OP"}
+    for name in ("tf", "n", "acceptable_dead_band"):
+        if name in given:
+            whole = name == "n" and float(given[name]).is_integer()
+            data[name] = int(given[name]) if whole else given[name]
+    try:
+        return Loop(**data)
+    except InputError as error:
+        error.loop = loop.name
+        if error.parameter is not None:
+            error.parameter = error.parameter.rpartition(".")[2]
+        raise
 
 
 def _quotient(a: float, b: float) -> float:

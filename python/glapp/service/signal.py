@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import asyncio
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
-__all__ = ["Event", "Signal", "Source", "Take", "Tell", "Value", "WriteRefused"]
+__all__ = ["Event", "Plant", "Signal", "Source", "Take", "Tell", "Value", "WriteRefused", "answered_within"]
+
+T = TypeVar("T")
 
 
 class Signal(StrEnum):
@@ -126,3 +129,43 @@ class Source(Protocol):
 
     async def heartbeat(self) -> None:
         """Tell the plant's watchdog that this program is alive."""
+
+
+class Plant(Source, Protocol):
+    """A source that writes u_FF of a loop only while that is enabled; else it may only go to 0."""
+
+    def enable(self, loop: str) -> None:
+        """Let u_FF of a loop be written.
+
+        Raises
+        ------
+        WriteRefused
+            Where there is no node or no connection.
+        """
+
+    def disable(self, loop: str) -> None:
+        """Let u_FF of a loop only go to 0 from now on."""
+
+
+async def answered_within(seconds: float, answer: Coroutine[Any, Any, T]) -> T:
+    """The plant's answer to a call of a `Source`, if it comes in time.
+
+    The call runs in a task of its own: a client that loses its connection cancels every task that waits for it, and
+    ours must go on.
+
+    Raises
+    ------
+    WriteRefused
+        With the reason `no_answer` or `not_connected`, too.
+    """
+    task = asyncio.ensure_future(answer)
+    task.add_done_callback(lambda done: done.cancelled() or done.exception())
+    try:
+        await asyncio.wait({task}, timeout=seconds)
+        if not task.done():
+            raise WriteRefused("no_answer", f"the plant has not answered in {seconds:g} s")
+        if task.cancelled():
+            raise WriteRefused("not_connected", "the connection was lost meanwhile")
+        return task.result()
+    finally:
+        task.cancel()

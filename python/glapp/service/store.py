@@ -369,6 +369,14 @@ class Reader:
             *(loop, most),
         )
 
+    def answer(self, loop: str, id: int) -> dict[str, Any] | None:
+        """Verdict, width to compensate and document of an answer of a loop; None where there is no such answer."""
+        return self.one(
+            "SELECT verdict, compensable, document FROM answers JOIN loops ON loops.id = answers.loop "
+            "WHERE answers.id = ? AND loops.name = ?",
+            *(id, loop),
+        )
+
     def events(self, loop: str | None = None, most: int = 200, before: int | None = None) -> list[dict[str, Any]]:
         """What happened, the newest first; of one loop where it is named."""
         return self.rows(
@@ -588,7 +596,7 @@ class Store(Reader):
             self._db.execute("DELETE FROM commands WHERE command = 'login' AND time < ?", (before,))
             return self._db.execute("DELETE FROM half_periods WHERE reason > 0 AND t_end < ?", (before,)).rowcount
 
-    def answer(self, loop: str, answer: Mapping[str, Any]) -> int:
+    def add_answer(self, loop: str, answer: Mapping[str, Any]) -> int:
         """Store an answer; gives its number."""
         names = ", ".join(answer)
         marks = ", ".join("?" * len(answer))

@@ -12,8 +12,8 @@ from nicegui import ui
 
 from ..report.words import duration, quantity
 from ..service.compensation import TEXT_OF_STATE
-from ..service.monitor import SEEN
 from ..service.settable import usual_of
+from ..service.watchdog import WATCHDOG_SEEN
 from . import charts
 from .client import loop_path
 from .compensate import calm, plan, why_off
@@ -86,7 +86,7 @@ class CompensationPage:
     async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
         made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
-        self._tested, self._set = settings.get(SEEN), settings
+        self._tested, self._set = settings.get(WATCHDOG_SEEN), settings
         self.body.clear()
         with self.body:
             if made is None:
@@ -112,7 +112,7 @@ class CompensationPage:
         status = self.station.view.shown["loops"].get(self.loop, {})
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
-        if settings.get(SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
+        if settings.get(WATCHDOG_SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
             await self._anew()
         elif self._enabled:
             await self._effect()

@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
 from ..report.words import URGENCIES, VERDICTS, count, number
-from ..service.monitor import with_settings
+from ..service.settable import with_settings
 from ..service.store import Reader
 
 __all__ = ["LoopRow", "Trend", "View", "age", "as_csv", "summary", "trend"]

@@ -169,11 +169,14 @@ pub(crate) struct Fitted {
     pub(crate) by_chance: f64,
 }
 
-/// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit].
-pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window) -> Fitted {
+/// Share of a window's fit that goes into its hypotheses of the load; the rest into the interval and what else is known.
+const OF_LOADS: f64 = 0.8;
+
+/// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit]; `done` takes the share that is done.
+pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window, done: &dyn Fn(f64)) -> Fitted {
     let Window { record: rows, sign, bootstrap, .. } = window;
     let (sign, bootstrap) = (*sign, *bootstrap);
-    let (view, without) = hypotheses(cells, seeds, sign);
+    let (view, without) = hypotheses(cells, seeds, sign, &|share| done(OF_LOADS * share));
     let lr_no_answer = view.answers(sign);
     let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
     let lr_of_loads = without - cost;

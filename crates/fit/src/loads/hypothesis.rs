@@ -134,9 +134,10 @@ fn with_walking_load(record: &Cells, seeds: &[Theta], sign: f64) -> (Cells, Vec<
 }
 
 /// The record as one whose load walks, as one whose load stands still between many small steps, and as one whose load goes along
-/// lines: the likeliest, and what no gap costs in any.
-pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64) -> (Hypothesis, f64) {
+/// lines: the likeliest, and what no gap costs in any. `done` takes the share that is done.
+pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn Fn(f64)) -> (Hypothesis, f64) {
     let (walking, looked) = with_walking_load(record, seeds, sign);
+    done(0.2);
     let mut believed = Hypothesis::new(walking, looked, None, sign);
     let point = &believed.profiles[0].points[believed.profiles[0].best];
     let starts = [&[believed.profiles[0].structure.as_pilot(&point.theta)], seeds].concat();
@@ -144,7 +145,8 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64) -> (Hypothe
     // The least that anything with a gap was found to cost, whether it is believed or not.
     let mut least = believed.cost;
     let mut hints = Vec::new();
-    for load in [Load::Levels, Load::Lines] {
+    for (load, begins) in [(Load::Levels, 0.3), (Load::Lines, 0.6)] {
+        done(begins);
         // A load that steps does not go along lines; unless those steps are all that PV answers, as under lines in a loop that is
         // tuned for its lag.
         let bends = || {
@@ -182,6 +184,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64) -> (Hypothe
         least = least.min(marked.cost);
         believed = marked;
     }
+    done(0.9);
     // A width that was looked at early keeps the steps that make up for it.
     while believed.record.changes() > 0 && without - believed.cost > GAP_SEEN {
         let (structure, point) = believed.best();

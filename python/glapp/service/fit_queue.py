@@ -1,0 +1,155 @@
+"""The queue of fits: of every loop at night, and of one as soon as a person asks for it; one at a time."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from datetime import datetime, timedelta
+from multiprocessing import get_context
+from typing import Any
+
+from .fits import answer
+from .journal import Journal
+from .options import MonitorOptions
+from .signal import Event
+from .store import Reader, StoreFull
+from .watched import WatchedLoop
+
+__all__ = ["FitQueue"]
+
+_SPAWN = get_context("spawn")
+
+
+class FitQueue:
+    """Fits the recordings that are kept of a loop, in a process of its own.
+
+    Parameters
+    ----------
+    loops : mapping of str to WatchedLoop
+        The loops; each keeps its last answer.
+    journal : Journal
+        Keeps answers and events.
+    reader : Reader
+        Of the journal's store.
+    options : MonitorOptions
+        When the fits of the night begin, how far they look back, how long one may take.
+    clock : callable
+        The time [s since 1970 UTC].
+    save : callable
+        Writes all that came in to the disk, where the fit reads it.
+    show : callable
+        Writes the status of the service for who reads it.
+    """
+
+    def __init__(
+        self,
+        loops: Mapping[str, WatchedLoop],
+        journal: Journal,
+        reader: Reader,
+        options: MonitorOptions,
+        clock: Callable[[], float],
+        *,
+        save: Callable[[], Awaitable[None]],
+        show: Callable[[], Awaitable[None]],
+    ) -> None:
+        self.options = options
+        self._loops, self._journal, self._reader, self._clock = loops, journal, reader, clock
+        self._save, self._show = save, show
+        self._queue: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
+        self._queued: set[str] = set()  # the loop that is fitted now is among them
+        self._current: tuple[str, float] | None = None  # the loop that is fitted now, and since when on the wall
+        self._took: dict[str, float] = {}  # how long the last fit of a loop took [s]
+
+    def ask(self, loop: str, person: str) -> None:
+        """Queue the fit of a loop, unless it waits already."""
+        if loop not in self._queued:
+            self._queued.add(loop)
+            self._queue.put_nowait((loop, person))
+
+    async def run(self) -> None:
+        """Fit one loop after another, until cancelled."""
+        night = asyncio.create_task(self._nights())
+        try:
+            while True:
+                name, person = await self._queue.get()
+                began = time.time()
+                self._current = name, began
+                try:
+                    await self._show()
+                    with suppress(StoreFull, OSError):
+                        await self._save()
+                    row = await self._fit(name)
+                    if isinstance(row, str):
+                        self._journal.add_event(Event(self._clock(), name, "not_fitted", row))
+                    else:
+                        await self.keep_answer(name, person, row)
+                        self._took[name] = time.time() - began
+                except StoreFull as error:
+                    self._journal.add_event(Event(self._clock(), name, "not_fitted", str(error)))
+                finally:
+                    self._queued.discard(name)
+                    self._current = None
+                await self._show()
+        finally:
+            night.cancel()
+
+    async def _fit(self, name: str) -> dict[str, Any] | str:
+        """A row of `answers`, or why there is none: from a process that ends with this one."""
+        longest, end, began = self.options.fit_longest, self._clock(), time.monotonic()
+        settings = self._loops[name].loop.model_dump_json(exclude_unset=True)
+        receiver, sender = _SPAWN.Pipe(duplex=False)
+        begin = end - self.options.fit_days * 86400.0
+        asked = (sender, self._journal.store.folder, settings, begin, end, longest)
+        process = _SPAWN.Process(target=answer, args=asked, daemon=True)
+        process.start()
+        sender.close()
+        try:
+            row: dict[str, Any] | str = await asyncio.to_thread(receiver.recv)
+        except EOFError:
+            late = time.monotonic() - began >= longest
+            row = f"it took more than {longest:g} s, and was ended" if late else "its process was ended"
+        finally:
+            process.kill()
+            process.join()
+        return row
+
+    async def keep_answer(self, name: str, person: str, answer: dict[str, Any]) -> None:
+        """Store the answer of a loop, and tell it.
+
+        Raises
+        ------
+        StoreFull
+            Where it cannot be stored.
+        """
+        row = {"time": self._clock(), "asked_by": person, **answer}
+        await asyncio.to_thread(self._journal.store.add_answer, name, row)
+        self._loops[name].answer = (await asyncio.to_thread(self._reader.answers, name, 1))[0]
+        text = f"{answer['verdict']}: {answer['reason']}"
+        self._journal.add_event(Event(row["time"], name, "answer", text))
+
+    async def _nights(self) -> None:
+        while True:
+            begin = self.next_night()
+            while (left := begin - self._clock()) > 0:  # that clock may hurry, or be set
+                await asyncio.sleep(min(left, 1.0))
+            # The loop with the oldest answer comes first: what one night is too short for, the next begins with.
+            ordered = sorted(self._loops.values(), key=lambda w: -math.inf if w.answer is None else w.answer["time"])
+            for watched in ordered:
+                self.ask(watched.loop.name, "the night")
+
+    def next_night(self) -> float:
+        """When the next fits of a night begin, by the service's clock [s since 1970 UTC]."""
+        now = datetime.fromtimestamp(self._clock())
+        begin = now.replace(hour=self.options.fit_hour, minute=0, second=0, microsecond=0)
+        return (begin if begin > now else begin + timedelta(days=1)).timestamp()
+
+    def status(self, name: str) -> dict[str, Any] | None:
+        """The fit of a loop that runs or waits: since when, after which loop, how long fits took; None without one."""
+        if name not in self._queued:
+            return None
+        took = self._took.get(name, max(self._took.values(), default=None))
+        of, since = self._current or (None, None)
+        return {"since": since if of == name else None, "after": None if of == name else of, "about": took}

@@ -1,0 +1,217 @@
+"""The journal: what came in and what happened, written to the store; while that fails, it waits in memory."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import suppress
+from typing import Any
+
+import pyarrow as pa
+
+from .options import MonitorOptions
+from .recordings import SignalStore, table_of
+from .signal import Event
+from .store import Entry, Half, Store, StoreFull
+from .watched import WatchedLoop
+
+__all__ = ["Journal", "to_the_end"]
+
+_REPEATED = 60.0
+"""An event that comes again and again is written once in this time, with how often it came [s]."""
+
+
+class Journal:
+    """Entries, half-periods, events, states and signals of a monitor, on their way to the disk.
+
+    Parameters
+    ----------
+    store : Store
+        The database. Signals are kept beside it.
+    loops : mapping of str to WatchedLoop
+        The loops, which may be filled in later.
+    options : MonitorOptions
+        How much waits in memory, and how long signals are kept.
+    clock : callable
+        The time [s since 1970 UTC].
+
+    Attributes
+    ----------
+    position : int
+        Number of the last entry.
+    failing : str or None
+        Why the store cannot be written now; None where it can.
+    """
+
+    def __init__(
+        self, store: Store, loops: Mapping[str, WatchedLoop], options: MonitorOptions, clock: Callable[[], float]
+    ) -> None:
+        self.store, self.signals = store, SignalStore(store.folder)
+        self.position = store.position()
+        self.failing: str | None = None
+        self._loops, self._options, self._clock = loops, options, clock
+        self._events: list[Event] = []
+        self._repeated: dict[tuple[str | None, str], tuple[float, int]] = {}
+        self._backlog: list[tuple[Entry, list[Half]]] = []
+        self._failing_since: float | None = None
+        self._gave_up = False
+        self._saving = asyncio.Lock()
+
+    @property
+    def waiting(self) -> int:
+        """How many entries wait in memory."""
+        return len(self._backlog)
+
+    def add_event(self, event: Event) -> None:
+        """Add an event; one that comes again within a minute is counted instead."""
+        key = (event.loop, event.kind)
+        first, count = self._repeated.get(key, (-math.inf, 0))
+        if event.time - first < _REPEATED and count:
+            self._repeated[key] = (first, count + 1)
+            return
+        more = f" (and {count - 1} times more since)" if count > 1 else ""
+        self._repeated[key] = (event.time, 1)
+        self._events.append(Event(event.time, event.loop, event.kind, event.text + more))
+
+    def next_position(self, now: float) -> int:
+        """The number of the next entry, greater than all before; it also tells when that was made [ms]."""
+        self.position = max(self.position + 1, int(now * 1000.0))
+        return self.position
+
+    def add(self, entry: Entry, halves: list[Half]) -> None:
+        """Add an entry and the half-periods that ended in it."""
+        self._backlog.append((entry, halves))
+
+    async def write(self, now: float) -> None:
+        """Write to the store all that was added; where that fails it waits, and `failing` says why."""
+        backlog, events = list(self._backlog), list(self._events)
+        if not backlog and not events:
+            return
+        entries = [entry for entry, _ in backlog]
+        halves = [half for _, some in backlog for half in some]
+        try:
+            if self._gave_up:  # the next start must not look among the entries for what was given up
+                await self._save()
+                self._gave_up = False
+            await asyncio.to_thread(self.store.add, entries, halves, events)
+        except (StoreFull, OSError) as error:
+            self._failed(str(error), now)
+            return
+        del self._backlog[: len(backlog)]
+        del self._events[: len(events)]
+        if self._failing_since is not None:
+            text = f"the store is written again, after {now - self._failing_since:.0f} s"
+            self._failing_since = self.failing = None
+            self.add_event(Event(now, None, "memory_again", text))
+
+    def failing_for(self, now: float) -> float:
+        """For how long the store cannot be written by now [s]; 0 where it can."""
+        return 0.0 if self._failing_since is None else now - self._failing_since
+
+    def _failed(self, why: str, now: float) -> None:
+        if self._failing_since is None:
+            self._failing_since = now
+        self.failing = why
+        self.add_event(Event(now, None, "memory_full", f"{why}: what comes waits in memory"))
+        if len(self._backlog) <= self._options.backlog or self._saving.locked():
+            return
+        values = sum(len(entry.loop) for entry, _ in self._backlog)
+        halves = sum(len(some) for _, some in self._backlog)
+        self._backlog.clear()
+        self._gave_up = True
+        for watched in self._loops.values():
+            watched.forget_saved()
+        self._events = self._events[-1000:]
+        text = f"{values} values and {halves} half-periods were given up: the store could not be written"
+        self.add_event(Event(now, None, "given_up", text))
+
+    # Signals and states
+
+    async def save(self) -> None:
+        """Write the signals and the states as of the last entry; all entries have to be written before.
+
+        Raises
+        ------
+        StoreFull, OSError
+            Where it cannot be written, or entries wait. All of it waits for the next time.
+        """
+        if self._backlog:
+            raise StoreFull(self.failing or "the store cannot be written")
+        await to_the_end(self._save())
+
+    async def try_save(self) -> None:
+        """As `save`, where no entry waits; a failure is an event."""
+        try:
+            if not self._backlog:
+                await to_the_end(self._save())
+        except (StoreFull, OSError) as error:
+            self._failed(f"the signals cannot be written: {error}", self._clock())
+
+    async def _save(self) -> None:
+        async with self._saving:
+            position = self.position
+            samples = {name: watched.unsaved() for name, watched in self._loops.items()}
+            states = {watched.id: watched.state() for watched in self._loops.values()}
+            filled = {name: some for name, some in samples.items() if len(some[0])}
+            await asyncio.to_thread(self.signals.save, filled, position)
+            await asyncio.to_thread(self.store.save, position, states)
+            for name, (entry_ids, _) in filled.items():
+                self._loops[name].forget_saved(len(entry_ids))
+
+    def recorded(self, loop: str, begin: float, end: float) -> pa.Table:
+        """The samples of a loop within [begin, end] [s since 1970 UTC]: those on disk, and those not there yet.
+
+        Returns
+        -------
+        pyarrow.Table
+            As `SignalStore.read`.
+        """
+        _, rows = self._loops[loop].unsaved()
+        table = self.signals.read(loop, begin, end)
+        after = table["time"][-1].as_py().timestamp() if len(table) else -math.inf
+        rows = rows[(rows[:, 0] >= begin) & (rows[:, 0] <= end) & (rows[:, 0] > after)]
+        return pa.concat_tables([table, table_of(rows)])
+
+    async def tidy(self) -> None:
+        """Every hour: put the signals of past days into their files, and delete what is older than it is kept."""
+        while True:
+            now = self._clock()
+            try:
+                closed = await asyncio.to_thread(self.signals.close_days, now - 3600.0)
+                gone = await asyncio.to_thread(self.signals.forget, now, self._options.keep)
+                await asyncio.to_thread(self.store.forget, now - self._options.keep * 86400.0)
+                for what, days in (("closed", [str(day) for day in closed]), ("forgotten", gone)):
+                    if days:
+                        self.add_event(Event(now, None, f"signals_{what}", f"signals of {', '.join(days)}: {what}"))
+            except (StoreFull, OSError) as error:
+                text = f"signals of past days cannot be put in order: {error}"
+                self.add_event(Event(now, None, "memory_full", text))
+            await asyncio.sleep(3600.0)
+
+    async def log(
+        self, person: str, role: str, command: str, loop: str | None, before: Any, after: Any, **more: Any
+    ) -> None:
+        """Write at once who did what, and what it was before and after.
+
+        Raises
+        ------
+        StoreFull
+            Where it cannot be written.
+        """
+
+        def write() -> None:
+            self.store.command(self._clock(), person, role, command, loop, before, after, **more)
+
+        await asyncio.to_thread(write)
+
+
+async def to_the_end(work: Coroutine[Any, Any, None]) -> None:
+    """Do something to its end, even where whoever waits for it is cancelled meanwhile."""
+    task = asyncio.ensure_future(work)
+    try:
+        await asyncio.shield(task)
+    except asyncio.CancelledError:
+        with suppress(StoreFull, OSError):
+            await task
+        raise

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 import pytest
-
-import glapp
 from bench.weigh.model import Lines, auc, balanced, learned, left_out, log_loss
 from bench.weigh.table import rust
+
+import glapp
 from glapp import _glapp
 from glapp.errors import InputError
 

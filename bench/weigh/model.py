@@ -19,7 +19,7 @@ KNOTS = 5
 ENDS = (0.03, 0.97)
 
 STIFF = 3.0
-"""Penalty of a squared rise between two corners, in records. Chosen on half A, twins left out together, among 1, 3 and 10."""
+"""Penalty of a squared rise between two corners, in records; chosen on half A, twins left out together, of 1, 3, 10."""
 
 CAP = 3.0
 """Greatest rise between two corners [log-odds]."""
@@ -92,7 +92,7 @@ def learned(quantities: Floats, rises: Bools, gap: Bools, weight: Floats) -> Lin
 
 
 def left_out(quantities: Floats, rises: Bools, gap: Bools, weight: Floats, groups: Names, most: int = 10) -> Floats:
-    """Log-odds of each record by lines that were learned without its group; of many groups several are left out at a time."""
+    """Log-odds of each record by lines that were learned without its group; of many some are left out at a time."""
     odds = np.zeros(gap.size)
     for part in _parts(groups, most):
         out = np.isin(groups, part)

@@ -1,4 +1,4 @@
-"""Records that the weights are learned from and judged by, each with its truth and the evidence that the fit has for it."""
+"""Records that the weights are learned from and judged by, each with its truth and the fit's evidence."""
 
 from __future__ import annotations
 

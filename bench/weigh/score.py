@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -67,7 +68,7 @@ class Data(NamedTuple):
 
 
 def logit(p: float) -> float:
-    """ln p/(1−p)."""
+    """Ln p/(1−p)."""
     return float(np.log(p / (1 - p)))
 
 
@@ -138,7 +139,7 @@ def calibration(data: Data, odds: Floats) -> str:
     body = []
     for prior in PRIORS:
         p, weight = probability(odds, prior), at(prior, data)
-        for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+        for low, high in pairwise(BINS):
             here = (p >= low) & (p < high) if high < 1 else p >= low
             if here.sum() >= FEW and weight[here].sum() > 0:
                 stated, true = _means(p[here], data.gap[here], weight[here])
@@ -215,7 +216,7 @@ def beyond(data: Data, odds: Floats) -> str:
     true = np.array([s.d > 1.0 for s in data.samples])
     p, weight, true = p[known], weight[known], true[known]
     body = []
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+    for low, high in pairwise(BINS):
         here = (p >= low) & (p < high) if high < 1 else p >= low
         if here.sum() >= FEW:
             stated, share = _means(p[here], true[here], weight[here])

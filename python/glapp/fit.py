@@ -182,8 +182,8 @@ class Fit:
     judgement : dict or None
         What the ladder says: `confidence`, `cause`, `width_kind`, `oscillates`; None where nothing could be fitted.
     weighed : dict or None
-        The evidence for a dead band: `log_bayes_factor`, the `terms` that it is the sum of, and `wider`: widths [`unit`]
-        with the probability that the dead band is wider, if there is one. None where there is nothing to weigh.
+        The evidence for a dead band: `log_bayes_factor`, the `terms` that add to it, and `wider`: widths [`unit`] with
+        the probability that the dead band is wider, if there is one. None where there is nothing to weigh.
     """
 
     verdict: Verdict

@@ -2,8 +2,8 @@
 
 Source: the idea of the published slope-ratio methods, with an index of our own. OP of a self-regulating process under a
 valve that sticks, PV of an integrating one, is a triangle: its slope stays the same up to the peak. A load that swings,
-or an over-tuned loop, leaves a sine, whose slope dies away. Each way from a zero crossing to the peak, and from the peak
-to the next crossing, is halved in time; slope index
+or an over-tuned loop, leaves a sine, whose slope dies away. Each way from a zero crossing to the peak, and from the
+peak to the next crossing, is halved in time; slope index
 
     R = mean slope of the outer halves/mean slope of the inner halves,
 

@@ -856,8 +856,7 @@ mod tests {
         let with = |log_bayes_factor: f64, prior| {
             let wider = vec![(1.0, 1.0), (4.0, 0.5), (7.0, 0.0)];
             let weighed = Some(Weighed { log_bayes_factor, terms: Terms::default(), wider });
-            let fit =
-                FitFacts { weighed, ..judged(FitConfidence::Likely, Some(WidthKind::Interval), 3.0, Some(6.0)) };
+            let fit = FitFacts { weighed, ..judged(FitConfidence::Likely, Some(WidthKind::Interval), 3.0, Some(6.0)) };
             // 2 % of 200 are 4.
             Summary::of(&Facts { fit: Some(fit), span: Some(200.0), acceptable: Some(2.0), prior, ..Facts::default() })
         };

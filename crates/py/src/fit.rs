@@ -5,8 +5,8 @@ use crate::position;
 use crate::windows::{Batch, columns};
 use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve, words};
 use glapp_fit::{
-    Answer, Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Tell, Together,
-    Trend, Unfit, ValveAnswer, Verdict, Width,
+    Answer, Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Tell,
+    Together, Trend, Unfit, ValveAnswer, Verdict, Width,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;

@@ -190,10 +190,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("why crossings below", "The simple method reads {d_hat:about}, too low; ignore it."),
     ("why crossings sound", "The simple method reads {d_hat:about}, from noise or load; ignore it."),
     ("why crossings none", "The simple method gives no width: {reason}."),
-    (
-        "why probable",
-        "A dead band is {p_gap:share} likely{beyond}, if {prior:share} of the plant's valves have one.",
-    ),
+    ("why probable", "A dead band is {p_gap:share} likely{beyond}, if {prior:share} of the plant's valves have one."),
     ("why beyond", ", one wider than {percent:number}\u{a0}% of span {p_beyond:share}"),
     ("why for", "For a dead band: {terms}."),
     ("why against", "Against it: {terms}."),
@@ -421,9 +418,8 @@ const SAYS_LITTLE: f64 = 1.15;
 fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
     let (Some(p_gap), Some(prior)) = (facts.p_gap, facts.prior) else { return Ok(Vec::new()) };
     let tell = |told: Message| text(&told.code, &told.numbers, reader);
-    let beyond = beyond(facts).map(|(percent, p)| {
-        Message::new("answer.why beyond").with("percent", percent).with("p_beyond", p)
-    });
+    let beyond = beyond(facts)
+        .map(|(percent, p)| Message::new("answer.why beyond").with("percent", percent).with("p_beyond", p));
     let told = Message::new("answer.why probable").with("p_gap", p_gap).with("prior", prior);
     let mut all = vec![tell(told.with("beyond", clause(beyond)))?];
     let mut terms: Vec<(&String, f64)> = facts.terms.iter().flatten().map(|(name, worth)| (name, *worth)).collect();
@@ -451,9 +447,7 @@ fn beyond(facts: &AnswerFacts) -> Option<(f64, f64)> {
 fn probable(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let Some(p_gap) = facts.p_gap else { return Ok(String::new()) };
     let told = match beyond(facts) {
-        Some((percent, p)) => {
-            Message::new("answer.probable beyond").with("percent", percent).with("p_beyond", p)
-        }
+        Some((percent, p)) => Message::new("answer.probable beyond").with("percent", percent).with("p_beyond", p),
         None => Message::new("answer.probable"),
     };
     let told = told.with("p_gap", p_gap);

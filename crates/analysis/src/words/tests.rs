@@ -119,10 +119,7 @@ fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
         "terms": {"noise": 0.69, "likelihood": 1.4, "model": 0.01, "plateau": -0.7},
     });
     let likely = texts_for(with(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})), weighed.clone()));
-    assert_eq!(
-        likely.so,
-        "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%; gap: 84% likely."
-    );
+    assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%; gap: 84% likely.");
     assert_eq!(likely.probable, "gap: 84% likely, wider than 1.00\u{a0}% of span: 60%");
     assert_eq!(
         likely.why[1..4],

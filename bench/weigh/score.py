@@ -93,13 +93,13 @@ def tables(data: Data) -> str:
     odds = lines.log_odds(of_b.quantities)
     parts = [
         ("", counts(data)),
-        ("Log loss of half B, learned from half A", losses(of_a, of_b, odds)),
+        ("Log loss, learned from half A", losses(of_a, of_b, odds)),
         ("Frequency against stated probability, half B", calibration(of_b, odds)),
         ("The same, each kind left out in turn", kinds(data)),
         ("Rungs by probability beside the ladder, half B", rungs(of_b, odds)),
         ("A dead band beyond 1 % of span, half B", beyond(of_b, odds)),
         ("What must not be learned", nuisances(data)),
-        ("The terms", terms(data)),
+        ("The terms, learned from half A", terms(of_a)),
     ]
     return "\n\n".join((f"### {title}\n\n" if title else "") + text for title, text in parts)
 
@@ -117,21 +117,27 @@ def counts(data: Data) -> str:
 
 def losses(of_a: Data, of_b: Data, odds: Floats) -> str:
     """Against the likelihood ratio alone: as a chi-square has it, and by the best line through it."""
-    lr = of_a.names.index("lr_no_gap")
-    pick = [lr]
-    alone = learned(of_a.quantities[:, pick], of_a.rises[pick], of_a.gap, of_a.weight)
-    raw = np.array([0.5 * s.evidence["lr_no_gap"] for s in of_b.samples])
+    pick = [of_a.names.index("lr_no_gap")]
+    alone = of_a._replace(quantities=of_a.quantities[:, pick], rises=of_a.rises[pick])
+    line = learned(alone.quantities, alone.rises, alone.gap, alone.weight)
+
+    def raw(data: Data) -> Floats:
+        return np.clip([0.5 * s.evidence["lr_no_gap"] for s in data.samples], -4.0, 4.0)
+
     of = {
-        "half the likelihood ratio, at most ±4": np.clip(raw, -4.0, 4.0),
-        "a line through the likelihood ratio": alone.log_odds(of_b.quantities[:, pick]),
-        "all weights": odds,
+        "half the likelihood ratio, at most ±4": (raw(of_a), raw(of_b)),
+        "a line through the likelihood ratio": (alone.learned(), line.log_odds(of_b.quantities[:, pick])),
+        "all weights": (of_a.learned(), odds),
     }
-    best = log_loss(odds, of_b.gap, of_b.weight)
     body = []
-    for name, z in of.items():
-        loss = log_loss(z, of_b.gap, of_b.weight)
-        body.append([name, f"{loss:.3f}", f"{100 * (1 - best / loss):.0f} %", f"{auc(z, of_b.gap, of_b.weight):.3f}"])
-    return markdown(["log-odds", "log loss", "weights are better by", "AUC"], body)
+    for name, each in of.items():
+        row = [name]
+        for data, z, best in zip((of_a, of_b), each, of["all weights"], strict=True):
+            loss, least = (log_loss(x, data.gap, data.weight) for x in (z, best))
+            row += [f"{loss:.3f}", f"{100 * (1 - least / loss):.0f} %", f"{auc(z, data.gap, data.weight):.3f}"]
+        body.append(row)
+    head = ["half A, twins left out", "weights better by", "AUC", "half B", "weights better by", "AUC"]
+    return markdown(["log-odds", *head], body)
 
 
 def calibration(data: Data, odds: Floats) -> str:
@@ -246,7 +252,7 @@ def nuisances(data: Data) -> str:
 
 
 def terms(data: Data) -> str:
-    """The lines, learned from all records: which way each speaks, and how much it can."""
+    """The lines: which way each speaks, and how much it can."""
     lines = learned(data.quantities, data.rises, data.gap, data.weight)
     body = []
     for name, up, x, y in zip(data.names, data.rises, lines.x, lines.y, strict=True):

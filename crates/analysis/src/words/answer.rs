@@ -411,8 +411,9 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
     Ok(told.into_iter().filter(|text| !text.is_empty()).collect())
 }
 
-/// Terms that move the odds by less than this factor are not named.
+/// Terms that move the odds by less than this factor are not named, nor more than so many on either side.
 const SAYS_LITTLE: f64 = 1.15;
+const MOST_TERMS: usize = 4;
 
 /// How probable a dead band is, what speaks for one and what against; nothing where no evidence was weighed.
 fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
@@ -425,7 +426,7 @@ fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
     let mut terms: Vec<(&String, f64)> = facts.terms.iter().flatten().map(|(name, worth)| (name, *worth)).collect();
     terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     for (code, way) in [("answer.why for", 1.0), ("answer.why against", -1.0)] {
-        let counts = terms.iter().filter(|(_, worth)| way * worth > SAYS_LITTLE.ln());
+        let counts = terms.iter().filter(|(_, worth)| way * worth > SAYS_LITTLE.ln()).take(MOST_TERMS);
         let each = counts.map(|(name, worth)| {
             let label = text(&format!("term.{name}"), &Message::new("").numbers, reader)?;
             tell(Message::new("answer.why term").with("label", label).with("times", worth.exp()))

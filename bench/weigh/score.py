@@ -96,8 +96,8 @@ def tables(data: Data) -> str:
         ("Log loss, learned from half A", losses(of_a, of_b, odds)),
         ("Frequency against stated probability, half B", calibration(of_b, odds)),
         ("The same, each kind left out in turn", kinds(data)),
-        ("Rungs by probability beside the ladder, half B", rungs(of_b, odds)),
-        ("A dead band beyond 1 % of span, half B", beyond(of_b, odds)),
+        ("Rungs by probability, compared with the ladder, half B", rungs(of_b, odds)),
+        ("A dead band beyond 1 % of span, twins left out", beyond(data, data.learned())),
         ("What must not be learned", nuisances(data)),
         ("The terms, learned from half A", terms(of_a)),
     ]

@@ -77,9 +77,11 @@ TESTED := core fit sim analysis capi embedded plc-check py
 rust:
 	+cargo test --release --quiet $(TESTED:%=-p glapp-%)
 
-# The same with all checks of arithmetic left in, and the crates that show the others.
+# The same with all checks of arithmetic left in, and the crates that show the others. Those that hand on to Python and read Parquet
+# have large dependencies, which are compiled only as they are shipped.
 rust-checked:
-	cargo test --workspace --quiet
+	cargo test --workspace --exclude glapp-py --exclude glapp-lake --exclude glapp-bench --quiet
+	cargo test --release --quiet -p glapp-lake -p glapp-py
 
 lint: lint-python lint-rust
 
@@ -205,9 +207,10 @@ catalogue: setup
 	cargo run --quiet -p glapp-analysis --example catalogue > vectors/catalogue.json.new
 	mv vectors/catalogue.json.new vectors/catalogue.json
 
-# The figures of the thesis with their numbers, as docs/gallery has them.
+# The figures of the thesis with their numbers, as docs/gallery has them, and the table of docs/thesis.md.
 gallery: setup
 	$(BIN)/glapp thesis --out docs/gallery --markdown
+	$(BIN)/python -m glapp_thesis
 
 # The Structured Text of plc/ for the makers' tools, the same bytes each time.
 plc:

@@ -47,7 +47,7 @@ from glapp.service.monitor import Monitor
 from glapp.service.options import MonitorOptions
 from glapp.service.plant import SimPlant
 from glapp.service.recordings import SignalStore
-from glapp.service.rows import CODES, LOST
+from glapp.service.resampler import CODES, LOST
 from glapp.service.signal import Signal
 from glapp.service.store import COLUMNS, Entry, Reader, Store
 
@@ -135,7 +135,7 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
         raise SystemExit(f"a monitor ended with {child.returncode}")
 
 
-class _EventCount(SimPlant):
+class _RecordedPlant(SimPlant):
     """A plant that remembers what it told of each tag: time and value."""
 
     def __init__(self, loops: int, history: float) -> None:
@@ -147,7 +147,7 @@ class _EventCount(SimPlant):
         await super()._write(key, t, value, *more)
 
 
-async def _killed(root: Path, plant: _EventCount, count: int, chance: random.Random, *, beside: bool) -> float:
+async def _killed(root: Path, plant: _RecordedPlant, count: int, chance: random.Random, *, beside: bool) -> float:
     """Kill a monitor so often in `root/killed`; gives the plant's time up to which one beside can have everything."""
     straight, killed = root / "straight", root / "killed"
     async with plant:
@@ -180,7 +180,7 @@ async def _killed(root: Path, plant: _EventCount, count: int, chance: random.Ran
 
 def _kills(count: int, loops: int, seed: int, history: float) -> None:
     with tempfile.TemporaryDirectory() as name:
-        root, chance, plant = Path(name), random.Random(seed), _EventCount(loops, history)
+        root, chance, plant = Path(name), random.Random(seed), _RecordedPlant(loops, history)
         ended = asyncio.run(_killed(root, plant, count, chance, beside=history > 0.0))
         known = parse_settings(plant.settings(), "loops.toml", root)
         if history:

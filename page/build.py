@@ -12,6 +12,7 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
+import html.entities
 import json
 import os
 import re
@@ -27,7 +28,7 @@ from markupsafe import Markup
 
 import glapp
 from glapp import demo
-from glapp.reading import columns, heads, long, names, shape, times, values
+from glapp.reading import bounds, columns, heads, influx, long, names, shape, structured, times, values
 from glapp.report import figures, words
 from glapp.simulate import COMPENSATION_STATES
 from glapp.station import lab
@@ -38,7 +39,7 @@ TARGET = "wasm32-unknown-unknown"
 BUILT = ROOT / "target" / "page"
 
 #: The reader of files, in the order in which its scripts use each other.
-READER = ("sheets", "names", "cells", "read")
+READER = ("sheets", "names", "cells", "heads", "tables", "structured", "markup", "influx", "shape", "read")
 
 #: Debian's compiler and the source of its standard library, where the first compiler has none for WebAssembly.
 DEBIAN = Path("/usr/bin/rustc")
@@ -105,9 +106,19 @@ def loaded() -> Path:
     return BUILT / "node_modules"
 
 
+def in_javascript(pattern: str) -> str:
+    """A pattern of Python as JavaScript writes it; where case does not count is for the caller to say."""
+    return re.sub(r"\(\?P=(\w+)\)", r"\\k<\1>", pattern.replace("(?P<", "(?<").replace("(?i:", "(?:"))
+
+
+def entities() -> dict[str, str]:
+    """The characters that HTML 4 and XML name, and those names that need no semicolon."""
+    known = html.entities.name2codepoint.keys() | {"apos"}
+    return {name: text for name, text in html.entities.html5.items() if name.rstrip(";") in known or ";" not in name}
+
+
 def of_reading() -> dict[str, Any]:
     """What the reader of text knows: names of columns, words, layouts of times."""
-    pattern = re.sub(r"\(\?P=(\w+)\)", r"\\k<\1>", times._LAYOUT.pattern.replace("(?P<", "(?<"))
     return {
         "columns": {
             "labels": columns.LABELS,
@@ -120,6 +131,7 @@ def of_reading() -> dict[str, Any]:
             "joined": columns._JOINED.pattern,
             "token": columns._TOKEN.pattern,
             "unit": columns._UNIT.pattern,
+            "field": columns._FIELD.pattern,
         },
         "values": {
             "bad": sorted(names.MISSING),
@@ -128,6 +140,9 @@ def of_reading() -> dict[str, Any]:
             "good": sorted(names.GOOD),
             "poor": sorted(names.POOR),
             "validity": sorted(names.VALIDITY),
+            "confidence": sorted(names.CONFIDENCE),
+            "system": values._SYSTEM,
+            "with_unit": values._WITH_UNIT.pattern,
             "number": values._NUMBER,
             "plain": values._PLAIN.pattern,
             "decimal_comma": values._DECIMAL_COMMA.pattern,
@@ -143,6 +158,18 @@ def of_reading() -> dict[str, Any]:
             "ahead": heads._AHEAD,
             "units": sorted(names.UNITS),
             "footer": sorted(names.FOOTER),
+            "facts": sorted(names.FACTS),
+            "rule": "".join(sorted(heads._RULE)),
+            "types": heads._TYPES,
+        },
+        "bounds": {"columns": bounds.COLUMNS, "cells": bounds.CELLS, "whole": bounds.WHOLE},
+        "structured": {"lists": structured._LISTS, "sample": structured._SAMPLE, "hint": structured._HINT},
+        "markup": {"entities": entities()},
+        "influx": {
+            "own": sorted(influx._OWN),
+            "annotations": influx._ANNOTATIONS,
+            "point": in_javascript(influx._POINT.pattern),
+            "field": influx._FIELD.pattern,
         },
         "shape": {
             "pv_empty": shape._PV_EMPTY,
@@ -153,10 +180,15 @@ def of_reading() -> dict[str, Any]:
             "widest": shape._WIDEST,
             "midnight": shape._MIDNIGHT,
             "day_zero": shape._DAY_ZERO,
+            "milliseconds": sorted(names.MILLISECONDS),
+            "half": in_javascript(shape._HALF),
+            "second": in_javascript(shape._SECOND.pattern),
+            "days": shape._DAYS,
+            "day_step": shape._DAY_STEP,
         },
         "long": {"common": long._COMMON, "more": long._MORE},
         "times": {
-            "layout": pattern,
+            "layout": in_javascript(times._LAYOUT.pattern),
             "of_day": times._OF_DAY.pattern,
             "names": times._CALENDARS,
             "months": names.MONTHS,

@@ -3,8 +3,8 @@
 
 /** What is wrong with a file or a cell: what, where, and what to do next. */
 class InputError extends Error {
-  constructor(what, { row, column, hint } = {}) {
-    const place = [row === undefined ? "" : `row ${row}`, column ? `column '${column}'` : ""].filter(Boolean).join(", ");
+  constructor(what, { row, column, tag, hint } = {}) {
+    const place = [row === undefined ? "" : `row ${row}`, column ? `column '${column}'` : "", tag ? `tag '${tag}'` : ""].filter(Boolean).join(", ");
     super((place ? `${place}: ` : "") + what + (hint ? `: ${hint}` : ""));
   }
 }
@@ -36,6 +36,10 @@ const Cells = (data, folded) => {
   const OF_DAY = whole(data.times.of_day, "i");
   const bad = new Set(data.values.bad);
   const validity = new Set(data.values.validity);
+  const confidence = new Set(data.values.confidence);
+  const SYSTEM = new RegExp(data.values.system);
+  const WITH_UNIT = whole(data.values.with_unit);
+  const UNITS = new Set(data.heads.units);
 
   const blank = (text) => text.replace(/[0-9]/g, "0");
   const looksLikeStamp = (text) => plan(blank(text.trim())) !== null;
@@ -81,6 +85,27 @@ const Cells = (data, folded) => {
     return { decimal: comma !== undefined ? "," : point !== undefined ? "." : "", group: "" };
   }
 
+  /** Whether a cell is a number, however its digits are parted. */
+  const isNumber = (text) => PLAIN.test(text) || SPACED.test(text) || Object.values(THOUSANDS).some((one) => one.test(text));
+
+  /** A number and the known unit that stands behind it in one cell; null where there is none. */
+  function unitOf(cell) {
+    const [, number, unit] = WITH_UNIT.exec(cell.trim()) ?? [];
+    return unit !== undefined && UNITS.has(folded(unit)) ? [number, unit] : null;
+  }
+
+  /** The unit that stands behind the number in every one of these cells that is no word for missing. */
+  function unitBehind(cells) {
+    const ends = new Set(cells.filter((cell) => !bad.has(cell.trim().toLowerCase())).map((cell) => unitOf(cell)?.[1] ?? null));
+    return ends.size === 1 ? [...ends][0] : null;
+  }
+
+  /** A column of text without the unit behind its numbers. */
+  function withoutUnit(column, unit) {
+    const end = new RegExp(` ?${unit.replace(/[.*+?^${}()|[\]\\]/g, "\\$&")}\\s*$`);
+    return { ...column, cells: column.cells.map((cell) => cell.replace(end, "")) };
+  }
+
   /** Numbers of a column, NaN where missing or not finite. */
   function numbers(column, { decimal, group }) {
     if (column.kind === "numbers") return column.cells.map((x) => (Number.isFinite(x) ? x : NaN));
@@ -88,7 +113,7 @@ const Cells = (data, folded) => {
     return Float64Array.from(column.cells, (cell, i) => {
       const text = cell.trim();
       if (decimal === "." && /^[+-]?\d+(\.\d*)?$/.test(text)) return Number(text);
-      if (bad.has(text.toLowerCase())) return NaN;
+      if (bad.has(text.toLowerCase()) || SYSTEM.test(text)) return NaN;
       let written = text;
       if (SPACED.test(written)) written = written.replace(SPACES, "");
       const other = decimal === "." ? "," : ".";
@@ -126,14 +151,19 @@ const Cells = (data, folded) => {
     throw new CellFault(i, `'${cell}' is not a mode known here`, "write AUTO and MAN, or choose no column for MODE");
   }
 
-  /** OPC DA has its two bits of 192 set where good, OPC UA its two highest of 32 clear; the first rows decide. */
-  function quality(first, name) {
-    const valid = validity.has(folded(name));
+  /**
+   * OPC DA has its two bits of 192 set where good, OPC UA its two highest of 32 clear; the first rows decide. Where the
+   * name says validity, 1 is good, and where it says confidence, 100. `marked`: a letter is not good, nothing is.
+   */
+  function quality(first, name, marked) {
+    const sure = name.split(/[\s._/:-]+/).some((part) => confidence.has(folded(part)));
+    const one = sure ? 100 : validity.has(folded(name)) ? 1 : null;
     const da = first.some((text) => /^\d+$/.test(text) && Number(text) < 65536 && (Number(text) & 0xc0) === 0xc0);
     return (text, cell, i) => {
+      if (marked && text.length < 2) return text ? BAD : 0;
+      if (one !== null && /^-?\d+$/.test(text)) return Number(text) === one ? 0 : BAD;
       if (/^\d+$/.test(text)) {
         const code = Number(text);
-        if (valid) return code === 1 ? 0 : BAD;
         if (da && code < 65536) return (code & 0xc0) === 0xc0 ? 0 : BAD;
         if (!da && (code === 0 || code >= 1 << 16)) return code < 2 ** 30 ? 0 : BAD;
       } else if (data.values.good.includes(text) || text.startsWith("good")) return 0;
@@ -149,7 +179,7 @@ const Cells = (data, folded) => {
   };
 
   /** How to read a column of flags. */
-  const rule = (role, column, name) => ({ mode, op_low_flag: limit(4), op_high_flag: limit(8) })[role] ?? quality(texts(column).slice(0, 1000).map(word), name);
+  const rule = (role, column, name, marked) => ({ mode, op_low_flag: limit(4), op_high_flag: limit(8) })[role] ?? quality(texts(column).slice(0, 1000).map(word), name, marked);
 
   // --- times
 
@@ -198,24 +228,27 @@ const Cells = (data, folded) => {
       });
       if (consecutive.length === 1) return consecutive[0];
     }
-    throw new CellFault(0, `'${texts[0]}' can be read day first or month first`, "write the times as 2024-01-31 13:45:00");
+    throw new CellFault(0, `'${texts[0]}' can be read day first or month first`, ORDER);
   }
 
-  /** Reads stamps as those of `first` are written: whole seconds since 1970 and nanoseconds. */
-  function stamps(first) {
+  const ORDER = "choose below which comes first";
+
+  /** Reads stamps as those of `first` are written: whole seconds since 1970 and nanoseconds. `format`: "day first" or "month first", where a person says so. */
+  function stamps(first, format) {
     const beginning = first.find((text) => text !== "");
     if (beginning === undefined) throw new CellFault(0, "the time is empty");
     const sure = plan(blank(beginning));
     if (sure === null) throw new CellFault(0, `'${beginning}' is not a time that is known here`, "write for instance 2024-01-31 13:45:00");
     const zoned = sure.of.zone !== undefined;
-    const order = sure.spans.a ? dayFirst(first) : null;
+    const said = { "day first": true, "month first": false }[format] ?? null;
+    const order = said ?? (sure.spans.a ? dayFirst(first) : null);
     return (text, i) => {
       const found = plan(blank(text));
       if (text === "") throw new CellFault(i, "the time is empty");
       if (found === null) throw new CellFault(i, `'${text}' is not a time that is known here`);
       const { of, spans: at, month } = found;
-      if ((of.zone !== undefined) !== zoned) throw new CellFault(i, `'${text}' mixes times with and without a zone`);
-      if (at.a && order === null) throw new CellFault(i, `'${text}' can be read day first or month first`, "write the times as 2024-01-31 13:45:00");
+      if ((of.zone !== undefined) !== zoned) throw new CellFault(i, `'${text}' has ${zoned ? "no" : "a"} zone, unlike the first row: mixed zones`);
+      if (at.a && order === null) throw new CellFault(i, `'${text}' can be read day first or month first`, ORDER);
       const part = (key) => (at[key] ? Number(text.slice(...at[key])) : 0);
       let year = part("y");
       if (at.y[1] - at.y[0] === 2) year += year < 70 ? 2000 : 1900;
@@ -226,7 +259,7 @@ const Cells = (data, folded) => {
       wrong ||= half ? hour < 1 || hour > 12 : hour > 23;
       if (half) hour = (hour % 12) + (half === "p" ? 12 : 0);
       wrong ||= d < 1 || d > new Date(Date.UTC(year, m, 0)).getUTCDate();
-      if (wrong) throw new CellFault(i, `'${text}' is not a date and time that exists`);
+      if (wrong) throw new CellFault(i, `'${text}' read${at.a ? (order ? " day first" : " month first") : ""} is not a date and time that exists`);
       let s = Date.UTC(year, m - 1, d, hour, part("M"), part("S")) / 1000;
       if (of.sign) s -= (of.sign === "-" ? -1 : 1) * (part("zh") * 3600 + part("zm") * 60);
       return [s, at.F ? part("F") * 10 ** (9 - (at.F[1] - at.F[0])) : 0];
@@ -266,10 +299,19 @@ const Cells = (data, folded) => {
       }
     }
     if (counted !== null) return { counted, told: [] };
-    if ((step !== null && step < 0.004 && low > 25569 && high < 80000) || high > 1e11) {
-      throw new CellFault(0, `${text} looks like a day number or a date, but of which calendar?`, COUNT);
-    }
+    if (step !== null && step < 0.004 && low > 25569 && high < 80000) throw new CellFault(0, `${text} looks like a day number, but of which calendar?`, COUNT);
+    if (high > 1e11) throw new CellFault(0, `${text} is too large for seconds`, COUNT);
     return { counted: "seconds", told: [] };
+  }
+
+  /** A clock of whole nanoseconds since 1970, of which a float holds only every 256th. */
+  function nanoseconds(beginning, told, trimmed) {
+    const n0 = BigInt(beginning);
+    const read = (other) => Float64Array.from(trimmed(other), (text, i) => {
+      if (!/^\d+$/.test(text)) throw new CellFault(i, text === "" ? "the time is empty" : `'${text}' is not a time like those before`);
+      return Number(BigInt(text) - n0) / 1e9;
+    });
+    return { t0: Number(n0 / 1000n) / 1e3, told, read };
   }
 
   const whenMissing = (i) => { throw new CellFault(i, "the time is empty"); };
@@ -278,7 +320,7 @@ const Cells = (data, folded) => {
    * A clock of a column of times, from its first rows: `t0` is the moment of the first in ms since 1970, null where it is
    * not known; `read` gives seconds [s] of any of its rows; `told` is what was found on it.
    */
-  function clock(column, name, unit) {
+  function clock(column, name, unit, format) {
     if (column.kind === "moments") {
       const t0 = column.cells.find((ms) => !Number.isNaN(ms));
       if (t0 === undefined) throw new CellFault(0, "the time is empty");
@@ -289,7 +331,7 @@ const Cells = (data, folded) => {
     if (beginning === undefined) throw new CellFault(0, "the time is empty");
     const trimmed = (other) => texts(other).map((cell) => cell.trim());
     if (!PLAIN.test(beginning)) {
-      const of = stamps(first);
+      const of = stamps(first, format);
       const [s0, n0] = of(beginning, 0);
       const read = (other) => Float64Array.from(trimmed(other), (text, i) => {
         const [s, n] = of(text, i);
@@ -311,6 +353,7 @@ const Cells = (data, folded) => {
     }
     if (counted.startsWith("epoch")) {
       const per = { s: 1, ms: 1e3, us: 1e6, ns: 1e9 }[counted.slice(6)];
+      if (per === 1e9 && [...first, beginning].every((text) => /^\d*$/.test(text))) return nanoseconds(beginning, told, trimmed);
       const per_second = per <= 1000 ? 1e6 : per;
       const ticks = (x) => Math.round(x * (per_second / per));
       return { t0: (ticks(x0) / per_second) * 1000, told, read: (other) => numbersOf(other).map((x) => (ticks(x) - ticks(x0)) / per_second) };
@@ -319,5 +362,5 @@ const Cells = (data, folded) => {
     return { t0: null, told, read: (other) => (seconds === 1 ? numbersOf(other) : numbersOf(other).map((x) => x * seconds)) };
   }
 
-  return { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, numbers, flags, rule, word, clock };
+  return { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, isNumber, unitOf, unitBehind, withoutUnit, numbers, flags, rule, clock };
 };

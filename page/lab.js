@@ -257,6 +257,15 @@ const Laboratory = (() => {
     mine.postMessage({ kind: "fit", columns: columns_of, task: { controller, op_percent: true } });
   }
 
+  /** What a link asks for behind #laboratory?, as gap.d=4&pid.k=1.5; the first that is refused ends it. */
+  function asked() {
+    for (const [path, value] of new URLSearchParams(location.hash.split("?")[1] ?? "")) {
+      set([path], Number(value));
+      if (!$("lab-wrong").hidden) break;
+    }
+    controls();
+  }
+
   // --- what the page calls
 
   $("lab-run").addEventListener("click", () => {
@@ -278,7 +287,10 @@ const Laboratory = (() => {
     await words_ready;
     engine = await Engine.of(await module_ready);
     anew();
+    asked();
     build();
     requestAnimationFrame(picture);
   });
 })();
+
+if (location.hash.startsWith("#laboratory")) go("laboratory"); // a link into it

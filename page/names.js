@@ -6,6 +6,7 @@ const Names = (data) => {
   const INSIDE = 6; // letters of a word that is a signal's in the middle of a name too
   const UNIT = new RegExp(data.columns.unit);
   const TOKEN = new RegExp(data.columns.token, "g");
+  const FIELD = new RegExp(data.columns.field, "i");
   const JOINED = new RegExp(`^(?:${data.columns.joined})$`, "i");
   const CURRENT = new Set(data.columns.current);
   const LIMITS = new Set(data.columns.limits);
@@ -27,7 +28,7 @@ const Names = (data) => {
   /** What a column's name says: role, loop ("" where the name has no more to it), unit, and a word that is not sure. */
   function understand(name) {
     const none = { role: null, loop: "", unit: null, weak: null };
-    let text = name.trim();
+    let text = name.trim().replace(FIELD, "");
     let unit = null;
     const found = UNIT.exec(text);
     if (found) {
@@ -79,6 +80,14 @@ const Names = (data) => {
     return none;
   }
 
+  /** The tag of which a column's name says that it holds the times; null where it does not say so. */
+  function timeOf(name) {
+    const tokens = [...name.matchAll(TOKEN)];
+    if (tokens.length < 2 || data.columns.whole[folded(tokens.at(-1)[0])] !== "time") return null;
+    const tag = strip(name.slice(0, tokens.at(-1).index), true);
+    return ["sp", "pv", "op", "mode", "position"].includes(understand(tag).role) ? tag : null;
+  }
+
   /** The words that are not sure get the first of their roles that no other column of their loop has. */
   function settle(meanings) {
     const roles = new Map();
@@ -127,8 +136,8 @@ const Names = (data) => {
     return [];
   }
 
-  /** Column for every role of one loop; what a person chose in `columns` wins, -1 says that there is none; none of the roles `without` has one. */
-  function choose(names, meanings, loops, loop, columns, without) {
+  /** Column for every role of one loop; what a person chose in `columns` wins, -1 says that there is none; none of the roles `without` has one; `kind` is what a person calls them. */
+  function choose(names, meanings, loops, loop, columns, without, kind) {
     const chosen = {};
     for (const role of Object.keys(data.columns.labels)) {
       if (["tag", "value", ...without].includes(role)) continue;
@@ -141,15 +150,23 @@ const Names = (data) => {
       if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
       if (found.length > 1) {
         const both = found.map((i) => `'${names[i]}'`).join(" and ");
-        throw new InputError(`the columns ${both} could both be ${data.columns.labels[role]}`, { hint: "choose one below" });
+        throw new InputError(`the ${kind}s ${both} could both be ${data.columns.labels[role]}`, { hint: "choose one below" });
       }
       if (found.length) chosen[role] = found[0];
     }
     if (chosen.pv === undefined || (chosen.sp === undefined && chosen.op === undefined)) {
       const missing = ["sp", "pv"].filter((role) => chosen[role] === undefined).map((role) => data.columns.labels[role]);
-      throw new InputError(`no column for ${missing.join(" and ")} among: ${names.join(", ")}`, { hint: "choose it below" });
+      const used = Object.entries(chosen).map(([role, at]) => `${data.columns.labels[role]} is ${names[at]}`).join(", ");
+      const left = listed(names.filter((_, i) => !Object.values(chosen).includes(i)));
+      const among = left ? ` among those left: ${left}` : ": all are taken";
+      throw new InputError(`no ${kind} for ${missing.join(" and ")}${among}${used ? ` (${used})` : ""}`, { hint: "choose it below" });
     }
     return chosen;
+  }
+
+  function listed(names) {
+    const shown = names.slice(0, 20).map((name) => (name.trim() ? name : "(no name)")).join(", ");
+    return names.length > 20 ? `${shown} and ${names.length - 20} more` : shown;
   }
 
   /** Whether this is a table with a row per tag and time. */
@@ -158,5 +175,5 @@ const Names = (data) => {
     return roles.includes("tag") && roles.includes("value") && !roles.includes("pv");
   };
 
-  return { folded, understand, settle, groups, choose, isLong };
+  return { folded, understand, timeOf, settle, groups, choose, isLong };
 };

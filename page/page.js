@@ -147,7 +147,7 @@ function analyse() {
   $("result").replaceChildren();
   try {
     const columns = Object.fromEntries(Object.entries(file.columns).filter(([, at]) => at !== null));
-    const options = { columns, loop: file.loop, sample_time: typed("sample_time") };
+    const options = { columns, loop: file.loop, sample_time: typed("sample_time"), time_format: file.time_format };
     dismiss();
     turn += 1;
     worker.postMessage({ kind: "analyse", options, task: task(), turn });
@@ -200,11 +200,15 @@ function task() {
 function offer() {
   const { loops } = file.opened;
   file.columns = {};
+  file.time_format = null;
   const { names } = loops[file.loop];
   const choice = (role) => h("label", {}, data.reading.columns.labels[role],
     h("select", { onchange: (event) => { file.columns[role] = event.target.value === "" ? null : Number(event.target.value); } },
       h("option", { value: "" }, "by its name"), h("option", { value: "-1" }, "none"),
       ...names.map((name, i) => h("option", { value: i }, name || "(no name)"))));
+  const order = h("label", {}, "Dates such as 3/4/2025",
+    h("select", { id: "time_format", onchange: (event) => { file.time_format = event.target.value || null; } },
+      h("option", { value: "" }, "by the data"), ...["day first", "month first"].map((one) => h("option", {}, one))));
   const another = (event) => {
     file.loop = Number(event.target.value);
     offer();
@@ -212,9 +216,15 @@ function offer() {
   const several = loops.length < 2 ? null : h("label", {}, "Loop",
     h("select", { id: "loop", onchange: another }, ...loops.map(({ name }, i) => h("option", { value: i, selected: i === file.loop }, name))));
   const roles = ["time", "sp", "pv", "op", "mode", "quality", "position"].filter((role) => !loops[file.loop].tags || !["time", "quality"].includes(role));
-  $("columns").replaceChildren(...[several, ...roles.map(choice)].filter(Boolean));
+  $("columns").replaceChildren(...[several, ...roles.map(choice), order].filter(Boolean));
+  $("first-rows").replaceChildren(firstRows(loops[file.loop]));
   $("settings").hidden = false;
 }
+
+/** Names and first rows of the file, so that a person sees what a column holds. */
+const firstRows = ({ names, rows }) => h("table", { "aria-labelledby": "first-rows-name" },
+  h("thead", {}, h("tr", {}, names.map((name) => h("th", { scope: "col" }, name || "(no name)")))),
+  h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell))))));
 
 $("again").addEventListener("submit", (event) => {
   event.preventDefault();
@@ -436,7 +446,7 @@ function likelihood(pv, found, answer, op_unit) {
   const lines = pv.candidates.map((_, i) => ({ label: `family ${i + 1}`, stroke: i ? "muted" : "signal", width: i ? 1 : 2.4 }));
   const drawn = pv.candidates.map((family) => widths.map((d) => {
     const at = family.d.indexOf(d);
-    return at < 0 ? undefined : family.rise[at] + family.behind;
+    return at < 0 ? undefined : family.rise[at] + family.delta_deviance;
   }));
   const sorted = [...pv.candidates[0].rise].sort((a, b) => a - b);
   const top = Math.max(sorted[Math.floor(0.6 * (sorted.length - 1))], found.lr_needed ?? 0, 12);

@@ -2,6 +2,7 @@
 "use strict";
 
 const AT_ONCE = 65_536; // rows handed on at once, as the command line does
+const SHOWN = 5; // rows that a person sees beside the choice of columns
 
 let engine = null;
 let reading = null;
@@ -20,7 +21,8 @@ const does = {
   async open({ bytes, stem }) {
     tell("progress", { stage: "Reading", share: 0 });
     file = await reading.open(new Uint8Array(bytes), stem);
-    tell("opened", { loops: file.loops.map(({ name, names, source }) => ({ name, names, tags: source.tags !== undefined })) });
+    const shown = (loop) => ({ name: loop.name, names: loop.names, tags: loop.source.tags !== undefined, rows: reading.firstRows(loop, SHOWN) });
+    tell("opened", { loops: file.loops.map(shown) });
   },
 
   analyse({ options, task, turn }) {

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow  # the library is compiled first
 
 ROOT = Path(__file__).parents[1]
 HEADER = ROOT / "crates/capi/include/glapp.h"
-DOORS = ROOT / "crates/capi/src/doors.rs"
+FFI = ROOT / "crates/capi/src/ffi.rs"
 EXAMPLES = ROOT / "examples/c"
 CATALOGUE = json.loads((ROOT / "vectors/catalogue.json").read_text(encoding="utf-8"))
 SYSTEM = ["-lm", "-lpthread", "-ldl"]
@@ -58,7 +58,7 @@ def snake(name: str) -> str:
 
 
 def in_c(rust: str) -> str:
-    """A type of the doors as C writes it, without spaces before stars."""
+    """A type of the functions as C writes it, without spaces before stars."""
     if pointer := re.fullmatch(r"\*(const|mut) (.+)", rust):
         inner = in_c(pointer[2])
         if pointer[1] == "const":
@@ -86,21 +86,21 @@ def declared(parameter: str) -> tuple[str, str]:
 
 
 def test_every_door_stands_in_the_header_with_its_types() -> None:
-    rust = DOORS.read_text(encoding="utf-8")
-    doors = {}
+    rust = FFI.read_text(encoding="utf-8")
+    functions = {}
     for name, parameters, returned in re.findall(r'extern "C" fn (\w+)\(([^)]*)\) -> ([^{]+) \{', rust):
         pairs = [p.strip().split(": ") for p in parameters.split(",") if p.strip()]
-        doors[name] = (in_c(returned.strip()), [(of, in_c(kind)) for of, kind in pairs])
+        functions[name] = (in_c(returned.strip()), [(of, in_c(kind)) for of, kind in pairs])
     prototypes = {}
     for returned, name, parameters in re.findall(r"^([\w ]+[ *])(glapp_\w+)\(([^)]*)\);", code(), flags=re.MULTILINE):
         pairs = [declared(p) for p in parameters.split(",") if p.strip() != "void"]
         prototypes[name] = (squeezed(returned), pairs)
-    assert len(doors) > 10
-    assert prototypes == doors
+    assert len(functions) > 10
+    assert prototypes == functions
 
 
 def test_every_structure_has_the_members_of_the_library() -> None:
-    rust = DOORS.read_text(encoding="utf-8")
+    rust = FFI.read_text(encoding="utf-8")
     ours = {
         snake(name): [(of, in_c(kind)) for of, kind in re.findall(r"pub (\w+): ([^,]+(?:; \d+\])?),", members)]
         for name, members in re.findall(r"#\[repr\(C\)\]\n[^\n]*\npub struct (\w+) \{(.*?)\n\}", rust, flags=re.DOTALL)
@@ -119,11 +119,11 @@ def test_numbers_are_those_of_the_core() -> None:
     assert of("REASON") == CATALOGUE["reasons"]
     assert of("STANDING") == CATALOGUE["standings"]
     assert of("FLAG") == {name: CATALOGUE["flags"][name] for name in ("not_auto", "bad", "at_low", "at_high")}
-    assert of("VERDICT") == {name: number for number, name in enumerate(CATALOGUE["lost_motions"], 1)}
+    assert of("VERDICT") == {name: number for number, name in enumerate(CATALOGUE["fit_verdicts"], 1)}
 
 
 def test_codes_are_those_of_the_library() -> None:
-    wrong = (ROOT / "crates/capi/src/wrong.rs").read_text(encoding="utf-8")
+    wrong = (ROOT / "crates/capi/src/errors.rs").read_text(encoding="utf-8")
     codes = dict(re.findall(r"pub const (\w+): i32 = (-?\d+);", wrong))
     assert codes == {
         name: number for name, number in re.findall(r"#define GLAPP_(\w+) (-?\d+)", code()) if name in codes
@@ -262,7 +262,7 @@ def test_fit_has_the_bits_of_python(library: Path, tmp_path: Path, cpp: bool, sh
     fit = glapp.fit(t=sim.t, sp=sim.sp, pv=sim.pv, op=sim.op, loop=loop)
     assert fit.verdict == "backlash" and fit.process is not None and fit.high is not None
     assert fit.d is not None and fit.low is not None
-    verdict = CATALOGUE["lost_motions"].index(fit.verdict) + 1
+    verdict = CATALOGUE["fit_verdicts"].index(fit.verdict) + 1
     width = f"width {fit.d!r} ({fit.low!r} to {fit.high!r}), verdict {verdict}, {fit.why}"
     kp, dead_time, lag = (limits[0] for limits in (fit.process.kp, fit.process.dead_time, fit.process.lag))
     told = f"{width}\nprocess: gain {kp}, dead time {dead_time} s, lag {lag} s"

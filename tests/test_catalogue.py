@@ -59,7 +59,7 @@ def test_codes_have_the_cores_names() -> None:
     assert list(result.REASONS) == in_order("reasons")
     assert [*words.REASONS] == in_order("reasons")
     assert list(simulate.COMPENSATION_STATES) == in_order("standings")
-    assert sorted(words.VERDICTS) == sorted(CATALOGUE["lost_motions"] + CATALOGUE["verdicts"])
+    assert sorted(words.VERDICTS) == sorted(CATALOGUE["fit_verdicts"] + CATALOGUE["verdicts"])
     assert _glapp.stops() == in_order("stops")
     assert list(SWITCHES.values()) == CATALOGUE["conditions"]
     assert list(typing.get_args(Compensation.model_fields["way"].annotation)) == in_order("ways")

@@ -833,8 +833,8 @@ def test_thesis_writes_a_page_and_says_what_is_wrong(run):
         "figure-1.2.png",
         "figure-4.1.png",
     }
-    code, _, err = run("thesis", "3.1")
-    assert code == 2 and "'3.1', must be one of 1.1" in err
+    code, _, err = run("thesis", "3.3")
+    assert code == 2 and "'3.3', must be one of 1.1" in err
     write("file", "")
     code, _, err = run("thesis", "1.2", "--out", "file")
     assert code == 1 and "file: cannot be written" in err and "--out" in err

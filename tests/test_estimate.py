@@ -210,7 +210,7 @@ def test_result_as_frame_dict_and_figure(worn: Simulation) -> None:
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["d_hat"] == result.d_hat
     assert plain["half_periods"] == result.total_half_periods
-    assert len(result.plot().data) > 0
+    assert len(glapp.plot(result).data) > 0
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])

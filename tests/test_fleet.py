@@ -26,12 +26,15 @@ from glapp import _glapp, fleet
 from glapp.cli import app
 from glapp.errors import InputError
 from glapp.fleet import lake as lake_of
-from glapp.fleet import run as run_of
+from glapp.fleet import local
+from glapp.fleet import plan as plan_module
+from glapp.fleet import run as run_module
 from glapp.fleet.history import CROSSINGS, follow
 from glapp.fleet.lake import DAY, SIGNALS, files_of
+from glapp.fleet.pieces import follow_paths, read_again, unit_rows
+from glapp.fleet.plan import Plan, plan_of
 from glapp.fleet.problems import LEFT_OUT, LOST, DataIssue
 from glapp.fleet.results import write_piece
-from glapp.fleet.run import Plan, follow_paths, plan_of, unit_rows
 from glapp.fleet.settings import read_loops
 from glapp.fleet.windows import choose, cut, judge, look
 from glapp.loop import Loop
@@ -146,7 +149,7 @@ def test_cells_mean_what_they_mean_in_any_file(tmp_path: Path) -> None:
         pv = [value for signal, _, value, _ in found[loop, FIRST // DAY] if signal == 0]
         assert np.array_equal(pv, [1234.5, np.nan, np.nan, 0.25], equal_nan=True), loop
     mode = [value for signal, _, value, _ in found["FIC1", FIRST // DAY] if signal == SIGNALS.index("mode")]
-    assert mode == [0, 1, 0, 1]  # 7 is no mode known here: not automatic, and told
+    assert mode == [1, 0, 1, 0]  # 7 is no mode known here: not automatic, and told
     assert [(p.code, p.tag, p.row, p.rows) for p in problems] == [("value", "MODE", 4, 1)]
 
 
@@ -155,7 +158,7 @@ def test_a_giant_group_of_rows_is_read_in_parts(tmp_path: Path, monkeypatch: pyt
     put(tmp_path / "b", "loop=FIC1/all.parquet", wide(signals(days=2)))
     once = [rows(planned(tmp_path / name)) for name in "ab"]
     monkeypatch.setattr(lake_of, "BATCH", 700)
-    monkeypatch.setattr(run_of, "AT_ONCE", 1500)
+    monkeypatch.setattr(plan_module, "AT_ONCE", 1500)
     sizes: list[int] = []
     batches = lake_of._batches
 
@@ -174,7 +177,7 @@ def test_a_giant_group_of_rows_is_read_in_parts(tmp_path: Path, monkeypatch: pyt
         of_day: dict[Any, list[Any]] = {}
         for unit in plan.units:
             for table in unit_rows(plan, unit)[0].values():
-                assert len(table) <= 2 * run_of.AT_ONCE
+                assert len(table) <= 2 * plan_module.AT_ONCE
                 of = zip(*(table.column(c).to_pylist() for c in table.column_names), strict=True)
                 of_day.setdefault(("FIC1", unit.day), []).extend(of)
         assert {key: sorted(of) for key, of in of_day.items()} == whole
@@ -366,7 +369,7 @@ def test_crossings_over_days_parts_and_one_pass_have_the_same_bits(
     held = pa.compute.or_(pa.compute.not_equal(table["tag"], "FIC1.OP"), pa.array(np.tile(keep, 3)))
     put(tmp_path / "lake", "x.parquet", table.filter(held))
     days = followed(planned(tmp_path / "lake", GIVEN))
-    monkeypatch.setattr(run_of, "AT_ONCE", 900)
+    monkeypatch.setattr(plan_module, "AT_ONCE", 900)
     monkeypatch.setattr(lake_of, "BATCH", 500)
     (tmp_path / "other").mkdir()
     shutil.copy(tmp_path / "lake" / "x.parquet", tmp_path / "other")
@@ -580,12 +583,12 @@ def test_what_could_be_read_at_the_first_look_and_not_later_ends_the_run(tmp_pat
     plan = planned(tmp_path)
     [unit] = plan.units
     _, before = unit_rows(plan, unit)
-    assert before == [] and run_of.read_again(plan, unit, before)
+    assert before == [] and read_again(plan, unit, before)
     damage(path, 1)
     with pytest.raises(InputError, match=r"FIC1\.parquet: could be read before, and not now: row group 1 is damaged"):
-        run_of.read_again(plan, unit, before)
-    assert run_of.read_again(plan, unit, unit_rows(plan, unit)[1])
-    assert [(p.code, p.file) for p in run_of._changed(plan)] == [("changed", "FIC1.parquet")]
+        read_again(plan, unit, before)
+    assert read_again(plan, unit, unit_rows(plan, unit)[1])
+    assert [(p.code, p.file) for p in run_module._changed_files(plan)] == [("changed", "FIC1.parquet")]
 
 
 # --- whole runs
@@ -601,14 +604,14 @@ def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path: Path, m
         pool.submit(os.getpid).result()
 
     with monkeypatch.context() as patch:
-        patch.setattr(run_of, "_all", killed)
+        patch.setattr(local, "_run_tasks", killed)
         with pytest.raises(InputError, match="a process ended in its work, as for want of memory; give it fewer"):
             fleet.analyze(tmp_path / "lake", tmp_path / "out", workers=1)
     assert fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=1)["lost"]["files"] == 0
 
 
 def test_every_code_of_a_problem_is_in_the_docs() -> None:
-    folder = Path(run_of.__file__).parent
+    folder = Path(run_module.__file__).parent
     source = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "demo.py")
     told = set(re.findall(r'DataIssue\(\s*"(\w+)"', source)) | {"no_time", "no_tag", *LOST, *LEFT_OUT}
     page = (folder.parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8").partition("## What can be wrong")[2]

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench import makers
 from exports import FORMS
 
 import glapp
 from glapp.reading import open_recordings
+from glapp.reading.columns import LABELS
 from glapp.report import words
 from glapp.simulate import closed_loop
 
@@ -203,12 +205,40 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
     )
     drop(page, tmp_path / "odd.csv")
     page.wait_for_selector("#wrong:not([hidden])")
-    assert page.locator("#wrong").inner_text() == ("odd.csv: no column for SP and PV among: t, A, B: choose it below")
-    # And it is mended there.
+    assert page.locator("#wrong").inner_text() == (
+        "odd.csv: no column for SP and PV among those left: A, B (time is t): choose it below"
+    )
+    # And it is mended there, beside the first rows.
+    cells = page.locator("#first-rows tr").evaluate_all(
+        "(rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent))"
+    )
+    assert cells == [["t", "A", "B"], *([str(k), str(k % 7), str(k % 5)] for k in range(5))]
     page.locator("#columns label", has_text="PV").locator("select").select_option("1")
     page.locator("#columns label", has_text="SP").locator("select").select_option("2")
     page.click("#again button[type=submit]")
     page.wait_for_selector("#result .loop:not(.provisional)")
+
+
+def chooser(page: Any, label: str) -> Any:
+    """The field beside a label of the choice of columns."""
+    return page.locator(f"xpath=//div[@id='columns']/label[text()='{label}']/select")
+
+
+@pytest.mark.parametrize("form", ["no_names", "wincc_table_control", "american_ambiguous"])
+def test_what_a_file_leaves_open_is_chosen_below_its_refusal(page: Any, tmp_path: Path, form: str) -> None:
+    export = makers.FORMS[form].make()
+    path = tmp_path / f"{form}{export.ending}"
+    path.write_bytes(export.content)
+    drop(page, path)
+    page.wait_for_selector("#wrong:not([hidden])")
+    for role, column in export.answer.get("columns", {}).items():
+        chooser(page, LABELS[role]).select_option(label=column)
+    if order := export.answer.get("time_format"):
+        chooser(page, "Dates such as 3/4/2025").select_option(label=order)
+    page.click("#again button[type=submit]")
+    page.wait_for_selector("#result .loop:not(.provisional)")
+    assert page.evaluate("() => Array.from(shown.read.columns.op)") == export.op.tolist()
+    assert page.wrong == []
 
 
 def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
@@ -345,6 +375,20 @@ def test_the_report_is_a_file_of_its_own(analysed: Any, browser: Any, tmp_path: 
     assert "has a dead band of" in other.locator(".lead").inner_text()
     assert other.evaluate("() => [...document.images].every((one) => one.naturalWidth > 100)")
     other.context.close()
+
+
+def test_a_link_opens_the_laboratory_with_its_settings(browser: Any) -> None:
+    for link, d, refused in (("gap.d=4&noise.amplitude=0", "4", ""), ("gap.d=-1&pid.k=1", "2", "gap: d = -1: must be")):
+        page = browser.new_context(offline=True).new_page()
+        page.set_default_timeout(600_000)
+        page.goto(f"{PAGE.as_uri()}#laboratory?{link}")
+        page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1")
+        page.locator("#lab-all summary").click()
+        page.fill("#lab-search", "gap.")
+        assert page.locator("[aria-label='gap.d']").input_value() == d
+        assert page.locator("#lab-wrong").inner_text().startswith(refused)
+        assert page.locator("#lab-wrong").is_hidden() == (not refused)
+        page.close()
 
 
 def test_the_laboratory(page: Any) -> None:

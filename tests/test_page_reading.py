@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench import makers
 from exports import FORMS
 
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_recordings
-from glapp.recording import joined
+from glapp.recording import Recording, joined
 from page import build
 
 ROOT = Path(__file__).parents[1]
@@ -104,6 +105,75 @@ REFUSED: dict[str, str | bytes] = {
     "no number in PV": "\n".join(["t,SP,PV,OP", *(f"{k},1,Bad,2" for k in range(24))]),
     "two ways to write numbers": "\n".join(["t;SP;PV;OP", "0;1,5;2.5;3", "1;1,5;2.5;3"]),
 }
+ANNOTATED = (
+    "#datatype,string,long,dateTime:RFC3339,double,string,string\n,result,table,_time,_value,_field,_measurement\n"
+)
+POINTS = "".join(f"pid,loop=F1 pv={k}.5,sp=1,op=2 {1_763_100_000_000_000_000 + k * 10**8}\n" for k in range(9))
+PAGE = "<html><body><table>{}</table></body></html>".format
+CELLS = [f"<tr><td>{k}<td>1<td>{k % 3}.5<td>2" for k in range(9)]
+HEADING = "<tr><th>t<th>SP<th>PV<th>OP"
+RECORDS = [{"t": k, "SP": 1, "PV": k % 3, "OP": 2.5} for k in range(9)]
+SERIES = {"name": "F1", "columns": ["time", "pv", "op"], "values": [[1, 2, 3]]}
+NOT_JSON = "is not readable as JSON"
+STRUCTURED: dict[str, str] = {
+    "JSON with numbers that are none": json.dumps([{**one, "PV": float("nan")} for one in RECORDS[:2]] + RECORDS),
+    "JSON with nanoseconds": json.dumps([{**one, "t": 1_763_100_000_000_000_001 + k} for k, one in enumerate(RECORDS)]),
+    "JSON with a number that fills a float": json.dumps([{**one, "PV": one["PV"] + 1 / 3} for one in RECORDS]),
+    "JSON, its lines apart": "\n".join(json.dumps(one) for one in RECORDS) + "\n\n",
+    "JSON, packed in an answer": json.dumps({"result": {"rows": RECORDS}}, indent=1),
+    "points of line protocol, a tenth of a second apart": POINTS,
+    "annotated CSV with a line between its tables": "\n".join(
+        ANNOTATED + "".join(f",,0,2025-11-14T06:00:{k:02d}Z,{k}.5,{field},F1\n" for k in range(9))
+        for field in ("pv", "op")
+    ),
+    "a page with nothing closed": PAGE("\n".join([HEADING, *CELLS])),
+    "a page with cells that span others": PAGE(
+        f"<tr><th colspan=4>Trend &gt; 1 &#8364;<br>of F1{HEADING}"
+        + "".join(CELLS[:3])
+        + "<tr><td>3<td rowspan='3'>1<td>7<td>2"
+        "<tr><td>4<td>7<td>2<tr><td>5<td>8<td>2" + "".join(CELLS[6:])
+    ),
+    "a page with a table in a table": PAGE(f"<tr><td><table>{HEADING}{''.join(CELLS)}</table></td></tr>"),
+    "a page with scripts, remarks and a quote": (
+        '<!doctype html><!-- <table><tr> --><script>if (1 < 2) "<table>"</script><p title=5">'
+        + PAGE(HEADING + "".join(CELLS))
+    ),
+    "a page that is cut off": "<table>" + HEADING + "".join(CELLS) + "<tr><td>9<td>1<td>2.5<t",
+    "TwinCAT, whose channels have rates of their own": "\n".join(
+        ["Name\tPV\tName\tOP", "SampleTime[ms]\t100\tSampleTime[ms]\t200"]
+        + [f"{100 * k}\t{k % 3}\t{200 * k if k < 8 else ''}\t{k % 5 if k < 8 else ''}" for k in range(16)]
+    ),
+}
+DAMAGED: dict[str, str] = {
+    "JSON that ends early": "[{",
+    "JSON whose last record is cut off": json.dumps(RECORDS, indent=1)[:-60],
+    "a line that is no JSON": json.dumps(RECORDS[0]) + "\n" + json.dumps(RECORDS[1])[:-4] + "\n",
+    "JSON without a table": json.dumps({"answer": 42}),
+    "JSON without rows": json.dumps({"columns": ["t", "SP", "PV", "OP"], "data": []}),
+    "JSON with too many columns": json.dumps([{f"c{k}": k for k in range(20_000)}]),
+    "series of different columns": json.dumps(
+        {"results": [{"series": [SERIES, SERIES | {"columns": ["time", "pv", "sp"]}]}]}
+    ),
+    "a page without a table": "<html><body>none</body></html>",
+    "a page with one column": PAGE("<tr><td>1<tr><td>2"),
+    "a page with too wide a cell": PAGE("<tr><td colspan=20000>1<td>2"),
+    "a page with too many rows": PAGE("<tr index=9000000><td>1<td>2"),
+    "annotated CSV with a ragged row": ANNOTATED
+    + ",,0,2025-11-14T06:00:00Z,1.5,pv,F1\n,,0,2025-11-14T06:00:01Z,1.5,pv\n",
+    "annotated CSV without a row": ANNOTATED,
+    "annotated CSV without times": "#datatype,string,double\n,result,pv\n,,1\n",
+    "a line that is no point": POINTS + "pid,loop=F1 pv=\n",
+    "JSON nested deeply": '{"data":' * 100_000 + "1" + "}" * 100_000,
+    "units that differ": "\n".join(
+        ["t,SP,PV,OP", *(f"{k},50 l/s,{k}{' m3/h' if k == 7 else ' l/s'},4%" for k in range(9))]
+    ),
+    "numbers of rows for times": "\n".join(["Nr,SP,PV,OP", *(f"{k},50,{k % 3},4" for k in range(9))]),
+    "a tag whose values are all missing": "t,tag,value\n"
+    + "".join(f"{k},F1.{s},\n" for k in range(9) for s in ("PV", "OP")),
+    "tags without a signal": "t,tag,value\n" + "".join(f"{k},TI7,{k}\n" for k in range(9)),
+}
+MAKERS = {name: form.make() for name, form in makers.FORMS.items()}
+ASKED = {name: export for name, export in MAKERS.items() if export.answer}
 
 
 @pytest.fixture(scope="module")
@@ -112,16 +182,25 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     folder = tmp_path_factory.mktemp("page")
     (folder / "data.json").write_text(json.dumps(build.of_reading()), encoding="utf-8")
     scripts = json.dumps([str(path) for path in (PAPA, FORMATS, *(ROOT / "page" / f"{n}.js" for n in build.READER))])
-    files = {}
-    for i, (name, text) in enumerate((READ | REFUSED).items()):
+    files: dict[str, Path] = {}
+    answers: dict[str, dict[str, Any]] = {}
+    for i, (name, text) in enumerate((READ | STRUCTURED | REFUSED | DAMAGED).items()):
         files[name] = folder / f"{i}.csv"
         files[name].write_bytes(text if isinstance(text, bytes) else text.encode())
     for name, (_, make) in FORMS.items():
         export = make()
         files[name] = folder / f"{name}{export.ending}"
         files[name].write_bytes(export.content)
-    command = ["node", str(Path(__file__).parent / "page_reading.mjs"), scripts, str(folder / "data.json")]
-    said = subprocess.run([*command, *map(str, files.values())], capture_output=True, text=True, check=True)
+    for name, made in MAKERS.items():
+        files[name] = folder / f"{name}{made.ending}"
+        files[name].write_bytes(made.content)
+        if made.answer:
+            files[f"{name}, answered"], answers[f"{name}, answered"] = files[name], made.answer
+    asked = [(str(path), answers.get(name, {})) for name, path in files.items()]
+    (folder / "asked.json").write_text(json.dumps(asked), encoding="utf-8")
+    command = ["node", str(Path(__file__).parent / "page_reading.mjs"), scripts]
+    command += [str(folder / "data.json"), str(folder / "asked.json")]
+    said = subprocess.run(command, capture_output=True, text=True, check=True)
     told = [json.loads(line) for line in said.stdout.splitlines()]
     return {name: {"file": path, **one} for (name, path), one in zip(files.items(), told, strict=True)}
 
@@ -132,13 +211,36 @@ def test_a_fault_has_its_row(read: dict[str, dict[str, Any]]) -> None:
     assert read["a ragged row"]["wrong"] == "row 22: has 3 cells where the header has 4"
 
 
-@pytest.mark.parametrize("name", READ | FORMS)
+@pytest.mark.slow
+def test_the_first_rows_are_shown_beside_the_choice_of_columns(read: dict[str, dict[str, Any]]) -> None:
+    assert read["decimal comma"]["rows"] == [["0", "50", "50,0", "40,5"], ["1", "50", "50,125", "40,25"]]
+    assert all(len(row) == len(one["rows"][0]) for one in read.values() if "rows" in one for row in one["rows"])
+
+
+@pytest.mark.parametrize("name", READ | STRUCTURED | FORMS | dict.fromkeys(MAKERS.keys() - ASKED.keys()))
 @pytest.mark.slow
 def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> None:
     found = read[name]
-    assert "wrong" not in found, found
     settings = FORMS[name][1]().settings if name in FORMS else {}
-    [recording] = open_recordings(found["file"], [Loop(name="FIC101", **settings)] if settings else None)
+    loops = [Loop(name="FIC101", **settings)] if settings else None
+    compare(found, open_recordings(found["file"], loops))
+
+
+@pytest.mark.parametrize("name", ASKED)
+@pytest.mark.slow
+def test_reads_the_same_numbers_after_the_same_answer(read: dict[str, dict[str, Any]], name: str) -> None:
+    with pytest.raises(InputError) as told:
+        [one] = open_recordings(read[name]["file"])
+        list(one.batches())
+    assert told.value.what in read[name]["wrong"]
+    answered = read[f"{name}, answered"]
+    compare(answered, open_recordings(answered["file"], defaults=ASKED[name].answer))
+
+
+def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
+    """Hold what the page read to the package's recording."""
+    assert "wrong" not in found, found
+    [recording] = recordings
     batch = joined(list(recording.batches()))
     for column in ("t", "sp", "pv", "op", "position", "flags"):
         ours, theirs = getattr(batch, column), found["columns"].get(column)
@@ -148,7 +250,7 @@ def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> N
     labels = build.of_reading()["columns"]["labels"]
     assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
     assert {labels[role]: unit for role, unit in found["units"].items()} == recording.units
-    assert name in READ or found["loop"] == recording.name
+    assert found["loop"] == recording.name
     told = [(one["code"], one["severity"], one["evidence"]) for one in found["told"]]
     assert told == [(one.code, one.severity, one.evidence) for one in recording.found]
     if recording.t0 is None:
@@ -157,9 +259,14 @@ def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> N
         assert found["t0"] == pytest.approx(recording.t0.replace(tzinfo=recording.t0.tzinfo or UTC).timestamp() * 1000)
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_refuses_the_same_files(read: dict[str, dict[str, Any]], name: str) -> None:
-    with pytest.raises(InputError):
+@pytest.mark.parametrize("name", REFUSED | DAMAGED)
+@pytest.mark.slow
+def test_refuses_the_same_files_in_the_same_words(read: dict[str, dict[str, Any]], name: str) -> None:
+    with pytest.raises(InputError) as told:
         [one] = open_recordings(read[name]["file"])
         list(one.batches())
-    assert "wrong" in read[name]
+    what, row = told.value.what, told.value.row
+    if what.startswith(NOT_JSON):  # what is wrong with it is each parser's own to say
+        what, row = NOT_JSON, None
+    assert what in read[name]["wrong"]
+    assert row is None or f"row {row}" in read[name]["wrong"]

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from glapp import InputError, simulate
 from glapp.plant import PLANTS, Plant
+from glapp.tuning import character
 
 
 def test_made_from_anything_that_means_a_process() -> None:
@@ -97,12 +98,12 @@ def test_gain_integrators_poles_stability() -> None:
 
 
 def test_character_needs_an_fotd_model() -> None:
-    assert Plant([2], [10, 1], 1).character == "lag-dominated"
-    assert Plant([-2], [1, 1], 1).character == "balanced"
-    assert Plant([2], [1, 1], 1.01).character == "delay-dominated"
-    assert (Plant([1], [1, 0]) * Plant([1], [1, 1])).character == "integrating"
+    assert character(Plant([2], [10, 1], 1)) == "lag-dominated"
+    assert character(Plant([-2], [1, 1], 1)) == "balanced"
+    assert character(Plant([2], [1, 1], 1.01)) == "delay-dominated"
+    assert character(Plant([1], [1, 0]) * Plant([1], [1, 1])) == "integrating"
     with pytest.raises(InputError, match="unstable"):
-        _ = Plant([1], [1, -1]).character
+        character(Plant([1], [1, -1]))
 
 
 @given(

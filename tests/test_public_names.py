@@ -23,14 +23,18 @@ OLD = {
     "doors": "API",
     "drill": "watchdog test",
     "drilled": "watchdog test",
+    "echo": "autocorrelation",
+    "foreseen": "predicted",
+    "shaken": "unsampled",
+    "strays": "misfit",
     "said": "what it gives: facts, texts, a verdict",
     "standings": "compensation states",
     "told": "what it gives: to_text, texts_of, ..._from_core",
 }
 #: Names that were given up as a whole.
-OLD_CLASSES = {"Memory", "MemoryFull", "Problem", "Rows", "Signals", "Watch"}
-#: Crates whose names follow those of Structured Text and the vectors.
-OF_THE_BLOCKS = {"capi", "core", "fit"}
+OLD_CLASSES = {"Bounds", "Lock", "Memory", "MemoryFull", "Problem", "Rows", "Signals", "Watch"}
+#: Where names follow those of Structured Text and the vectors.
+OF_THE_BLOCKS = "crates/core/"
 
 
 def words(name: str) -> set[str]:
@@ -66,9 +70,8 @@ def public() -> Iterator[tuple[str, str]]:
         found = in_python(path, path.read_text(encoding="utf-8"))
         yield from ((str(path.relative_to(ROOT)), name) for name in found if not name.startswith("_"))
     for path in sorted((ROOT / "crates").glob("*/src/**/*.rs")):
-        if path.relative_to(ROOT).parts[1] not in OF_THE_BLOCKS:
-            found = in_rust(path, path.read_text(encoding="utf-8"))
-            yield from ((str(path.relative_to(ROOT)), name) for name in found)
+        found = in_rust(path, path.read_text(encoding="utf-8"))
+        yield from ((str(path.relative_to(ROOT)), name) for name in found)
 
 
 def commands(group: object, path: str = "glapp") -> Iterator[tuple[str, str]]:
@@ -84,7 +87,8 @@ NAMES = [*public(), *commands(get_command(app))]
 
 def test_no_public_name_has_an_old_word() -> None:
     assert len(NAMES) > 2000
-    found = [(where, name, OLD[word]) for where, name in NAMES for word in sorted(words(name) & OLD.keys())]
+    ours = [(where, name) for where, name in NAMES if not where.startswith(OF_THE_BLOCKS)]
+    found = [(where, name, OLD[word]) for where, name in ours for word in sorted(words(name) & OLD.keys())]
     assert found == []
 
 

@@ -108,6 +108,15 @@ def test_what_is_damaged_is_told(tmp_path, name, text, line):
         read(tmp_path, name, text)
 
 
+def test_channels_of_twincat_keep_rates_of_their_own(tmp_path):
+    """They did not: the times of the first channel were taken for those of all."""
+    lines = ["Name\tF1.PV\tName\tF1.OP", "SampleTime[ms]\t100\tSampleTime[ms]\t200"]
+    lines += [f"{100 * k}\t{pv}\t{200 * k if k < 10 else ''}\t{k if k < 10 else ''}" for k, pv, _ in ROWS]
+    got = read(tmp_path, "x.csv", "\n".join(lines))["F1"]
+    np.testing.assert_allclose(got.t, [0.1 * k for k, *_ in ROWS])
+    np.testing.assert_array_equal(got.op, [k // 2 for k, *_ in ROWS])
+
+
 def test_lines_of_json_have_their_line(tmp_path):
     lines = [json.dumps({"time": k, "sp": 50, "pv": pv, "op": op}) for k, pv, op in ROWS]
     lines[4] = lines[4][:-3]

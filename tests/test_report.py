@@ -655,7 +655,7 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
 
 def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -> None:
     fit = Fit("backlash", "a gap: likelihood ratio 41, 40 needed", "%", 2.0, 1.5, 3.0, lr_no_gap=41.0, lr_needed=40.0)
-    told = words.texts_of(replace(worn, fit=fit))
+    told = replace(worn, fit=fit).texts()
     assert "likelihood" not in told["so"] + told["do"]
     assert told["why"][0] == "a gap: likelihood ratio 41, 40 needed.".capitalize()
     assert words.basis(replace(worn, fit=fit)) == "evidence strong" and words.basis(worn) == "simple method alone"
@@ -667,10 +667,10 @@ def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -
 def fitted(worn: Result, verdict: Any = "backlash", low: float = 2.5, high: float | None = 3.4) -> Result:
     """With a fit whose model is the simulated valve itself."""
     s = closed_loop(3.0)
-    candidate = {"lags": 1, "integrating": False, "noise": "input", "behind": 0.0}
+    candidate = {"lags": 1, "integrating": False, "noise": "input", "delta_deviance": 0.0}
     profile = (np.linspace(0, 6, 30), np.linspace(-3, 3, 30) ** 2 * 20)
     best = {
-        "t": s["t"], "pv": s["pv"], "foreseen": s["pv"], "position": s["position"], "signal": "PV",
+        "t": s["t"], "pv": s["pv"], "predicted": s["pv"], "position": s["position"], "signal": "PV",
         "integrating": False, "kp": 0.5, "range": 6.0, "rise": 8.0, "candidates": [candidate | {"profile": profile}],
     }  # fmt: skip
     fit = Fit(verdict, "a gap", "%", 3.0, low, high, lr_no_gap=90.0, lr_needed=15.0, best=best)

@@ -17,7 +17,8 @@ from typer.testing import CliRunner
 from glapp.cli import app
 from glapp.cli.screen import CommandError
 from glapp.errors import InputError
-from glapp.service.store import Lock, Reader, Store
+from glapp.folder_lock import FolderLock
+from glapp.service.store import Reader, Store
 
 HERE = Path(__file__).parent
 
@@ -156,7 +157,7 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--api-url", api_url))
         assert "engineer  engineer" in glapp("users", "list", "--api-url", api_url)
         with pytest.raises(InputError, match="is written by process"):
-            Lock(folder)
+            FolderLock(folder)
     finally:
         child.send_signal(signal.SIGTERM)
         code = child.wait(90)
@@ -165,7 +166,7 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
     said = child.stdout.read()
     assert "Watching 2 loops" in said and re.search(r"Answers and DeviceHealth at opc\.tcp://127\.0\.0\.1:\d+/", said)
     child.stdout.close()
-    assert Lock.holder(folder) is None
+    assert FolderLock.holder(folder) is None
     with Reader(folder) as reader:
         assert reader.one("SELECT id FROM entries LIMIT 1") is None, "all is saved"
         kinds = [row["kind"] for row in reader.events()]
@@ -191,4 +192,4 @@ def test_a_service_that_is_stopped_before_it_began(tmp_path: Path) -> None:
 
     asyncio.run(go())
     monitor.store.close()
-    assert Lock.holder(tmp_path) is None
+    assert FolderLock.holder(tmp_path) is None

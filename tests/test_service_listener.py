@@ -15,15 +15,17 @@ from station_window import Window
 from test_station import certificate
 
 from glapp.service.api import ApiServer
-from glapp.service.listener import Bounds, Listener, _Connection, logged_in
+from glapp.service.listener import Listener, ListenerLimits, _Connection, logged_in
 
 __all__ = ["certificate"]
 
-QUICK = Bounds(header=1.0, body=1.0, answer=1.0, slowest=100_000, idle=1.0, rest=0.3, address=8, strangers=16)
+QUICK = ListenerLimits(header=1.0, body=1.0, answer=1.0, slowest=100_000, idle=1.0, rest=0.3, address=8, strangers=16)
 LONGEST = 60.0
 """Nothing that is waited for takes longer, on any machine [s]."""
 
-PATIENT = Bounds(header=LONGEST, body=LONGEST, answer=LONGEST, idle=LONGEST, address=8, strangers=12, logged_in=6)
+PATIENT = ListenerLimits(
+    header=LONGEST, body=LONGEST, answer=LONGEST, idle=LONGEST, address=8, strangers=12, logged_in=6
+)
 
 
 class App:
@@ -62,8 +64,8 @@ class App:
 
 
 @contextlib.asynccontextmanager
-async def served(app: Any, bounds: Bounds, **more: Any) -> AsyncIterator[ApiServer]:
-    api = ApiServer(app, "127.0.0.1", 0, bounds=bounds, **more)
+async def served(app: Any, limits: ListenerLimits, **more: Any) -> AsyncIterator[ApiServer]:
+    api = ApiServer(app, "127.0.0.1", 0, limits=limits, **more)
     serving = asyncio.create_task(api.open())
     try:
         yield api
@@ -238,7 +240,7 @@ def test_answers_that_nobody_takes_do_not_last() -> None:
 @pytest.mark.slow
 def test_an_answer_that_is_taken_slowly_but_taken_comes_whole() -> None:
     async def go() -> None:
-        async with served(App(), Bounds(answer=1.0, slowest=10_000)) as api:
+        async with served(App(), ListenerLimits(answer=1.0, slowest=10_000)) as api:
             one = await Stranger.to(api, b"GET /large HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", buffer=4096)
             found = 0
             while some := await one.reader.read(200_000):
@@ -250,7 +252,7 @@ def test_an_answer_that_is_taken_slowly_but_taken_comes_whole() -> None:
 
 
 def test_what_is_taken_is_measured_from_time_to_time() -> None:
-    listener = Listener(App(), Bounds(answer=10.0, slowest=10_000))
+    listener = Listener(App(), ListenerLimits(answer=10.0, slowest=10_000))
 
     class Transport:
         left = 0
@@ -279,7 +281,7 @@ def test_what_is_taken_is_measured_from_time_to_time() -> None:
 def test_a_stranger_sends_so_many_requests_by_a_connection() -> None:
     async def go() -> None:
         app = App()
-        async with served(app, Bounds(each=5)) as api:
+        async with served(app, ListenerLimits(each=5)) as api:
             for path, answers in ((b"/", 5), (b"/known", 20)):
                 app.bodies.clear()
                 one = await Stranger.to(api, 20 * (b"GET " + path + b" HTTP/1.1\r\nHost: x\r\n\r\n"))
@@ -311,7 +313,7 @@ def test_a_body_in_chunks_passes_no_bound() -> None:
 def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
     async def go() -> None:
         app = App()
-        async with served(app, Bounds(requests=3)) as api:
+        async with served(app, ListenerLimits(requests=3)) as api:
             waiting = [asyncio.create_task(asked(api, "/known/wait")) for _ in range(3)]
             async with asyncio.timeout(LONGEST):
                 while api._server._requests < 3:
@@ -332,7 +334,7 @@ def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
 def test_strangers_take_turns_and_login_and_disable_do_not_wait_for_them() -> None:
     async def go() -> None:
         app = App()
-        async with served(app, Bounds(turns=2)) as api:
+        async with served(app, ListenerLimits(turns=2)) as api:
             held = [await Stranger.to(api, HALF + b"Content-Length: 9\r\n\r\n") for _ in range(5)]
             taking = b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n"
             held += [await Stranger.to(api, taking, buffer=4096) for _ in range(5)]

@@ -30,9 +30,11 @@ import glapp.cli
 from glapp.errors import InputError
 from glapp.loop import Loop, Tags
 from glapp.reading.settings import parse_settings, read_settings
-from glapp.service import opcua
+from glapp.service import opcua, opcua_u_ff, opcua_values
 from glapp.service.connection import Connection, check_tags, read_connection
 from glapp.service.opcua import OpcUa, browse
+from glapp.service.opcua_events import EventFilter
+from glapp.service.opcua_u_ff import UffNodes
 from glapp.service.plant import FAULTS, NAMESPACE, Security, SimPlant, free_port
 from glapp.service.signal import Signal, WriteRefused
 from glapp.service.tags import as_settings, loops_of
@@ -579,7 +581,7 @@ class Fed:
     def __init__(self, tags=1):
         loops = [Loop(name=f"L{i}", opcua={"pv": f"s=pv{i}", "sp": f"s=sp{i}"}) for i in range(tags)]
         self.source, self.events = OpcUa(Connection(url="opc.tcp://p:1"), loops), []
-        self.source._tell_to = self.events.append
+        self.source._events.tell = self.events.append
         self.source._link = link()
         for tag in self.source._tags:
             tag.first = False
@@ -622,7 +624,7 @@ def test_what_befalls_very_many_tags_is_told_together():
     for tag in range(100):
         assert fed(1e6, tag=tag) == []
     assert len(fed.events) == 20
-    fed.source._flush(due=True)
+    fed.source._events.flush(due=True)
     assert len(fed.events) == 21
     assert fed.events[-1].text.startswith("80 more tags, such as L99 PV: a time stamp is")
 
@@ -635,7 +637,7 @@ def test_what_goes_on_is_counted(monkeypatch):
         fed(1e6)
     assert len(fed.events) == 1
     moment += 61.0
-    fed.source._flush(due=True)
+    fed.source._events.flush(due=True)
     assert fed.events[1].text.endswith("(29 values in all)")
 
 
@@ -711,18 +713,18 @@ def test_a_server_that_takes_no_filter_and_is_slower():
 )
 def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, told):
     tags = {"pv": "s=pv", "sp": "s=sp", "u_ff": "s=u_ff", "u_ff_limit": 1.0, "u_ff_rate": 1.0}
-    source, events = OpcUa(Connection(url="opc.tcp://p:1"), [Loop(name="L", opcua=tags)]), []
-    source._tell_to = events.append
+    events, told_to = [], EventFilter()
+    told_to.tell = events.append
+    nodes = UffNodes([Loop(name="L", opcua=tags)], 1.0, told_to)
 
-    async def read_attributes(nodes, attribute):
+    async def read_attributes(asked, attribute):
         value = ua.Variant(0, kind) if attribute is ua.AttributeIds.Value else ua.Variant(access, ua.VariantType.Byte)
         return [ua.DataValue(value)]
 
-    one = link()
-    one.client = SimpleNamespace(uaclient=SimpleNamespace(read_attributes=read_attributes))
-    source._feeds["L"].node = ua.NodeId("u_ff", 0)
-    asyncio.run(source._types(one))
-    assert [e.kind for e in events] == told and (source._feeds["L"].node is None) == bool(told)
+    client = SimpleNamespace(uaclient=SimpleNamespace(read_attributes=read_attributes))
+    nodes.nodes["L"].node = ua.NodeId("u_ff", 0)
+    asyncio.run(nodes.check(client, 500))
+    assert [e.kind for e in events] == told and (nodes.nodes["L"].node is None) == bool(told)
 
 
 @pytest.mark.parametrize("steps", range(5))
@@ -874,8 +876,8 @@ def test_writing(shared):
 
 
 def test_the_value_is_checked_as_the_node_holds_it():
-    assert opcua._as_written(0.1, ua.VariantType.Float) != 0.1
-    assert opcua._as_written(0.1, ua.VariantType.Double) == 0.1
+    assert opcua_values.as_written(0.1, ua.VariantType.Float) != 0.1
+    assert opcua_values.as_written(0.1, ua.VariantType.Double) == 0.1
 
 
 @served
@@ -1051,7 +1053,8 @@ def test_the_page_names_every_key_every_fault_and_all_that_is_told():
     [example] = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     [loop] = parse_settings(example, "plant.md", Path())
     check_tags(Connection(url="opc.tcp://p:1"), [loop])
-    told = set(re.findall(r"_(?:event|often|say)\(\"(\w+)\"", Path(opcua.__file__).read_text(encoding="utf-8")))
+    sources = [Path(module.__file__).read_text(encoding="utf-8") for module in (opcua, opcua_u_ff)]
+    told = set(re.findall(r"_events\.(?:event|often|once)\(\s*\"(\w+)\"", "".join(sources)))
     assert len(told) > 20
     for word in (*Connection.model_fields, *Tags.model_fields, *FAULTS, *told):
         assert f"`{word}`" in page, word

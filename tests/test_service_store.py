@@ -20,10 +20,11 @@ from service import BEGIN, Clock, detections, fed, loops, values
 
 import glapp
 from glapp.errors import InputError
+from glapp.folder_lock import FolderLock
 from glapp.service import store as of_memory
 from glapp.service.recordings import SignalStore, loop_of
 from glapp.service.signal import Event, Signal, Value
-from glapp.service.store import Entry, Lock, Reader, Store, StoreFull, backup, restore
+from glapp.service.store import Entry, Reader, Store, StoreFull, backup, restore
 
 HERE = Path(__file__).parent
 
@@ -206,16 +207,16 @@ def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     child = context.Process(target=_hold, args=(tmp_path,))
     child.start()
     deadline = time.monotonic() + 30
-    while Lock.holder(tmp_path) is None and time.monotonic() < deadline:
+    while FolderLock.holder(tmp_path) is None and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert (Lock.holder(tmp_path) or {}).get("pid") == child.pid
+    assert (FolderLock.holder(tmp_path) or {}).get("pid") == child.pid
     child.kill()
     child.join()
-    assert Lock.holder(tmp_path) is None
+    assert FolderLock.holder(tmp_path) is None
 
 
 def _hold(folder: Path) -> None:
-    lock = Lock(folder)
+    lock = FolderLock(folder)
     time.sleep(60)
     lock.release()
 
@@ -311,7 +312,7 @@ def test_a_later_schema_is_refused_and_left_alone(tmp_path: Path) -> None:
     for way in (Store, Reader):
         with pytest.raises(InputError, match="has schema 99"):
             way(tmp_path)
-    assert (tmp_path / "glapp.db").read_bytes() == before and Lock.holder(tmp_path) is None
+    assert (tmp_path / "glapp.db").read_bytes() == before and FolderLock.holder(tmp_path) is None
 
 
 def test_an_older_schema_is_brought_up_in_one_transaction(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

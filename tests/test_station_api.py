@@ -140,7 +140,9 @@ def test_logins_count_by_the_address_they_come_from(plant: tuple[Monitor, Statio
         reply = away.post("/api/login", json={"user": f"u{i}", "password": "no"})
         assert (reply.status_code, reply.json()["detail"]) == (401, "wrong name or password")
     said = away.post("/api/login", json={"user": "eve", "password": PASSWORDS["eve"]})
-    assert said.status_code == 401 and "too many wrong passwords: wait 300 s" in said.json()["detail"]
+    assert (
+        said.status_code == 401 and "too many wrong passwords: wait " in said.json()["detail"]
+    )  # on a slow machine less than 300 s
     for forged in ({"X-Forwarded-For": "10.0.0.8"}, {"Glapp-Address": "10.0.0.8", "Glapp-Station": "guess"}):
         again = away.post("/api/login", json={"user": "vera", "password": PASSWORDS["vera"]}, headers=forged)
         assert again.status_code == 401, forged

@@ -299,11 +299,11 @@ def test_many_holds_are_read_quickly_enough_to_wait_for():
 @pytest.mark.slow
 def test_every_picture_draws():
     for moves in (UP_UP_BACK, steps(50), steps(50, 53, 56, 54.5)):
-        figure = read(recorded(moves, position=True)).plot()
+        figure = glapp.plot(read(recorded(moves, position=True)))
         assert [trace.name for trace in figure.data][:3] == ["PV", "valve position", "OP"]
-    names = [trace.name for trace in read(recorded(UP_UP_BACK)).plot().data]
+    names = [trace.name for trace in glapp.plot(read(recorded(UP_UP_BACK))).data]
     assert "ΔPV after a reversal" in names
-    assert glapp.step_test(recording_from(without(recorded(UP_UP_BACK), "OP"))).plot() is not None
+    assert glapp.plot(glapp.step_test(recording_from(without(recorded(UP_UP_BACK), "OP")))) is not None
 
 
 @given(st.data())

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from glapp import InputError
-from glapp_thesis import FIGURES, Shown, find, gallery
+from glapp_thesis import FIGURES, Number, Shown, find, gallery
 from glapp_thesis.differences import DIFFERENCES, shown_by
 from glapp_thesis.style import save
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("thesis")]  # the figures are computed once, by one worker
 
-A_FEW = ["1.4", "2.2", "4.2", "5.1", "5.10", "6.5", "7.1", "7.4", "7.12"]
+A_FEW = ["1.4", "2.2", "4.2", "5.1", "5.10", "6.2", "6.5", "7.1", "7.4", "7.12"]
 """Figures of every chapter that take less than a second; all of them are computed in `make verify`."""
 
 GALLERY = Path(__file__).parent.parent / "docs/gallery"
@@ -41,12 +41,16 @@ def test_numbers_are_those_of_the_gallery(shown: dict[str, Shown], number: str) 
 
 
 def is_that_of_the_gallery(one: Shown, number: str) -> None:
-    recorded = RECORDED[number]
+    recorded, numbers = RECORDED[number], RECORDED[number]["numbers"]
     assert one.number == number
+    assert (one.title, one.section, one.why) == (recorded["title"], recorded["section"], recorded["why"])
     assert len({x.what for x in one.numbers}) == len(one.numbers)
-    assert recorded.keys() == {x.what for x in one.numbers}
+    assert numbers.keys() == {x.what for x in one.numbers}
     for x in one.numbers:
-        assert x.agrees(recorded[x.what]), f"{x.what}: {x.ours}, recorded {recorded[x.what]}; make gallery"
+        told = numbers[x.what]
+        assert x.agrees(told["glapp"]), f"{x.what}: {x.ours}, recorded {told['glapp']}; make gallery"
+        assert (x.unit, x.thesis, x.same) == (told["unit"], told["thesis"], told["same"]), "make gallery"
+    assert bool(one.why) != one.same, "a reason stands where a number differs"
 
 
 @pytest.mark.verify
@@ -104,5 +108,23 @@ def test_numbers_as_people_write_them(said: str, number: str) -> None:
 
 
 def test_unknown_number() -> None:
-    with pytest.raises(InputError, match=r"is '3\.1', must be one of 1\.1, "):
-        find("3.1")
+    with pytest.raises(InputError, match=r"is '3\.3', must be one of 1\.1, "):
+        find("3.3")
+
+
+def test_words_of_the_thesis_are_understood() -> None:
+    def same(thesis: float | str | None, ours: float | None, **holds: bool) -> bool | None:
+        return Number("x", "", thesis, ours, **holds).same
+
+    assert [same(4.22, x) for x in (4.0, 3.7, None)] == [True, False, False]
+    assert [same(0.0, x) for x in (0.0, 1e-3)] == [True, False]
+    assert [same("near 5", x) for x in (4.1, 3.9)] == [True, False]
+    assert [same("below 4 or none", x) for x in (None, 3.9, 4.1)] == [True, True, False]
+    assert [same("none", x) for x in (None, 0.1)] == [True, False]
+    assert [same("over 100", x) for x in (137.0, 90.0)] == [True, False]
+    assert [same("within 10", x) for x in (-9.0, -15.0)] == [True, False]
+    assert [same("1 or more", x) for x in (1.0, 0.0)] == [True, False]
+    assert [same("some", x) for x in (1.0, 0.0)] == [same("several", x) for x in (2.0, 1.0)] == [True, False]
+    assert same("good", 1.0, holds=False) is False and same(None, 1.0) is None
+    with pytest.raises(ValueError, match="nobody decides whether 1 is 'good'"):
+        same("good", 1.0)

@@ -7,12 +7,12 @@ import pyarrow as pa
 import pytest
 from argon2 import PasswordHasher
 
-from glapp.fleet.history import _other
+from glapp.fleet.history import _settings_differ
 from glapp.fleet.lake import SIGNALS
 from glapp.fleet.windows import _outside, choose, look
 from glapp.loop import Loop
 from glapp.service.compensation import Compensator
-from glapp.service.rows import CODES, Resampler
+from glapp.service.resampler import CODES, Resampler
 from glapp.service.signal import Signal, Value
 from glapp.service.store import Store
 from glapp.service.users import Tries, Users
@@ -22,9 +22,11 @@ TOLD = {"k": 1.0, "ti": 60.0, "h": 1.0, "op": True}
 
 @pytest.mark.parametrize(("name", "within", "beyond"), [("k", 1.24, 1.26), ("ti", 74.0, 76.0), ("h", 1.9, 2.1)])
 def test_settings_of_a_day_are_others_beyond_their_factor(name: str, within: float, beyond: float) -> None:
-    assert not _other(TOLD, TOLD | {name: within}) and _other(TOLD, TOLD | {name: beyond})
+    assert not _settings_differ(TOLD, TOLD | {name: within}) and _settings_differ(TOLD, TOLD | {name: beyond})
     least = TOLD[name]
-    assert not _other(TOLD, TOLD | {name: least**2 / within}) and _other(TOLD, TOLD | {name: least**2 / beyond})
+    assert not _settings_differ(TOLD, TOLD | {name: least**2 / within}) and _settings_differ(
+        TOLD, TOLD | {name: least**2 / beyond}
+    )
 
 
 def test_pv_is_outside_of_its_span_a_tenth_of_it_beyond() -> None:
@@ -90,8 +92,8 @@ def late(count: int) -> Resampler:
 
 
 def test_five_values_in_a_row_are_a_clock_set_back() -> None:
-    assert "clock_back" not in [kind for kind, _ in late(4).told]
-    assert "clock_back" in [kind for kind, _ in late(5).told]
+    assert "clock_back" not in [kind for kind, _ in late(4).events]
+    assert "clock_back" in [kind for kind, _ in late(5).events]
 
 
 def test_a_thousand_late_values_are_kept_at_most() -> None:
@@ -118,7 +120,7 @@ def test_a_u_ff_that_stands_five_seconds_too_long_is_told() -> None:
     one.take(value(Signal.U_FF, 0.0, 0.5), 0.0)
     one._to_zero = 0.0
     longest = one.away_within + 3.0
-    assert one.stands(longest + 4.9) is None and one.stands(longest + 5.1) == 0.5
+    assert one.stuck_u_ff(longest + 4.9) is None and one.stuck_u_ff(longest + 5.1) == 0.5
 
 
 def test_the_latest_twenty_values_tell_how_old_they_come() -> None:

@@ -46,7 +46,7 @@ class TestAnswer:
 
     def test_what_no_model_explains_is_not_weighed(self, recording: glapp.Recording) -> None:
         evidence = dict(glapp.fit(recording).best["evidence"])
-        for bad in ({"echo": 0.3}, {"lr_no_answer": 1.0}):
+        for bad in ({"autocorrelation": 0.3}, {"lr_no_answer": 1.0}):
             assert _glapp.fit_weighed(json.dumps(evidence | bad))["log_bayes_factor"] is None
 
     def test_the_prior_moves_the_probability_and_no_rung(self, recording: glapp.Recording) -> None:

@@ -21,7 +21,7 @@ from .records import LIMIT, Truth, record
 FOUND = ("found",)
 CLAIMED = ("found", "likely")
 
-DRAWN = ("t", "pv", "foreseen", "position")
+DRAWN = ("t", "pv", "predicted", "position")
 """Columns of the evidence that only a picture needs."""
 
 OLD = {

@@ -1,4 +1,4 @@
-//! The doors of the C library with all that C may hand in: no panic, no code that the header does not know, and nothing but what
+//! The functions of the C library with all that C may hand in: no panic, no code that the header does not know, and nothing but what
 //! the header says in what comes out.
 //!
 //! `RUSTC_BOOTSTRAP=1 cargo fuzz run capi -- -max_total_time=180`

@@ -8,7 +8,7 @@ mod bytes;
 
 use bytes::Bytes;
 use glapp_core::{
-    Columns, Detector, DetectorState, MedianMean, ParameterError, Record, SafetyNet, Sample, SecondOrderFilter, Width,
+    Columns, Detector, DetectorState, MedianMean, ParameterError, HalfPeriodResult, SafetyNet, Sample, SecondOrderFilter, Width,
 };
 use libfuzzer_sys::fuzz_target;
 
@@ -45,7 +45,7 @@ fn detector(bytes: &mut Bytes) -> Option<Result<Detector<f64>, ParameterError>> 
     Some(make())
 }
 
-fn check(record: &Record<f64>) {
+fn check(record: &HalfPeriodResult<f64>) {
     let (half, parts) = (&record.half, &record.parts);
     let shown = record.estimate.unwrap_or_default();
     let numbers = [

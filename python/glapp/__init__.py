@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from . import blocks, fleet, modules, nonlinear, plant, simulate, tuning
     from .plan import Plan, plan_test
     from .reading import open_recordings, recording_from
+    from .report.figures import plot
     from .row import to_arrow
 
 __version__ = _version("glapp")
@@ -61,6 +62,7 @@ __all__ = [
     "open_recordings",
     "plan_test",
     "plant",
+    "plot",
     "recording_from",
     "simulate",
     "step_test",
@@ -81,6 +83,8 @@ def __getattr__(name: str) -> Any:
         return getattr(_import_module(".reading", __name__), name)
     if name in _PLAN:
         return getattr(_import_module(".plan", __name__), name)
+    if name == "plot":
+        return _import_module(".report.figures", __name__).plot
     if name == "to_arrow":
         return _import_module(".row", __name__).to_arrow
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from importlib.metadata import version
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from . import __version__
 from ._glapp import ANSWER_VERSION
 from .escape import in_quotes
 from .result import Result
@@ -491,7 +491,7 @@ def to_json(results: Sequence[Result]) -> str:
     """
     document = {
         "schema_version": ANSWER_VERSION,
-        "glapp": __version__,
+        "glapp": version("glapp"),
         "loops": [result.to_dict() for result in results],
     }
     return in_quotes(Document.model_validate(document).model_dump_json(indent=2))

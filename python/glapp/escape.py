@@ -23,7 +23,7 @@ def escaped(text: str) -> str:
     >>> print(escaped("FIC\x1b[31m101 d\u0302 \u202e"))
     FIC\x1b[31m101 d̂ \u202e
     """
-    return _OTHER.sub(lambda found: _shown(found.group()), text)
+    return _OTHER.sub(lambda found: _escaped(found.group()), text)
 
 
 def one_line(text: str) -> str:
@@ -48,7 +48,7 @@ def in_quotes(text: str) -> str:
 
     def code(found: re.Match[str]) -> str:
         char = found.group()
-        return f"\\u{ord(char):04x}" if ord(char) < 0xD800 and _shown(char) != char else char
+        return f"\\u{ord(char):04x}" if ord(char) < 0xD800 and _escaped(char) != char else char
 
     return _OTHER.sub(code, text)
 
@@ -64,7 +64,7 @@ def for_spreadsheet(text: str) -> str:
     return ("'" if text.startswith(_FORMULA) else "") + one_line(text)
 
 
-def _shown(char: str) -> str:
+def _escaped(char: str) -> str:
     if unicodedata.category(char) in ("Cc", "Cf", "Cs", "Zl", "Zp"):
         return char.encode("unicode_escape").decode()
     return char

@@ -6,7 +6,7 @@ import json
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import Any, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,13 +21,11 @@ from .identify import Identification, identification_from_core, identified
 from .loop import Loop
 from .progress import Progress, shares
 from .quality import Finding, findings_from_core
-from .recording import Batch, Recording
+from .recording import Recording, with_op_unit
 from .result import REASONS, Answer, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
+from .step_test import step_test_from_core
 from .trace import Band, Thinner, Trace
-
-if TYPE_CHECKING:
-    from .step_test import StepTest
 
 __all__ = ["Estimator", "analyze", "estimate", "identify"]
 
@@ -221,13 +219,6 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
     return _result(recording, loop, done, _trace(thinner, signals, done["chosen"]))
 
 
-def _step_test(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
-    """The step test that the beginning of a recording holds, in words."""
-    from .step_test import step_test_from_core  # which takes what it needs from here
-
-    return step_test_from_core(found, recording, loop)
-
-
 def _task(loop: Loop) -> dict[str, Any]:
     """What is known of a loop, as the core takes it."""
     ideal = loop.ideal()
@@ -239,7 +230,7 @@ def _task(loop: Loop) -> dict[str, Any]:
         "pv_span": loop.pv_span,
         "op_span": loop.op_span,
         "op_percent": loop.op_label == "%",
-        "place": _place(loop),
+        "exclusion": _exclusion(loop),
         "acceptable": loop.acceptable_dead_band,
         "prior": loop.prior(),
         "positioner_dead_band": None if loop.positioner is None else loop.positioner.dead_band,
@@ -289,7 +280,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         ),
         answer=Answer.of(answer["answer"]),
         messages=answer["messages"],
-        step_test=None if answer["step_test"] is None else _step_test(answer["step_test"], recording, loop),
+        step_test=None if answer["step_test"] is None else step_test_from_core(answer["step_test"], recording, loop),
         quality=named(answer["quality"], recording.found),
         identification=identification,
         trace=trace,
@@ -302,7 +293,7 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
     """The fit in words."""
     match done["answer"]["fit"]["why"]:
         case {"code": "place"}:
-            return Fit("cannot_tell", _crossings("place", _of_place(loop)), loop.op_label, why="place")
+            return Fit("cannot_tell", _crossings("place", _of_exclusion(loop)), loop.op_label, why="place")
         case {"code": "finding", "of": i} if done["pv"] is None:
             return Fit("cannot_tell", found[i].text, loop.op_label, why=found[i].code)
         case {"code": "finding", "of": i}:
@@ -344,14 +335,14 @@ def _code(answer: dict[str, Any], found: list[Finding]) -> str | None:
 def why_text(
     answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None
 ) -> str | None:
-    """Why the crossings say no more, in words."""
+    """Sentence that explains why the zero crossings give no width, or only a provisional one; None where they do."""
     match answer["why"]:
         case None:
             return None
         case {"code": "finding", "of": int(i)}:
             return found[i].text
         case {"code": "place"}:
-            return _crossings("place", _of_place(loop))
+            return _crossings("place", _of_exclusion(loop))
         case {"code": "nothing_accepted"}:
             return nothing_accepted(answer["reasons"])
         case why:
@@ -444,7 +435,7 @@ def identify(
         batch.op,
         batch.flags,
         setpoint_weight=_given_setpoint_weight(loop),
-        limits=op_range(loop),
+        limits=loop.op_range(),
     )
 
 
@@ -590,8 +581,8 @@ class Estimator:
         return type(self).load, (self.save(),)
 
 
-def _place(loop: Loop) -> str | None:
-    """A place of the detector where its estimate would be wrong (thesis 8.3.2)."""
+def _exclusion(loop: Loop) -> str | None:
+    """Why the width of this OP is not that of one valve (thesis 8.3.2); None where it is."""
     if loop.cascade is not None and loop.cascade.role == "primary":
         return "primary"
     if loop.split_range:
@@ -599,12 +590,12 @@ def _place(loop: Loop) -> str | None:
     return None if loop.shared_valve_with is None else "shared_valve"
 
 
-def _of_place(loop: Loop) -> dict[str, str | None]:
+def _of_exclusion(loop: Loop) -> dict[str, str | None]:
     """Where the loop stands, if an estimate would be wrong there, and the partner that the sentence names."""
     partner = loop.shared_valve_with
     if loop.cascade is not None:
         partner = loop.cascade.partner or "the secondary loop"
-    return {"place": _place(loop), "partner": partner}
+    return {"place": _exclusion(loop), "partner": partner}
 
 
 def nothing_accepted(rejected: dict[str, int]) -> str:
@@ -635,17 +626,4 @@ def _process_gain(loop: Loop) -> float | None:
 
 def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> dict[str, Any]:
     given = {} if loop.tf is None else {"tf": loop.tf}
-    return {**ideal._asdict(), **given, "kp": kp, "n": loop.n, "h": h, "op_limits": op_range(loop)}
-
-
-def with_op_unit(loop: Loop, batch: Batch) -> Loop:
-    """Give up the assumption that OP is a percentage where nothing says so and the recording contradicts it."""
-    assumed = loop.op_span is None and loop.op_unit is None
-    if assumed and batch.op is not None and not _glapp.within_percent(batch.op):
-        return loop.model_copy(update={"op_unit": "OP unit"})
-    return loop
-
-
-def op_range(loop: Loop) -> tuple[float, float] | None:
-    """Span of OP; that of a percentage where nothing else is said."""
-    return (0.0, 100.0) if loop.op_span is None and loop.op_label == "%" else loop.op_span
+    return {**ideal._asdict(), **given, "kp": kp, "n": loop.n, "h": h, "op_limits": loop.op_range()}

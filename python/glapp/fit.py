@@ -383,8 +383,8 @@ def fit_recordings(
     sign = process_sign(loop, loop.ideal())
     *reading, fitting = shares(progress, *[0.3 / len(recordings)] * len(recordings), 0.7)
     batches = [
-        _read(one, sign, told)[0] if why is None else []
-        for one, told, why in zip(recordings, reading, known, strict=True)
+        _read(one, sign, progress_of)[0] if why is None else []
+        for one, progress_of, why in zip(recordings, reading, known, strict=True)
     ]
     starts = since(recordings)
     fitted = [pair for pair, why in zip(zip(starts, batches, strict=True), known, strict=True) if why is None]
@@ -407,29 +407,29 @@ def _valve(
     own = iter(answer.get("recordings") or [answer] * len(known))
     each = []
     for recording, why in zip(recordings, known, strict=True):
-        said: dict[str, Any] = {} if why is not None else next(own)
+        found: dict[str, Any] = {} if why is not None else next(own)
         if why is not None:
             alone = Fit(why[0], why[2], unit, why=why[1])
-        elif "unfit" in said:
-            alone = Fit("cannot_tell", _sentence(said, unit), unit, why=said["unfit"][0])
+        elif "unfit" in found:
+            alone = Fit("cannot_tell", _sentence(found, unit), unit, why=found["unfit"][0])
         else:
-            alone = _fit_from_answer(said, unit)
-        word = said.get("left_out", "unfit")
+            alone = _fit_from_answer(found, unit)
+        word = found.get("left_out", "unfit")
         each.append(
             OneOfMany(
                 source=recording.source,
                 t0=recording.t0,
                 fit=alone,
-                repeated=said.get("repeated", 0.0),
+                repeated=found.get("repeated", 0.0),
                 left_out=None if word is None else _left_out(word, alone),
-                adds=said.get("adds", 0.0),
-                shown="recordings" in answer and said is answer["recordings"][answer["shown"]],
+                adds=found.get("adds", 0.0),
+                shown="recordings" in answer and found is answer["recordings"][answer["shown"]],
             )
         )
     if "unfit" in answer:
-        told: Verdict = "oscillation" if all(one.fit.verdict == "oscillation" for one in each) else "cannot_tell"
+        verdict: Verdict = "oscillation" if all(one.fit.verdict == "oscillation" for one in each) else "cannot_tell"
         reason = to_text("fit.no_recording", {"all": len(each), "said": each[0].fit.reason})
-        return Fit(told, reason, unit, recordings=each)
+        return Fit(verdict, reason, unit, recordings=each)
     best = answer["recordings"][answer["shown"]]
     return replace(
         _fit_from_answer(answer | {"windows": best["windows"], "shown": best["shown"]}, unit),
@@ -448,18 +448,18 @@ def _of_many(answer: dict[str, Any], each: list[OneOfMany], unit: str) -> str:
     """Verdict and evidence of several recordings: how many count, and why the others do not."""
     names = _names(each)
     numbers = _joint(answer, each)["numbers"] | {"said": _sentence(answer, unit)}
-    told = [to_text("fit.recordings", numbers)]
+    sentences = [to_text("fit.recordings", numbers)]
     reasons: dict[str, list[str]] = {}
     for name, one in zip(names, each, strict=True):
         if one.left_out is not None:
             reasons.setdefault(one.left_out, []).append(name)
-    told += [to_text("fit.not_counted", {"why": why, "names": ", ".join(of)}) for why, of in reasons.items()]
-    told += [
+    sentences += [to_text("fit.not_counted", {"why": why, "names": ", ".join(of)}) for why, of in reasons.items()]
+    sentences += [
         to_text("fit.repeated", {"share": one.repeated, "name": name})
         for name, one in zip(names, each, strict=True)
         if one.repeated
     ]
-    return ". ".join(told)
+    return ". ".join(sentences)
 
 
 def _joint(answer: dict[str, Any], each: list[OneOfMany]) -> dict[str, Any]:
@@ -516,12 +516,12 @@ def fit_from_core(
 
 def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
     """Put into words what position and PV say together: the answer names both where they contradict each other."""
-    said = {"pv": through_pv.reason, "position": at_valve.reason, "verdict": answer["verdict"]}
+    numbers = {"pv": through_pv.reason, "position": at_valve.reason, "verdict": answer["verdict"]}
     if answer["position"] in ("silent", "bounds"):
-        return replace(through_pv, reason=to_text(f"fit.{answer['position']}", said))
+        return replace(through_pv, reason=to_text(f"fit.{answer['position']}", numbers))
     own = loop.positioner.dead_band if loop.positioner is not None else None
-    said["own"] = own if at_valve.found else None
-    reason = to_text(f"fit.{answer['position']}", said)
+    numbers["own"] = own if at_valve.found else None
+    reason = to_text(f"fit.{answer['position']}", numbers)
     decided = {name: answer[name] for name in ("verdict", "low", "high", "change", "judgement", "weighed")}
     return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
@@ -531,8 +531,8 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     unit = loop.op_label
     if "unfit" in answer:
         return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
-    best = _shown(answer, "position")
-    best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
+    best = _best_window(answer, "position")
+    best["candidates"] = [{"noise": "position", "delta_deviance": 0.0, "profile": best["profile"]}]
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
     return Fit(
         answer["verdict"],
@@ -554,15 +554,15 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
     unit = loop.op_label
     if "unfit" in answer:
         return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
-    said = _fit_from_answer(answer, unit)
+    fitted = _fit_from_answer(answer, unit)
     if sinusoid is None:
-        return said
-    return replace(said, verdict="oscillation", why="sinusoidal", reason=sinusoid + _changed(answer, unit))
+        return fitted
+    return replace(fitted, verdict="oscillation", why="sinusoidal", reason=sinusoid + _width_change_text(answer, unit))
 
 
 def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
     """What the core said of PV, in words."""
-    best = _shown(answer, "PV") | {name: answer[name] for name in JUDGED}
+    best = _best_window(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     return Fit(
         verdict=answer["verdict"],
@@ -582,7 +582,7 @@ def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
     )
 
 
-def _shown(answer: dict[str, Any], signal: str) -> dict[str, Any]:
+def _best_window(answer: dict[str, Any], signal: str) -> dict[str, Any]:
     """The window that shows best what all say, and which signal was fitted."""
     best: dict[str, Any] = answer["windows"][answer["shown"]]
     best["signal"] = signal
@@ -598,17 +598,17 @@ def _trend(answer: dict[str, Any]) -> Trend | None:
     """The trend, with slope and error per day."""
     if (found := answer["trend"]) is None:
         return None
-    told = {key: found[key] for key in ("windows", "t", "d", "changes")}
-    return Trend(slope=DAY * found["slope"], error=DAY * found["error"], **told)
+    fields = {key: found[key] for key in ("windows", "t", "d", "changes")}
+    return Trend(slope=DAY * found["slope"], error=DAY * found["error"], **fields)
 
 
 def _sentence(answer: dict[str, Any], unit: str) -> str:
     """Verdict and evidence, and how the width changes where that is plain."""
     message = answer["message"]
-    return to_text(message["code"], message["numbers"], op_unit=unit) + _changed(answer, unit)
+    return to_text(message["code"], message["numbers"], op_unit=unit) + _width_change_text(answer, unit)
 
 
-def _changed(answer: dict[str, Any], unit: str) -> str:
+def _width_change_text(answer: dict[str, Any], unit: str) -> str:
     message = (answer.get("trend") or {}).get("message")
     return "" if message is None else f"; {to_text(message['code'], message['numbers'], op_unit=unit)}"
 

@@ -228,6 +228,10 @@ class Loop(Checked):
         """What was given, and nothing that has its default."""
         return ((key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set)
 
+    def op_range(self) -> tuple[float, float] | None:
+        """Span of OP [OP unit]; 0 to 100 where OP is in % and no other span is given; None where it is not known."""
+        return (0.0, 100.0) if self.op_span is None and self.op_label == "%" else self.op_span
+
     def _repr_html_(self) -> str:
         """What is known, for a notebook."""
         return table(self.name, [(str(key), repr(value)) for key, value in self.__repr_args__() if key != "name"])

@@ -642,7 +642,7 @@ def nyquist_figure(
     """
     import plotly.graph_objects as go
 
-    from .report import figures as paper
+    from . import palette as paper
 
     if not window > 0:
         raise InputError(f"is {window}, must be greater than 0", parameter="window", value=window, bound="> 0")

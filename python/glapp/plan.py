@@ -366,7 +366,7 @@ class _Fitted:
         either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
         left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
         within = {"op": op_within, "pv": pv_within}
-        stands = _stands(recording)
+        stands = _last_values(recording)
         for name, x in (("op", op), ("pv", pv)):
             low, high = within[name] or (float(np.nanmin(x)), float(np.nanmax(x)))
             within[name] = low, high
@@ -419,7 +419,7 @@ def _gains(fitted: Sequence[float], given: float | None, found: bool) -> tuple[f
     return kp, math.copysign(BEYOND * max(abs(kp), most if given is None else 0.0), kp)
 
 
-def _stands(recording: Recording) -> dict[str, float]:
+def _last_values(recording: Recording) -> dict[str, float]:
     """OP, PV and SP at the end of the recording, PV in the place of an SP that is not recorded."""
     last: dict[str, list[Floats]] = {"op": [], "pv": [], "sp": []}
     for batch in recording.batches():
@@ -432,7 +432,7 @@ def _stands(recording: Recording) -> dict[str, float]:
 
 
 def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Floats, Floats]:
-    """OP and PV of the window that was fitted, at even steps."""
+    """OP and PV between `start` and `end`, resampled to steps of `h` seconds by the latest value."""
     rows = joined([part for b in recording.batches() if len(part := b[_inside(b.t, start, end)])])
     assert rows.op is not None  # it was fitted
     good = np.isfinite(rows.t) & np.isfinite(rows.op) & np.isfinite(rows.pv)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +20,7 @@ from .errors import InputError
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-__all__ = ["PLANTS", "Bode", "Character", "Plant", "Step"]
-
-Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
-"""What limits the control of a process (thesis 4.1)."""
-
-_LAG_DOMINATED, _DELAY_DOMINATED = 0.3, 0.5
+__all__ = ["PLANTS", "Bode", "Plant", "Step"]
 
 _KEYS = "known keys: num, den, dead_time"
 
@@ -415,39 +410,6 @@ class Plant:
             a[np.arange(1, n), np.arange(n - 1)] = 1.0
             a[0, n] = 1.0
         return a, np.append(num[1:] - num[0] * den[1:], num[0])
-
-    @property
-    def character(self) -> Character:
-        """What limits its control (thesis 4.1), by τ = L/(L + T) of its FOTD model.
-
-        Delay-dominated where L > T, τ > 0.5, as the thesis has it. Lag-dominated is what has "a much larger" T than L;
-        how much it leaves open, and calls P2 (τ = 0.33, T = 2.1 L) balanced. Here it is τ < 0.3, T > 2.3 L; any border
-        between 0.25 and 0.33 gives the same classes for the test batch. Balanced is the rest.
-
-        Raises
-        ------
-        InputError
-            For a process without an FOTD model (`glapp.tuning.fotd`).
-
-        Examples
-        --------
-        >>> for name, plant in PLANTS.items():
-        ...     print(name, plant.character)
-        P1 integrating
-        P2 balanced
-        P3 balanced
-        P4 delay-dominated
-        P5 lag-dominated
-        P6 balanced
-        P7 balanced
-        P8 delay-dominated
-        """
-        from .tuning import fotd  # which builds on this module
-
-        if self.integrators == 1:
-            return "integrating"
-        tau = fotd(self).tau
-        return "lag-dominated" if tau < _LAG_DOMINATED else "delay-dominated" if tau > _DELAY_DOMINATED else "balanced"
 
 
 def _expm(a: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

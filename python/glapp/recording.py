@@ -11,11 +11,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _glapp
 from .loop import Loop
 from .notebook import table
 from .quality import Finding
 
-__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "finished", "joined"]
+__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "finished", "joined", "with_op_unit"]
 
 T = TypeVar("T", bound=np.generic)
 
@@ -175,3 +176,11 @@ class Recording(ABC):
     def release(self) -> None:
         """Let go of rows that are held in memory; they are read again where they are asked for again."""
         return None
+
+
+def with_op_unit(loop: Loop, batch: Batch) -> Loop:
+    """The loop without the assumption that OP is a percentage, where nothing says so and the batch contradicts it."""
+    assumed = loop.op_span is None and loop.op_unit is None
+    if assumed and batch.op is not None and not _glapp.within_percent(batch.op):
+        return loop.model_copy(update={"op_unit": "OP unit"})
+    return loop

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import datetime
@@ -24,7 +25,6 @@ from .trace import Trace
 
 if TYPE_CHECKING:
     import pandas as pd
-    import plotly.graph_objects as go
 
     from .step_test import StepTest
 
@@ -398,7 +398,7 @@ class Answer:
     struck: Struck | None
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Answer:
+    def of(cls, document: Mapping[str, Any]) -> Answer:
         """The answer as the core or a document tells it; what a document says beside it in words is left out."""
         parts = {
             "limit": Limit,
@@ -408,11 +408,11 @@ class Answer:
             "trend": Moves,
             "next": Next,
         }
-        values = {column.name: told[column.name] for column in fields(cls)} | {"rank": tuple(told["rank"])}
+        values = {column.name: document[column.name] for column in fields(cls)} | {"rank": tuple(document["rank"])}
         for name, part in parts.items():
             if values[name] is not None:
-                said = {column.name: values[name].get(column.name) for column in fields(part)}
-                values[name] = part(**said)
+                numbers = {column.name: values[name].get(column.name) for column in fields(part)}
+                values[name] = part(**numbers)
         return cls(**values)
 
 
@@ -623,22 +623,19 @@ class Result:
             high = "no upper limit" if answer.high is None else f"{answer.high:.4g}"
             limits = "" if answer.low is None else f" ({answer.low:.4g} to {high})"
             width = "" if answer.width is None else f" {answer.width:.4g} {self.unit}"
-            told = f"{answer.verdict}{',' if width or limits else ''}{width}{limits}"
-            return f"<Result {self.name}: {told}{'' if (by := self.by_position) is None else f', {by}'}>"
+            text = f"{answer.verdict}{',' if width or limits else ''}{width}{limits}"
+            return f"<Result {self.name}: {text}{'' if (by := self.by_position) is None else f', {by}'}>"
         width = "" if self.d_hat is None else f" {self.d_hat:.4g} {self.unit},"
         found = f"{self.detections} detections in {self.total_half_periods} half-periods"
         return f"<Result {self.name}: {answer.verdict},{width} {found}>"
 
     def _repr_html_(self) -> str:
         """What is so, what to do and why, for a notebook."""
-        from .report.words import headline, texts_of
-
-        said = texts_of(self)
-        why = [("why" if i == 0 else "", text) for i, text in enumerate(said["why"])]
+        texts = self.texts()
+        why = [("why" if i == 0 else "", text) for i, text in enumerate(texts["why"])]
         by = [] if self.by_position is None else [("by", self.by_position)]
-        return table(
-            f"{self.name}: {headline(self) or self.verdict}", [("", said["so"]), ("do", said["do"]), *by, *why]
-        )
+        head = f"{self.name}: {texts['headline'] or self.verdict}"
+        return table(head, [("", texts["so"]), ("do", texts["do"]), *by, *why])
 
     @property
     def by_position(self) -> str | None:
@@ -744,16 +741,58 @@ class Result:
 
     def _answered(self) -> dict[str, Any]:
         """The one answer in plain types, with its sentences."""
-        from .report.words import texts_of
-
-        answer, words = asdict(self.answer), texts_of(self)
-        answer["next"]["text"] = words["do"]
+        answer, texts = asdict(self.answer), self.texts()
+        answer["next"]["text"] = texts["do"]
         if answer["struck"] is not None:
-            answer["struck"]["text"] = words["crossing"]
-        return answer | {"reasons": self.messages} | {part: words[part] for part in ("so", "do", "why")}
+            answer["struck"]["text"] = texts["crossing"]
+        return answer | {"reasons": self.messages} | {part: texts[part] for part in ("so", "do", "why")}
 
-    def plot(self) -> go.Figure:
-        """A zoomable figure: SP, PV and filtered PV over shaded half-periods, OP, detections and estimate."""
-        from .report.figures import loop_figure
+    def facts(self) -> dict[str, Any]:
+        """The one answer under the names of its document, and beside it what only its sentences need."""
+        f, rejected, positioner = self.fit, self.ranked_reasons(), self.loop.positioner
+        contradicts = f is not None and f.through_pv is not None and f.verdict == "cannot_tell"
+        return {
+            **asdict(self.answer),
+            "span": self.span,
+            "fit": f
+            and {
+                "why": f.why,
+                "d": f.d,
+                "jump": f.jump,
+                "position": "contradicts" if contradicts else None,
+                "reason": f.reason,
+                "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
+            },
+            "crossings": {
+                "verdict": self.crossings,
+                "reason": self.reason,
+                **{
+                    name: getattr(self, name) for name in ("d_hat", "d_hat_percent_span", "detections", "repeatability")
+                },
+                "half_periods": self.total_half_periods,
+                "n": self.settings.n,
+                "noise_floor": self.noise_floor,
+                "corrected": None if self.corrected is None else asdict(self.corrected),
+                "rejected": rejected[0] if rejected else None,
+                "positioner": None if positioner is None else positioner.dead_band,
+            },
+        }
 
-        return loop_figure(self)
+    def texts(self) -> dict[str, Any]:
+        """The answer in sentences, by the name of each part: `so`, `do`, `why`, `headline`, `of_span` and more."""
+        facts = json.dumps(_without_nan(self.facts()))
+        found: dict[str, Any] = _glapp.texts_of(facts, name=self.name, pv_unit=self.loop.pv_unit, op_unit=self.unit)
+        return found
+
+    def ranked_reasons(self) -> list[tuple[str, int]]:
+        """Why half-periods were rejected, and how many for each reason, the most frequent first."""
+        return sorted(((name, n) for name, n in self.reasons.items() if n), key=lambda pair: -pair[1])
+
+
+def _without_nan(of: Any) -> Any:
+    """A value with None in the place of the numbers that JSON does not have."""
+    if isinstance(of, dict):
+        return {name: _without_nan(value) for name, value in of.items()}
+    if isinstance(of, list | tuple):
+        return [_without_nan(value) for value in of]
+    return None if isinstance(of, float) and not math.isfinite(of) else of

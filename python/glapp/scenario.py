@@ -614,9 +614,9 @@ class Scenario(Checked):
 
     def _compensation(self, given: Compensation) -> dict[str, Any]:
         ideal = self.ideal()
-        told = {"k": ideal.k if given.k is None else given.k, "ti": ideal.ti}
+        controller = {"k": ideal.k if given.k is None else given.k, "ti": ideal.ti}
         beside = given.model_dump(include={"begin", "delay", "longest"})
-        settings = {**given.model_dump(exclude={*beside}), **told}
+        settings = {**given.model_dump(exclude={*beside}), **controller}
         return {"settings": settings, "tf": self.filter_time(), **beside}
 
     @classmethod

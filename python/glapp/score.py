@@ -237,14 +237,14 @@ def counted(scored: Sequence[Scored]) -> list[Count]:
     order = ("found", "likely", "sound", "none_seen", "oscillation", "cannot_tell", "not_judged", "refused")
     counts = []
     for confidence in order:
-        outcomes = [one.outcome for one in scored if _sure(one.result.answer) == confidence]
+        outcomes = [one.outcome for one in scored if _outcome(one.result.answer) == confidence]
         right, wrong, silent = (outcomes.count(kind) for kind in ("right", "wrong", "silent"))
         if right or wrong or silent:
             counts.append(Count(confidence, right, wrong, silent))
     return counts
 
 
-def _sure(answer: Answer) -> str:
+def _outcome(answer: Answer) -> str:
     """How sure the answer is; an oscillation for another reason is an answer of its own."""
     return answer.verdict if answer.verdict == "oscillation" else answer.confidence
 

@@ -56,7 +56,6 @@ from .scenario import (
 
 if TYPE_CHECKING:
     import pandas as pd
-    import plotly.graph_objects as go
 
 __all__ = [
     "Coloured",
@@ -178,18 +177,6 @@ class Simulation:
         except ImportError:
             raise InputError("pandas is not installed", hint="pip install pandas, or use to_arrow()") from None
         return frame
-
-    def plot(self) -> go.Figure:
-        """A zoomable figure: SP and PV above, OP and the valve's position below, and the load where there is any.
-
-        Examples
-        --------
-        >>> [trace.name for trace in closed_loop("P2", (0.775, 2.05), t_end=50, setpoint=[(1, 1.0)]).plot().data]
-        ['SP', 'PV', 'OP', 'position']
-        """
-        from .report.figures import simulation_figure
-
-        return simulation_figure(self)
 
     def write_csv(self, path: str | Path) -> None:
         """Write the columns of `to_arrow` as CSV, every number with all its digits."""

@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
 from . import _glapp
 from .errors import InputError
-from .estimate import op_range, with_op_unit
 from .loop import Loop
-from .recording import Batch, Recording
+from .recording import Batch, Recording, with_op_unit
 from .samples import recording_of
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 __all__ = ["Hold", "Reading", "StepTest", "step_test"]
 
@@ -159,12 +155,6 @@ class StepTest:
     t0: datetime | None = None
     signals: Batch | None = field(default=None, repr=False, compare=False)
 
-    def plot(self) -> go.Figure:
-        """A zoomable figure: PV and OP with what was held, what had settled, and each reading in its place."""
-        from .report.figures import step_test_figure
-
-        return step_test_figure(self)
-
     def to_dict(self) -> dict[str, Any]:
         """All but the signals, as JSON has it."""
         shown = asdict(replace(self, signals=None, travel=None))
@@ -241,7 +231,7 @@ def step_test(
         rows.add(batch)
     kept = rows.kept()
     loop = recording.loop if kept is None else with_op_unit(recording.loop, kept)
-    span, positioner = op_range(loop), loop.positioner
+    span, positioner = loop.op_range(), loop.positioner
     found = rows.read(
         loop.process.type == "integrating",
         None if span is None else span[1] - span[0],
@@ -255,11 +245,11 @@ def step_test_from_core(found: dict[str, Any], recording: Recording, loop: Loop)
     blank = StepTest(recording.name, recording.source, loop.op_label, loop.pv_unit or "PV unit", None, t0=recording.t0)
     travel = found.pop("travel")
     if travel is not None:
-        travel = _filled(replace(blank, pv_unit="% travel"), travel, "the valve")
-    return replace(_filled(blank, found, "PV"), travel=travel)
+        travel = _with_answer(replace(blank, pv_unit="% travel"), travel, "the valve")
+    return replace(_with_answer(blank, found, "PV"), travel=travel)
 
 
-def _filled(blank: StepTest, found: dict[str, Any], subject: str) -> StepTest:
+def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTest:
     """The core's answer, with its codes in sentences; `subject` is what answered OP."""
     words = {
         "subject": subject,

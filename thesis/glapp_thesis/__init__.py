@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from glapp.errors import InputError
 
-from . import chapter1, chapter2, chapter4, chapter5, chapter6, chapter7, chapter8
+from . import chapter1, chapter2, chapter3, chapter4, chapter5, chapter6, chapter7, chapter8
 from .figure import Number, Shown
 
 __all__ = ["FIGURES", "Number", "Shown", "find", "show"]
@@ -24,6 +24,7 @@ __all__ = ["FIGURES", "Number", "Shown", "find", "show"]
 FIGURES: dict[str, Callable[[], Shown]] = {
     **chapter1.FIGURES,
     **chapter2.FIGURES,
+    **chapter3.FIGURES,
     **chapter4.FIGURES,
     **chapter5.FIGURES,
     **chapter6.FIGURES,

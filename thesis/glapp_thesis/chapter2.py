@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -72,7 +73,13 @@ def figure_2_1() -> Shown:
         numbers=(
             Number("gap", "%", None, PERCENT * scenario.d),
             Number("Δu = K/Ti·Δy·Δt, from SP and PV alone", "%", None, PERCENT * rows["delta_u"]),
-            Number("Δu, read off OP", "%", "the same", travel),
+            Number(
+                "Δu, read off OP",
+                "%",
+                "the same",
+                travel,
+                holds=math.isclose(travel, PERCENT * rows["delta_u"], rel_tol=0.01),
+            ),
             Number("width (2.4)", "%", None, PERCENT * rows["d"]),
         ),
         difference="Process, controller and noise of the figure are not given; here P3 as in figure 5.1.",
@@ -117,7 +124,13 @@ def figure_2_2() -> Shown:
             Number("amplitude of OP predicted without", "%", None, PERCENT * stable.amplitude),
             Number("amplitude of OP simulated without", "%", None, _late(without.op, without)),
             Number("amplitude of the valve without", "%", None, _late(without.position, without)),
-            Number("amplitude of the valve with", "%", 0.0, _late(with_lead.position, with_lead)),
+            Number(
+                "amplitude of the valve with",
+                "%",
+                "dies out",
+                _late(with_lead.position, with_lead),
+                holds=_late(with_lead.position, with_lead) < 0.01 * _late(without.position, without),
+            ),
         ),
         difference="The thesis does not say which controller it draws. With a PI or PID controller there are two "
         "integrators in the loop, and no lead of finite gain can part the curves; here the controller is proportional, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -52,7 +53,7 @@ def figure_4_1() -> Shown:
         "risen by 63 %.",
         numbers=(
             Number("L", "s", None, model.l, READ),
-            Number("T", "s", None, model.t, READ),
+            Number("T", "s", "time of 63 %", model.t, READ, holds=False),
             Number("time of 63 %", "s", None, t63, READ),
             Number("L, off samples 10 ms apart", "s", None, sampled.l, READ),
             Number("T, off samples 10 ms apart", "s", None, sampled.t, READ),
@@ -60,6 +61,7 @@ def figure_4_1() -> Shown:
         difference="The thesis calls the time of 63 % T. The rules need what is left of it after the dead time, "
         "T = T63 − L; its own text on lag and dead time makes sense only so.",
         draw=draw,
+        why="T is the time of 63 % less L, which the thesis' own P2 needs",
     )
 
 
@@ -89,7 +91,14 @@ def figure_4_2() -> Shown:
         "at −a.",
         numbers=(
             Number("L", "s", None, model.l, READ),
-            Number("a", "", None, by_tangent, READ),
+            Number(
+                "a",
+                "",
+                "on the tangent",
+                by_tangent,
+                READ,
+                holds=math.isclose(rule.controller.k * by_tangent, 0.9, rel_tol=READ),
+            ),
             Number("L/T, which a would be if P2 were its FOTD model", "", None, model.l / model.t, READ),
             Number("K of a PI controller, 0.9/a", "", None, rule.controller.k, READ),
             Number("phase margin that it leaves", "°", None, rule.phase_margin, READ),

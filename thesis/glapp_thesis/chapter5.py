@@ -5,6 +5,7 @@ Figures 5.1 to 5.9 are one simulation; each adds a condition or looks closer.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from glapp.simulate import Scenario, Simulation, run, run_many
 from glapp.tuning import migo
 
 from . import style
-from .figure import Number, Shown
+from .figure import NEAR, SAME, Number, Shown
 from .loops import PERCENT, Condition, Detected, detect, safety_net_loop, short
 
 if TYPE_CHECKING:
@@ -109,7 +110,13 @@ def figure_5_2() -> Shown:
             Number("longest half-period, 300 to 555 s", "s", None, float(lasted[before].max())),
             Number("longest half-period, 555 to 800 s", "s", None, float(lasted[after].max())),
             Number("zero crossings, 300 to 555 s", "", None, float(before.sum())),
-            Number("zero crossings, 555 to 800 s", "", None, float(after.sum())),
+            Number(
+                "zero crossings, 555 to 800 s",
+                "",
+                "frequent",
+                float(after.sum()),
+                holds=bool(after.sum() > 10 * before.sum()),
+            ),
         ),
         difference="",
         draw=draw,
@@ -149,7 +156,13 @@ def figure_5_3() -> Shown:
             Number("swing of OP, 160 to 300 s", "%", 5.0, swing),
             Number("swing of the position, 160 to 300 s", "%", None, _swing(signals.position, signals.t)),
             Number("slope of OP as K/Ti·Δy", "%/s", None, float(slope)),
-            Number("slope of OP as d/Δt", "%/s", "the same", float(by_width)),
+            Number(
+                "slope of OP as d/Δt",
+                "%/s",
+                "the same",
+                float(by_width),
+                holds=math.isclose(slope, by_width, rel_tol=SAME),
+            ),
         ),
         difference="The thesis takes Δt as constant. Without an integrator in the process the half-periods grow longer "
         "and lower until noise takes over.",
@@ -218,6 +231,8 @@ def figure_5_4() -> Shown:
         "width would otherwise lock every true one out for ever. So some noise comes in that way: there the net needs "
         "the noise floor, and above it the other conditions.",
         draw=draw,
+        why="(5.1) is asked only behind nine detections, and let go of after a run of rejections: one false width must "
+        "not lock the loop out",
     )
 
 
@@ -363,6 +378,7 @@ def figure_5_10() -> Shown:
         "Where it ends, one width of 7.6 % slips through: the oscillation that it leaves decays by less than (5.4) "
         "asks for. The false widths also make (5.1) reject the true ones after them.",
         draw=draw,
+        why="where the wave ends one oscillation decays slowly enough for (5.4)",
     )
 
 
@@ -438,7 +454,13 @@ def figure_5_12() -> Shown:
         numbers=(
             Number("gap", "%", None, PERCENT * scenario.d),
             Number("detections without (5.5)", "", "some", float(len(seen.d))),
-            Number("their median", "%", "poor", float(np.median(seen.d))),
+            Number(
+                "their median",
+                "%",
+                "poor",
+                float(np.median(seen.d)),
+                holds=abs(float(np.median(seen.d)) / (PERCENT * scenario.d) - 1) > NEAR,
+            ),
             Number("detections with (5.5)", "", 0.0, float(len(after.d))),
         ),
         difference="Process, controller and setpoint are not given; here P2 with K = 0.2, Ti = 2 s.",

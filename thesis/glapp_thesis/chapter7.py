@@ -212,13 +212,14 @@ def figure_7_4() -> Shown:
         numbers=(
             Number("worst case, 1/(5·K·Kp) at K·Kp = 0.5", "%", 40.0, 100 / (5 * 0.5)),
             Number(f"median, {SEEDS} seeds", "%", None, share.median),
-            Number("highest, median of the seeds", "%", 10.0, highest.median),
-            Number("highest of all", "%", None, highest.high),
+            Number("highest, median of the seeds", "%", "below 10", highest.median),
+            Number("highest of all", "%", "below 10", highest.high),
         ),
         difference="Most detections stay below 10 %, not all: over the seeds the highest one of a run lies between "
         f"{highest.low:.0f} and {highest.high:.0f} %. It belongs to the shortest half-period that passes, which noise "
         f"chooses. {STATED}",
         draw=draw,
+        why="the shortest half-period of 20 runs makes 10.7 %; in most runs none makes 10 %",
     )
 
 
@@ -279,8 +280,13 @@ def figure_7_5() -> Shown:
         "add no more than the whole of Δy/Kp.",
         numbers=(
             *(
-                Number(f"P2: Kp set to {kp:g}, median of {SEEDS} seeds", "%", thesis, p2[kp].median)
-                for kp, thesis in ((0.15, "below 0"), (1.0, None), (4.0, "below 5"), (20.0, "nearer to 5 than at 4"))
+                Number(f"P2: Kp set to {kp:g}, median of {SEEDS} seeds", "%", thesis, p2[kp].median, holds=holds)
+                for kp, thesis, holds in (
+                    (0.15, "below 0", None),
+                    (1.0, None, None),
+                    (4.0, "below 5", None),
+                    (20.0, "nearer to 5 than at 4", abs(p2[20.0].median - 5) < abs(p2[4.0].median - 5)),
+                )
             ),
             Number("P2: highest of all seeds and gains", "%", "below 5", max(one.high for one in p2.values())),
             Number("P3: Kp set to 4, median", "%", None, p3[4.0].median),
@@ -291,7 +297,8 @@ def figure_7_5() -> Shown:
         "the estimate is too high with the right gain already, and grows with the gain that is set. Plant, controller "
         "and noise of the thesis' simulations are not given: here ± 2 % on PV, which is ± 0.5 % of what OP's span "
         "moves, and h = 0.01 s; with a quarter of that noise P2 makes two detections in 1000 s.",
-        draw=lambda: _gains(found, "process gain that the detector is told; true 4"),
+        draw=lambda: _gains(found, "gain told to the detector; true 4"),
+        why="P2 agrees; under a PI controller P3 reads high with the right gain already",
     )
 
 
@@ -318,23 +325,24 @@ def figure_7_6() -> Shown:
         difference="On P2 the width is never too high, as the thesis says; on P3 it is wherever the true gain is below "
         "about 7, and a single run with few detections shows more than twice the gap. Assumed: K is tuned to the true "
         "gain, noise ± 2 % on PV at every gain. That noise, not Kp, is why P2's estimate falls towards small gains, "
-        "where it counts for more. Bars are the range of the seeds.",
-        draw=lambda: _gains(found, "true process gain; the detector is told 4"),
+        "where it counts for more. Bars are the middle half of the seeds.",
+        draw=lambda: _gains(found, "true gain; the detector is told 4"),
+        why="P2 agrees; P3 reads high where its true gain is below about 7",
     )
 
 
 def _gains(found: dict[str, dict[float, Spread]], label: str) -> Figure:
-    figure, (axes,) = style.panels(height=3.8)
-    for (name, spreads), colour in zip(found.items(), style.CURVES, strict=False):
-        plot(axes, list(spreads), list(spreads.values()), colour, name)
-    axes.axhline(5, color=style.TRUE, linewidth=1.0, label="the gap")
-    axes.axvline(4, color=style.TRUE, linewidth=1.0, linestyle=":")
-    axes.set_xscale("log")
-    ticks = [tick for tick in (0.2, 0.5, 1, 2, 4, 8, 16) if tick >= min(min(spreads) for spreads in found.values())]
-    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axes.minorticks_off()
-    axes.set(xlabel=label, ylabel="estimate [%]")
-    style.legend(axes)
+    figure, panels = style.panels(1, len(found), height=3.6)
+    for axes, (name, spreads), colour in zip(panels, found.items(), style.CURVES, strict=False):
+        plot(axes, list(spreads), list(spreads.values()), colour, name, quartiles=True)
+        axes.axhline(5, color=style.TRUE, linewidth=1.0, label="the gap")
+        axes.axvline(4, color=style.TRUE, linewidth=1.0, linestyle=":")
+        axes.set_xscale("log")
+        ticks = [tick for tick in (0.2, 0.5, 1, 2, 4, 8, 16) if tick >= min(spreads)]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.minorticks_off()
+        axes.set(xlabel=label, ylabel="estimate [%]", ylim=(-1.5, 8))
+        style.legend(axes)
     return figure
 
 
@@ -382,6 +390,12 @@ def median_mean(n: int) -> Floats:
     return np.array([block.update(d)[0] for d in sequence().d])
 
 
+def settled(shown: Floats) -> int | None:
+    """Detections after the change until a filter shows the new gap within 10 %."""
+    near = abs(shown[sequence().change :] / AFTER - 1) <= 0.1
+    return int(np.argmax(near)) + 1 if near.any() else None
+
+
 def figure_7_7() -> Shown:
     """Detections of which some are far off."""
     seen = sequence()
@@ -426,15 +440,14 @@ def _filtered(
     title: str,
     sentence: str,
     shown: Floats,
-    delay: str | float,
+    delay: str,
     difference: str,
     beside: tuple[str, Floats] | None = None,
 ) -> Shown:
     """What a filter shows after each detection; `beside` is another one, with its name."""
     seen = sequence()
-    after = shown[seen.change :]
-    settled = abs(after / AFTER - 1) <= 0.1
-    first = int(np.argmax(settled)) + 1 if settled.any() else None
+    first, first_of_5 = settled(shown), settled(median_mean(5))
+    slower = first is None or (first_of_5 is not None and first > first_of_5)
     right = abs(seen.d / seen.true - 1) <= 0.2
     steady = abs(np.diff(shown[len(shown) // 4 : seen.change]))
 
@@ -458,7 +471,13 @@ def _filtered(
         section="7.3",
         sentence=sentence,
         numbers=(
-            Number("detections after the change until within 10 % of the new gap", "", delay, first),
+            Number(
+                "detections after the change until within 10 % of the new gap",
+                "",
+                delay,
+                None if first is None else float(first),
+                holds=first is not None and first <= 5 if delay == "short" else slower,
+            ),
             Number("shown before the change; the gap is 5 %", "%", None, float(shown[seen.change - 1])),
             Number("shown at the end; the gap is 8 %", "%", None, float(shown[-1])),
             Number("mean move from one detection to the next before the change", "%", None, float(steady.mean())),
@@ -643,6 +662,9 @@ def figure_7_11() -> Shown:
         "relay. The thesis lets it speak only while compensation is active, which does not help where it is active and "
         "too small. Compensation by sign(e), enabled half way, not withdrawn; the shares count from 100 s later on.",
         draw=draw,
+        why="code block 7.1 asks for an even swing, which the gap of an integrating process makes too; ours asks "
+        "whether "
+        "it has become faster",
     )
 
 

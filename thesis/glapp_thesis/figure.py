@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,6 +12,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Number", "Shown"]
+
+SAME, NEAR, ZERO = 0.1, 0.2, 1e-9
+"""Relative difference within which a number is that of the thesis, or near it; what counts as zero."""
+
+_WORDS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
+    (r"(?:near|about) (\S+)", lambda ours, x: math.isclose(ours, x, rel_tol=NEAR)),
+    (r"below (\S+)(?: or none)?", lambda ours, x: ours < x),
+    (r"(?:above|over) (\S+)", lambda ours, x: ours > x),
+    (r"within (\S+)", lambda ours, x: abs(ours) <= x),
+    (r"(\S+) or more", lambda ours, x: ours >= x),
+    ("some", lambda ours, _: ours > 0),
+    ("several", lambda ours, _: ours > 1),
+    ("none", lambda *_: False),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +45,16 @@ class Number:
     tolerance : float
         Relative difference that a run on another machine may have. Simulations give the same bits everywhere; a larger
         one has its reason beside it.
+    holds : bool or None
+        Whether the thesis' words hold, where other numbers than this one decide it.
 
     Examples
     --------
     >>> number = Number("estimate", "%", thesis=1.8, ours=1.75)
     >>> number.agrees(1.75), number.agrees(1.8), number.agrees(None)
     (True, False, False)
+    >>> number.same, Number("estimate", "%", thesis="below 5", ours=6.2).same, Number("gap", "%", None, 5.0).same
+    (True, False, None)
     """
 
     what: str
@@ -43,6 +62,33 @@ class Number:
     thesis: float | str | None
     ours: float | None
     tolerance: float = 1e-6
+    holds: bool | None = None
+
+    @property
+    def same(self) -> bool | None:
+        """Whether ours is what the thesis says; None where it says nothing.
+
+        A number is the same within `SAME`, or as a zero within `ZERO`; "near 5" and "about 5" within `NEAR`. Other
+        words mean what they say: below, above, over, within (either sign), some (more than none), several (more than
+        one), or more, none.
+
+        Raises
+        ------
+        ValueError
+            For words that are none of these, where `holds` does not decide.
+        """
+        if self.holds is not None or self.thesis is None:
+            return self.holds
+        if isinstance(self.thesis, float):
+            if self.ours is None:
+                return False
+            return math.isclose(self.ours, self.thesis, rel_tol=SAME, abs_tol=ZERO)
+        if self.ours is None:
+            return "none" in self.thesis
+        for words, meaning in _WORDS:
+            if said := re.fullmatch(words, self.thesis):
+                return meaning(self.ours, float(said[1]) if said.groups() else math.nan)
+        raise ValueError(f"{self.what}: nobody decides whether {self.ours:g} is {self.thesis!r}")
 
     def agrees(self, recorded: float | None) -> bool:
         """Whether `recorded`, from an earlier run, is the same within the tolerance."""
@@ -71,6 +117,8 @@ class Shown:
         Where and why it differs from the thesis, what had to be assumed; "" where there is nothing to say.
     draw : callable
         Makes the picture.
+    why : str
+        In a few words why it differs, where a number is not the thesis'; "" where all are.
     """
 
     number: str
@@ -80,6 +128,12 @@ class Shown:
     numbers: tuple[Number, ...]
     difference: str
     draw: Callable[[], Figure]
+    why: str = ""
+
+    @property
+    def same(self) -> bool:
+        """Whether every number is the thesis' of which it says anything."""
+        return all(number.same is not False for number in self.numbers)
 
     @property
     def name(self) -> str:

@@ -6,6 +6,7 @@ import html
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from glapp.writing import GENERATOR
 
@@ -31,14 +32,36 @@ def text(value: float | str | None) -> str:
 
 
 def as_json(shown: Sequence[Shown]) -> str:
-    """Our numbers: {"5.1": {"what": value}}."""
-    numbers = {one.number: {number.what: number.ours for number in one.numbers} for one in shown}
-    return json.dumps(numbers, ensure_ascii=False, indent=2) + "\n"
+    """The numbers for other programs.
+
+    {"5.1": {"title": …, "section": …, "why": …, "numbers": {what: {"unit", "thesis", "glapp", "same"}}}}
+    """
+    figures = {
+        one.number: {
+            "title": one.title,
+            "section": one.section,
+            "why": one.why,
+            "numbers": {
+                number.what: {
+                    "unit": number.unit,
+                    "thesis": number.thesis,
+                    "glapp": number.ours,
+                    "same": number.same,
+                }
+                for number in one.numbers
+            },
+        }
+        for one in shown
+    }
+    return json.dumps(figures, ensure_ascii=False, indent=1) + "\n"
 
 
-def recorded(shown: Shown, numbers: Mapping[str, float | None]) -> Shown:
-    """A figure with the numbers of an earlier run."""
-    return replace(shown, numbers=tuple(replace(number, ours=numbers[number.what]) for number in shown.numbers))
+def recorded(shown: Shown, figure: Mapping[str, Any]) -> Shown:
+    """A figure with the numbers of an earlier run, as `as_json` wrote them."""
+    numbers = figure["numbers"]
+    return replace(
+        shown, numbers=tuple(replace(number, ours=numbers[number.what]["glapp"]) for number in shown.numbers)
+    )
 
 
 def as_markdown(shown: Sequence[Shown]) -> str:

@@ -30,12 +30,16 @@ class Spread(NamedTuple):
         Of those seeds that gave a number; NaN where none did.
     share : float
         Share of the seeds that gave one.
+    lower, upper : float
+        Their quartiles.
     """
 
     median: float
     low: float
     high: float
     share: float
+    lower: float
+    upper: float
 
     @property
     def usual(self) -> float | None:
@@ -49,15 +53,16 @@ def spread(values: Iterable[float | None]) -> Spread:
     Examples
     --------
     >>> spread([1.0, None, 3.0, 2.0])
-    Spread(median=2.0, low=1.0, high=3.0, share=0.75)
+    Spread(median=2.0, low=1.0, high=3.0, share=0.75, lower=1.5, upper=2.5)
     >>> spread([None, None, 5.0]).usual is None
     True
     """
     given = list(values)
     numbers = [value for value in given if value is not None]
     if not numbers:
-        return Spread(np.nan, np.nan, np.nan, 0.0)
-    return Spread(float(np.median(numbers)), min(numbers), max(numbers), len(numbers) / len(given))
+        return Spread(np.nan, np.nan, np.nan, 0.0, np.nan, np.nan)
+    lower, middle, upper = (float(x) for x in np.percentile(numbers, (25, 50, 75)))
+    return Spread(middle, min(numbers), max(numbers), len(numbers) / len(given), lower, upper)
 
 
 def seeded(scenario: Scenario, seeds: int = SEEDS) -> list[Scenario]:
@@ -77,12 +82,15 @@ def each(scenarios: Sequence[Scenario]) -> Iterator[tuple[Scenario, Simulation]]
             at_once, samples = [], 0.0
 
 
-def plot(axes: Axes, x: Sequence[float], spreads: Sequence[Spread], colour: str, label: str, marker: str = "o") -> None:
-    """Medians on a line, ranges as bars; open where fewer than half of the seeds gave a number."""
+def plot(
+    axes: Axes, x: Sequence[float], spreads: Sequence[Spread], colour: str, label: str, *, quartiles: bool = False
+) -> None:
+    """Medians on a line, ranges or quartiles as bars; open where fewer than half of the seeds gave a number."""
     middle = np.array([one.median for one in spreads])
-    low, high = np.array([one.low for one in spreads]), np.array([one.high for one in spreads])
+    ends = ("lower", "upper") if quartiles else ("low", "high")
+    low, high = (np.array([getattr(one, end) for one in spreads]) for end in ends)
     usual = np.array([one.usual is not None for one in spreads])
     at = np.asarray(x, dtype=float)
     axes.vlines(at, low, high, color=colour, linewidth=1.0)
-    axes.plot(at, np.where(usual, middle, np.nan), f"-{marker}", color=colour, markersize=4, linewidth=1.2, label=label)
-    axes.plot(at[~usual], middle[~usual], marker, color=colour, markersize=4, markerfacecolor="white")
+    axes.plot(at, np.where(usual, middle, np.nan), "-o", color=colour, markersize=4, linewidth=1.2, label=label)
+    axes.plot(at[~usual], middle[~usual], "o", color=colour, markersize=4, markerfacecolor="white")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glapp.errors import InputError
-from glapp.report.figures import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL, TOO_WIDE
+from glapp.palette import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL, TOO_WIDE
 from glapp.writing import write_file
 
 try:
@@ -37,8 +37,10 @@ __all__ = [
     "TRUE",
     "WRONG",
     "blocks",
+    "feedback",
     "legend",
     "panels",
+    "pins",
     "save",
 ]
 
@@ -121,6 +123,37 @@ def blocks(
     lowest = -1.3 if beside else -0.75 if back else -0.4
     axes.set(xlim=(-0.75, ends * pitch + 0.75), ylim=(lowest, 0.4))
     axes.set_axis_off()
+
+
+def pins(axes: Axes, name: str, colour: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    """One box with an arrow for each of its pins: inputs on the left, outputs on the right."""
+    height = 0.3 * max(len(inputs), len(outputs), 2)
+    box = Rectangle((-0.6, -height / 2), 1.2, height, facecolor="white", edgecolor=colour)
+    box.set_linewidth(1.5)
+    axes.add_patch(box)
+    axes.annotate(name, (0, 0), ha="center", va="center", fontsize=9, color=INK)
+    arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": MUTED, "shrinkA": 0, "shrinkB": 0}
+    for names, side in ((inputs, -1), (outputs, 1)):
+        for i, pin in enumerate(names):
+            y = height * ((len(names) - 1) / 2 - i) / max(len(names), 1)
+            near, far = 0.6 * side, 1.1 * side
+            begin, end = (far, near) if side < 0 else (near, far)
+            axes.annotate("", (end, y), (begin, y), arrowprops=arrow)
+            axes.annotate(
+                pin, (far + 0.05 * side, y), ha="right" if side < 0 else "left", va="center", fontsize=8, color=INK
+            )
+    axes.set(xlim=(-2.6, 2.6), ylim=(-height / 2 - 0.08, height / 2 + 0.08))
+    axes.set_axis_off()
+
+
+def feedback(axes: Axes, after: int, before: int, name: str) -> None:
+    """One more arrow in a chain of `blocks`: from behind one box, above the chain, to the input of another."""
+    high, begin, end = 0.42, after + 0.5, before - 0.5
+    axes.plot([begin, begin, end, end], [0, high, high, 0], color=MUTED, linewidth=1.0)
+    arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": MUTED, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (before - 0.39, 0), (end, 0), arrowprops=arrow)
+    axes.annotate(name, ((begin + end) / 2, high), ha="center", va="bottom", fontsize=9, color=INK)
+    axes.set_ylim(axes.get_ylim()[0], 0.6)
 
 
 def legend(axes: Axes, columns: int = 4) -> None:

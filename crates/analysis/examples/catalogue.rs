@@ -6,7 +6,7 @@
 
 use glapp_analysis::crossings::Verdict;
 use glapp_analysis::quality::Fault;
-use glapp_analysis::{LostMotion, Origin};
+use glapp_analysis::{FitVerdict, Origin};
 use glapp_core::auto_tuner::{Phase, Rule, Stop};
 use glapp_core::modules::{
     BacklashDetectionSettings, ForeignDetection, ForeignDetectionSettings, Mode, Pid, PidAdvanced, PidAdvancedSettings,
@@ -49,7 +49,7 @@ pub fn text() -> String {
         "rules": numbered(Rule::ALL.iter().map(|r| (r.name(), *r as u64))),
         "parameters": numbered(PARAMETERS.iter().zip(1..).map(|(name, number)| (*name, number))),
         "verdicts": Verdict::ALL.map(Verdict::name),
-        "lost_motions": LostMotion::ALL.map(LostMotion::name),
+        "fit_verdicts": FitVerdict::ALL.map(FitVerdict::name),
         "origins": Origin::ALL.map(Origin::name),
         "findings": Fault::ALL.iter().map(|fault| finding(*fault)).collect::<Vec<_>>(),
         "variables": VARIABLES.map(|v| json!({ "name": v.name, "unit": v.unit, "meaning": v.meaning })),

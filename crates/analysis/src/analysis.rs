@@ -1,7 +1,7 @@
 //! A recording from its first sample to its answer, without files, clock or sentences.
 
-use crate::answer::{Answer, CorrectedAnswer, Settings};
-use crate::crossings::{Beside, Known, NotCorrected, Place, Travel, Verdict, judge};
+use crate::answer::{AnalysisResult, CorrectedAnswer, Settings};
+use crate::crossings::{Beside, Exclusion, Known, NotCorrected, Travel, Verdict, judge};
 use crate::fitted::{FitWhy, Fitted, fitted, fitted_with, problem};
 use crate::harm::{Cells as HarmCells, Harm, harm};
 use crate::identify::{Identification, identified};
@@ -13,7 +13,7 @@ use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, 
 use glapp_core::status::NOT_AUTO;
 use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
 use glapp_fit::{
-    Batch, JointAnswer, LONG_HISTORY, Prediction, Problem, RecordAnswer, Rows, Samples, Tell, Unfit, Windows,
+    Batch, FitProblem, JointAnswer, LONG_HISTORY, Prediction, Rows, Samples, SegmentAnswer, Tell, Unfit, Windows,
 };
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -57,7 +57,7 @@ pub struct Task {
     /// Whether OP is a percentage, and its span 0 to 100 where none is given; none: unless the recording contradicts it.
     pub op_percent: Option<bool>,
     /// Where the detector stands, if no estimate can be right there.
-    pub place: Option<Place>,
+    pub exclusion: Option<Exclusion>,
     /// Widest dead band that is acceptable, where that is said [% of OP's span].
     pub acceptable: Option<f64>,
     /// Share of the plant's valves that have a dead band, where that is said.
@@ -87,7 +87,7 @@ impl Default for Task {
             pv_span: None,
             op_span: None,
             op_percent: None,
-            place: None,
+            exclusion: None,
             acceptable: None,
             prior: None,
             positioner_dead_band: None,
@@ -158,7 +158,7 @@ struct Origins {
 #[derive(Debug)]
 pub struct Done {
     /// The answer.
-    pub answer: Answer,
+    pub answer: AnalysisResult,
     /// The detector whose filter time was taken, with its place in the ladder; none where there was none.
     pub crossings: Option<(usize, Crossings)>,
     /// What was fitted; none where that was not asked or there is no OP.
@@ -234,7 +234,7 @@ impl Analysis {
 
     /// What is to be fitted, for who does so elsewhere and hands it to [`finish_with`](Self::finish_with); none where nothing
     /// is.
-    pub fn problem(&mut self) -> Option<Problem<'static>> {
+    pub fn problem(&mut self) -> Option<FitProblem<'static>> {
         let quality = self.fits().then(|| self.inspected())?;
         let sign = self.sign();
         let (batches, _) = self.asked(&quality).ok()?;
@@ -276,7 +276,7 @@ impl Analysis {
             quality.extend(doubt(kp, detector));
         }
         let crossing = Known {
-            place: task.place,
+            exclusion: task.exclusion,
             sp: self.beginning.sp.is_some(),
             op: self.identification.is_some(),
             findings: &quality,
@@ -296,8 +296,8 @@ impl Analysis {
         let rejected = Reason::ALL.iter().zip(counts).skip(1).filter(|(_, count)| **count > 0);
         let reasons: Vec<(&'static str, u64)> = rejected.map(|(reason, count)| (reason.name(), *count)).collect();
         let percent_of = |width: f64| op_limits.map(|(low, high)| 100.0 * width / (high - low));
-        let mut answer = Answer {
-            version: Answer::VERSION,
+        let mut answer = AnalysisResult {
+            version: AnalysisResult::VERSION,
             answer: Summary::of(&Facts::default()),
             crossings: verdict,
             why,
@@ -361,8 +361,8 @@ impl Analysis {
     /// Stretch or windows that are fitted, and the place of the finding that the loop swings in a clean sinusoid; why nothing is.
     fn asked(&mut self, quality: &[Finding]) -> Result<(Vec<Batch<'_>>, Option<usize>), FitWhy> {
         let find = |wanted: &dyn Fn(&Finding) -> bool| quality.iter().position(wanted);
-        if let Some(place) = self.task.place {
-            return Err(FitWhy::Place(place));
+        if let Some(exclusion) = self.task.exclusion {
+            return Err(FitWhy::Exclusion(exclusion));
         }
         if let Some(i) = find(&|found| found.severity == Severity::Refuse && found.fault != Fault::NotAuto) {
             return Err(FitWhy::Finding(i));
@@ -394,7 +394,7 @@ impl Analysis {
     fn harm(&mut self, fitted: &Fitted) -> Option<Harm> {
         let joint = fitted.pv.as_ref()?.as_ref().ok()?;
         let process = fitted.answer.process.filter(|_| fitted.answer.verdict.found())?;
-        let RecordAnswer { start, starts, h, answer, .. } = &joint.records[joint.shown];
+        let SegmentAnswer { start, starts, h, answer, .. } = &joint.records[joint.shown];
         let law = self.controller.map(|controller| (controller.k, controller.ti));
         let rows = match &mut self.windows {
             None => &self.beginning,

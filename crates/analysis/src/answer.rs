@@ -14,8 +14,8 @@ use serde::{Serialize, Serializer};
 
 /// What is known of one loop's valve, and on what it stands. Every face shows this; `glapp.document` declares its JSON.
 #[derive(Clone, Debug, Serialize)]
-pub struct Answer {
-    /// Layout, [`Answer::VERSION`].
+pub struct AnalysisResult {
+    /// Layout, [`AnalysisResult::VERSION`].
     pub version: u32,
     /// The one answer, of all that follows.
     pub answer: Summary,
@@ -54,7 +54,7 @@ pub struct Answer {
     pub messages: Vec<Message>,
 }
 
-impl Answer {
+impl AnalysisResult {
     /// The layout of this release.
     pub const VERSION: u32 = 3;
 

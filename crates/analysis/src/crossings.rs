@@ -11,4 +11,4 @@ pub use corrected::{Beside, NotCorrected, Travel};
 pub use history::{Heard, History};
 pub use ladder::{LADDER, Ladder};
 pub use table::{Crossings, Row, SHORT_KEPT, SavedError};
-pub use verdict::{Known, Place, Verdict, Why, judge};
+pub use verdict::{Exclusion, Known, Verdict, Why, judge};

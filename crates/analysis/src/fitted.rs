@@ -1,18 +1,18 @@
 //! What the fit says of the valve: by PV, by the valve's own position, and by both together.
 
-use crate::crossings::Place;
+use crate::crossings::Exclusion;
 use crate::origin::fitted_gain_serves;
 use crate::trend::{DAY, WidthTrend, of_found};
 use glapp_fit::{
-    AtValve, Batch, Confidence, JointAnswer, Judgement, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Tell,
-    Together, Trend, Unfit, ValveAnswer, Weighed,
+    AtValve, Batch, Confidence, FitProblem, JointAnswer, Judgement, PositionAnswer, Recorded, Samples, SegmentAnswer,
+    Tell, Together, Trend, Unfit, ValveAnswer, Weighed,
 };
 use serde::{Deserialize, Serialize};
 
 /// What kind of lost motion there is, if any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum LostMotion {
+pub enum FitVerdict {
     /// A gap.
     Backlash,
     /// A valve that sticks and jumps, no gap beside it.
@@ -29,7 +29,7 @@ pub enum LostMotion {
     CannotTell,
 }
 
-impl LostMotion {
+impl FitVerdict {
     /// All of them.
     pub const ALL: [Self; 7] =
         [Self::Backlash, Self::Stiction, Self::Both, Self::Oscillation, Self::Sound, Self::AtLeast, Self::CannotTell];
@@ -53,7 +53,7 @@ impl LostMotion {
     }
 }
 
-impl From<glapp_fit::Verdict> for LostMotion {
+impl From<glapp_fit::Verdict> for FitVerdict {
     fn from(verdict: glapp_fit::Verdict) -> Self {
         match verdict {
             glapp_fit::Verdict::Backlash => Self::Backlash,
@@ -70,8 +70,9 @@ impl From<glapp_fit::Verdict> for LostMotion {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "code", content = "of", rename_all = "snake_case")]
 pub enum FitWhy {
-    /// The detector stands where no width of OP is one of the valve.
-    Place(Place),
+    /// The width of this OP is not that of one valve.
+    #[serde(rename = "place")]
+    Exclusion(Exclusion),
     /// What the finding of this place in the list says.
     Finding(usize),
     /// OP stands still all the time.
@@ -130,7 +131,7 @@ pub struct Window {
     /// Its last sample \[s\].
     pub t_end: f64,
     /// What it says by itself.
-    pub verdict: LostMotion,
+    pub verdict: FitVerdict,
     /// Width [OP unit].
     pub d: f64,
     /// Lower 95 % limit [OP unit].
@@ -140,7 +141,7 @@ pub struct Window {
 }
 
 impl Window {
-    fn of<A>(record: &RecordAnswer<A>, verdict: glapp_fit::Verdict, [d, low]: [f64; 2], high: Option<f64>) -> Self {
+    fn of<A>(record: &SegmentAnswer<A>, verdict: glapp_fit::Verdict, [d, low]: [f64; 2], high: Option<f64>) -> Self {
         Self { t_start: record.start, t_end: record.end, verdict: verdict.into(), d, low, high }
     }
 }
@@ -149,7 +150,7 @@ impl Window {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FitAnswer {
     /// What it is.
-    pub verdict: LostMotion,
+    pub verdict: FitVerdict,
     /// Why.
     pub why: FitWhy,
     /// Most likely total width [OP unit]; none where nothing could be fitted.
@@ -189,7 +190,7 @@ impl FitAnswer {
     /// The answer where nothing was fitted.
     fn none(why: FitWhy, signal: Signal) -> Self {
         Self {
-            verdict: LostMotion::CannotTell,
+            verdict: FitVerdict::CannotTell,
             why,
             d: None,
             low: None,
@@ -230,13 +231,13 @@ impl FitAnswer {
 
     fn of_records(
         joint: &Together,
-        records: &[RecordAnswer<glapp_fit::Answer>],
+        records: &[SegmentAnswer<glapp_fit::SegmentFit>],
         shown: usize,
         sinusoid: Option<usize>,
     ) -> Self {
         let best = &records[shown].answer;
         let limits = |value, (low, high)| (value, low, high);
-        let window = |r: &RecordAnswer<glapp_fit::Answer>| {
+        let window = |r: &SegmentAnswer<glapp_fit::SegmentFit>| {
             Window::of(r, r.answer.verdict, [r.answer.d, r.answer.low], r.answer.high)
         };
         Self {
@@ -259,7 +260,7 @@ impl FitAnswer {
             windows: records.iter().map(window).collect(),
             ..Self::none(sinusoid.map_or(FitWhy::Evidence(joint.reason), FitWhy::Finding), Signal::PV)
         }
-        .with_verdict(sinusoid.map_or(joint.verdict.into(), |_| LostMotion::Oscillation))
+        .with_verdict(sinusoid.map_or(joint.verdict.into(), |_| FitVerdict::Oscillation))
     }
 
     /// What the valve's position says.
@@ -270,7 +271,7 @@ impl FitAnswer {
         };
         let best = &joint.records[joint.shown].answer;
         let window =
-            |r: &RecordAnswer<AtValve>| Window::of(r, r.answer.verdict, [r.answer.d, r.answer.low], r.answer.high);
+            |r: &SegmentAnswer<AtValve>| Window::of(r, r.answer.verdict, [r.answer.d, r.answer.low], r.answer.high);
         Self {
             d: Some(joint.d),
             low: Some(joint.low),
@@ -290,7 +291,7 @@ impl FitAnswer {
     /// What both say together: the position settles it, and where PV contradicts it the answer is that of neither alone.
     fn together(at_valve: Self, through_pv: Self) -> Self {
         use Position::{Bounds, Contradicts, Settles, Silent};
-        if !(at_valve.verdict.found() || at_valve.verdict == LostMotion::Sound) {
+        if !(at_valve.verdict.found() || at_valve.verdict == FitVerdict::Sound) {
             return Self { position: Some(Silent), ..through_pv };
         }
         let settled = Self { position: Some(Settles), process: through_pv.process, ..at_valve };
@@ -299,7 +300,7 @@ impl FitAnswer {
         if beyond(here, there) || beyond(there, here) {
             let both = settled.verdict.found() && through_pv.verdict.found();
             // One sees a gap that the other excludes: lost motion beyond the sensor, a loose sensor, or a wrong model.
-            let verdict = if both { settled.verdict } else { LostMotion::CannotTell };
+            let verdict = if both { settled.verdict } else { FitVerdict::CannotTell };
             return Self {
                 position: Some(Contradicts),
                 low: Some(here.0.min(there.0)),
@@ -310,22 +311,22 @@ impl FitAnswer {
             }
             .with_verdict(verdict);
         }
-        if settled.verdict == LostMotion::AtLeast && through_pv.verdict.found() && there.1.is_some() {
+        if settled.verdict == FitVerdict::AtLeast && through_pv.verdict.found() && there.1.is_some() {
             return Self { position: Some(Bounds), ..through_pv };
         }
         settled
     }
 
-    fn with_verdict(self, verdict: LostMotion) -> Self {
-        let at_least = self.low.filter(|_| verdict == LostMotion::AtLeast);
+    fn with_verdict(self, verdict: FitVerdict) -> Self {
+        let at_least = self.low.filter(|_| verdict == FitVerdict::AtLeast);
         Self { verdict, at_least, ..self }
     }
 
     /// The widths that are not excluded [OP unit], upper limit none where there is none; none where nothing is.
     pub fn interval(&self) -> Option<Interval> {
         match self.verdict {
-            LostMotion::Sound => self.low.map(|_| (0.0, self.high)),
-            LostMotion::AtLeast => self.low.map(|low| (low, None)),
+            FitVerdict::Sound => self.low.map(|_| (0.0, self.high)),
+            FitVerdict::AtLeast => self.low.map(|low| (low, None)),
             verdict if verdict.found() => self.low.map(|low| (low, self.high)),
             _ => None,
         }
@@ -343,7 +344,7 @@ impl FitAnswer {
     /// The word for why.
     pub fn word(&self) -> &'static str {
         match self.why {
-            FitWhy::Place(_) => "place",
+            FitWhy::Exclusion(_) => "place",
             FitWhy::Finding(_) => "finding",
             FitWhy::OpRests => "op_rests",
             FitWhy::Unfit(word, _) | FitWhy::Evidence(word) => word,
@@ -388,9 +389,9 @@ impl Fitted {
 }
 
 /// The problem of a stretch, or of the windows of a longer recording; none where there are none.
-pub(crate) fn problem(batches: &[Batch<'_>], sign: f64) -> Option<Result<Problem<'static>, Unfit>> {
+pub(crate) fn problem(batches: &[Batch<'_>], sign: f64) -> Option<Result<FitProblem<'static>, Unfit>> {
     let samples: Vec<Samples> = batches.iter().map(|batch| batch.samples).collect();
-    (!samples.is_empty()).then(|| Problem::of(&samples, sign))
+    (!samples.is_empty()).then(|| FitProblem::of(&samples, sign))
 }
 
 /// Fits a stretch, or the windows of a longer recording. `sign` is that of the process gain, 0 where it is not known;
@@ -468,18 +469,18 @@ fn at_valve(batches: &[Batch<'_>]) -> Option<Result<PositionAnswer, Unfit>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use LostMotion::{AtLeast, Backlash, CannotTell, Sound};
+    use FitVerdict::{AtLeast, Backlash, CannotTell, Sound};
 
-    fn answer_of(verdict: LostMotion, signal: Signal, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
+    fn answer_of(verdict: FitVerdict, signal: Signal, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
         let none = FitAnswer::none(FitWhy::Evidence("gap"), signal);
         FitAnswer { d: Some(d), low: Some(low), high, ..none }.with_verdict(verdict)
     }
 
-    fn valve(verdict: LostMotion, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
+    fn valve(verdict: FitVerdict, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
         answer_of(verdict, Signal::Position, d, low, high)
     }
 
-    fn pv(verdict: LostMotion, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
+    fn pv(verdict: FitVerdict, d: f64, low: f64, high: Option<f64>) -> FitAnswer {
         answer_of(verdict, Signal::PV, d, low, high)
     }
 

@@ -4,7 +4,7 @@
 //! for whatever shows an answer.
 //!
 //! An [`Analysis`] is made of what is known of a loop and the beginning of its recording, is handed all rows, and ends in an
-//! [`Answer`]. It asks, in this order:
+//! [`AnalysisResult`]. It asks, in this order:
 //! [`identify`] reads the controller's law out of OP's moves. [`DataStatistics`] counts what all rows hold, and [`quality`] judges a
 //! recording by it and by its first rows. [`crossings`] has the widths from zero crossings over a whole recording, and what
 //! they allow to be said. [`step_test`] reads dead band and gain off steps of OP in manual. What a single signal is like, its steps, its noise, where it stands still, stands beside them.
@@ -26,11 +26,11 @@ mod trend;
 pub mod words;
 
 pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
-pub use answer::{Answer, CorrectedAnswer, Settings};
+pub use answer::{AnalysisResult, CorrectedAnswer, Settings};
 pub use crossings::{Crossings, Ladder};
 pub use data_statistics::{Counter, DataStatistics, Occurrences, Values};
 pub use fitted::{
-    FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
+    FitAnswer, FitVerdict, FitWhy, Fitted, FittedValve, Position, Process, Signal, Window, fitted, fitted_valve,
 };
 pub use glapp_fit::{Cause, Judgement, Width, WidthKind};
 pub use harm::{Cells as HarmCells, Harm, harm};

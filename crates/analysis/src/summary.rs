@@ -6,7 +6,7 @@
 //! Nothing else decides. Every face shows this answer, and what is stored is this answer.
 
 use crate::crossings::Verdict;
-use crate::fitted::LostMotion;
+use crate::fitted::FitVerdict;
 use crate::harm::Harm;
 use crate::trend::{Change, WidthTrend};
 use glapp_core::Reason;
@@ -66,7 +66,7 @@ pub struct Facts {
 #[serde(deny_unknown_fields)]
 pub struct FitFacts {
     /// What it is.
-    pub verdict: LostMotion,
+    pub verdict: FitVerdict,
     /// The word for why.
     pub why: String,
     /// Most likely width; none where nothing could be fitted [OP unit].
@@ -178,7 +178,7 @@ pub struct NextStep {
 #[serde(untagged)]
 pub enum One {
     /// The fit's.
-    Fit(LostMotion),
+    Fit(FitVerdict),
     /// The crossings', where nothing was fitted.
     Crossings(Verdict),
 }
@@ -373,7 +373,7 @@ pub struct Summary {
 impl Summary {
     /// The one answer of these facts.
     pub fn of(facts: &Facts) -> Self {
-        let answers = |fit: &&FitFacts| fit.d.is_some() || fit.verdict == LostMotion::Oscillation;
+        let answers = |fit: &&FitFacts| fit.d.is_some() || fit.verdict == FitVerdict::Oscillation;
         let decided = match facts.fit.as_ref().filter(answers) {
             Some(fit) => Self::of_fit(facts, fit),
             None => Self::of_crossings(facts),
@@ -385,7 +385,7 @@ impl Summary {
         let judged = fit.judged();
         let (low, high) = fit.interval();
         let width = match (judged.confidence, judged.width_kind) {
-            _ if fit.verdict == LostMotion::Oscillation => None,
+            _ if fit.verdict == FitVerdict::Oscillation => None,
             (FitConfidence::Found | FitConfidence::Likely, Some(WidthKind::Bound)) => low,
             (FitConfidence::Found | FitConfidence::Likely, _) => fit.d,
             _ => None,
@@ -394,30 +394,30 @@ impl Summary {
         let acceptable = facts.judged(width.and(low), high);
         let next = match fit.verdict {
             _ if acceptable == Some(Acceptable::Within) => Next::Review,
-            LostMotion::Backlash if judged.cause == Some(Cause::Backlash) && fit.why != MORE => {
+            FitVerdict::Backlash if judged.cause == Some(Cause::Backlash) && fit.why != MORE => {
                 Next::Inspect(Part::Play)
             }
             // PV alone does not tell play from packing.
-            LostMotion::Backlash => Next::Inspect(Part::Both),
-            LostMotion::Stiction => Next::Inspect(Part::Packing),
-            LostMotion::Both => Next::Inspect(Part::Both),
-            LostMotion::AtLeast => Next::Further,
+            FitVerdict::Backlash => Next::Inspect(Part::Both),
+            FitVerdict::Stiction => Next::Inspect(Part::Packing),
+            FitVerdict::Both => Next::Inspect(Part::Both),
+            FitVerdict::AtLeast => Next::Further,
             // A gap that is too wide would not show either.
-            LostMotion::Sound if facts.judged(low, high) == Some(Acceptable::Open) => Next::RecordMore,
-            LostMotion::Sound => Next::Nothing,
-            LostMotion::Oscillation => Next::Tuning,
-            LostMotion::CannotTell if judged.tells() => Next::Confirm,
-            LostMotion::CannotTell => Next::RecordMore,
+            FitVerdict::Sound if facts.judged(low, high) == Some(Acceptable::Open) => Next::RecordMore,
+            FitVerdict::Sound => Next::Nothing,
+            FitVerdict::Oscillation => Next::Tuning,
+            FitVerdict::CannotTell if judged.tells() => Next::Confirm,
+            FitVerdict::CannotTell => Next::RecordMore,
         };
         let valve = match fit.verdict {
             verdict if verdict.found() => Valve::Gap,
             // There is one, however wide.
-            LostMotion::CannotTell if judged.confidence == FitConfidence::Found => Valve::Gap,
-            LostMotion::CannotTell => Valve::Unknown,
+            FitVerdict::CannotTell if judged.confidence == FitConfidence::Found => Valve::Gap,
+            FitVerdict::CannotTell => Valve::Unknown,
             _ => Valve::NoGap,
         };
         let confidence = match judged.confidence {
-            _ if fit.verdict == LostMotion::Oscillation => Confidence::CannotTell,
+            _ if fit.verdict == FitVerdict::Oscillation => Confidence::CannotTell,
             FitConfidence::Found => Confidence::Found,
             FitConfidence::Likely => Confidence::Likely,
             FitConfidence::NoneSeen if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
@@ -433,7 +433,7 @@ impl Summary {
             (Valve::Unknown, Some(Acceptable::Within)) => Urgency::None,
             // Only likely: a step test at the next round.
             (Valve::Unknown, Some(Acceptable::Beyond)) => Urgency::Medium,
-            _ if fit.verdict == LostMotion::Oscillation => Urgency::Medium,
+            _ if fit.verdict == FitVerdict::Oscillation => Urgency::Medium,
             (Valve::NoGap, _) if next == Next::Nothing => Urgency::None,
             _ => Urgency::Low,
         };
@@ -452,7 +452,7 @@ impl Summary {
         Self {
             cause: judged.cause.filter(|_| told),
             width_kind: if bound { Some(WidthKind::Bound) } else { judged.width_kind.filter(|_| told) },
-            oscillates: judged.oscillates || fit.verdict == LostMotion::Oscillation,
+            oscillates: judged.oscillates || fit.verdict == FitVerdict::Oscillation,
             evidence: Some(fit.evidence()),
             p_gap: weighed.map(|weighed| shown(weighed.probability(prior))),
             p_beyond: weighed.zip(limit.and_then(|limit| limit.width)).map(|(of, width)| shown(beyond(of, width))),
@@ -465,8 +465,8 @@ impl Summary {
             trend: fit.trend.and_then(|trend| facts.moves(trend)),
             harm,
             compensable: match fit.verdict {
-                LostMotion::Backlash => low,
-                LostMotion::Sound => Some(0.0),
+                FitVerdict::Backlash => low,
+                FitVerdict::Sound => Some(0.0),
                 _ => None,
             },
             score,
@@ -654,12 +654,12 @@ impl FitFacts {
     fn judged(&self) -> Judgement {
         self.judgement.unwrap_or_else(|| {
             let (confidence, cause, width_kind) = match self.verdict {
-                LostMotion::Backlash => (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Interval)),
-                LostMotion::Stiction => (FitConfidence::Found, Some(Cause::Stiction), Some(WidthKind::Interval)),
-                LostMotion::Both => (FitConfidence::Found, Some(Cause::Both), Some(WidthKind::Interval)),
-                LostMotion::AtLeast => (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Bound)),
-                LostMotion::Sound => (FitConfidence::NoneSeen, None, None),
-                LostMotion::Oscillation | LostMotion::CannotTell => (FitConfidence::CannotTell, None, None),
+                FitVerdict::Backlash => (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Interval)),
+                FitVerdict::Stiction => (FitConfidence::Found, Some(Cause::Stiction), Some(WidthKind::Interval)),
+                FitVerdict::Both => (FitConfidence::Found, Some(Cause::Both), Some(WidthKind::Interval)),
+                FitVerdict::AtLeast => (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Bound)),
+                FitVerdict::Sound => (FitConfidence::NoneSeen, None, None),
+                FitVerdict::Oscillation | FitVerdict::CannotTell => (FitConfidence::CannotTell, None, None),
             };
             Judgement { confidence, cause, width_kind, oscillates: false }
         })
@@ -669,15 +669,15 @@ impl FitFacts {
     fn interval(&self) -> (Option<f64>, Option<f64>) {
         let judged = self.judged();
         match self.verdict {
-            LostMotion::CannotTell if judged.tells() => match judged.width_kind {
+            FitVerdict::CannotTell if judged.tells() => match judged.width_kind {
                 Some(WidthKind::Interval) => (self.low, self.high),
                 Some(WidthKind::Bound) => (self.low, None),
                 _ => (None, None),
             },
-            LostMotion::AtLeast => (self.low, None),
-            LostMotion::Sound => (Some(0.0), self.high),
+            FitVerdict::AtLeast => (self.low, None),
+            FitVerdict::Sound => (Some(0.0), self.high),
             // With any other word the interval is that of a model nobody believes.
-            LostMotion::CannotTell if OPEN.contains(&&*self.why) => (self.high.and(Some(0.0)), self.high),
+            FitVerdict::CannotTell if OPEN.contains(&&*self.why) => (self.high.and(Some(0.0)), self.high),
             verdict if verdict.found() => (self.low, self.high),
             _ => (None, None),
         }
@@ -688,7 +688,7 @@ impl FitFacts {
         match self.verdict {
             verdict if verdict.found() && over > VERY => Evidence::VeryStrong,
             verdict if verdict.found() => Evidence::Strong,
-            LostMotion::CannotTell if over * VERY > 1.0 => Evidence::Weak,
+            FitVerdict::CannotTell if over * VERY > 1.0 => Evidence::Weak,
             _ => Evidence::None,
         }
     }
@@ -697,7 +697,7 @@ impl FitFacts {
     fn strikes(&self, d_hat: f64) -> Option<Struck> {
         let struck = |code, limit| Some(Struck { code, limit });
         match self.interval() {
-            (_, Some(high)) if self.verdict == LostMotion::Sound => struck(Contradiction::Sound, high),
+            (_, Some(high)) if self.verdict == FitVerdict::Sound => struck(Contradiction::Sound, high),
             (_, Some(high)) if d_hat > BEYOND * high => struck(Contradiction::Above, high),
             (Some(low), _) if d_hat < low / BEYOND => struck(Contradiction::Below, low),
             _ => None,
@@ -710,7 +710,7 @@ mod tests {
     use super::*;
     use glapp_fit::Width;
 
-    fn fit(verdict: LostMotion, low: f64, high: Option<f64>) -> FitFacts {
+    fn fit(verdict: FitVerdict, low: f64, high: Option<f64>) -> FitFacts {
         let (lr_no_gap, lr_needed) = (Some(100.0), Some(40.0));
         FitFacts {
             verdict,
@@ -734,12 +734,12 @@ mod tests {
 
     #[test]
     fn the_fit_answers_and_the_crossings_are_its_footnote() {
-        let gap = of(Verdict::Refused, None, Some(fit(LostMotion::Backlash, 5.0, Some(6.0))));
-        assert_eq!((gap.verdict, gap.valve), (One::Fit(LostMotion::Backlash), Valve::Gap));
+        let gap = of(Verdict::Refused, None, Some(fit(FitVerdict::Backlash, 5.0, Some(6.0))));
+        assert_eq!((gap.verdict, gap.valve), (One::Fit(FitVerdict::Backlash), Valve::Gap));
         assert_eq!((gap.width, gap.width_percent_span, gap.struck), (Some(5.0), Some(2.5), None));
         assert_eq!((gap.next.step, gap.urgency), (Next::Inspect(Part::Both), Urgency::High));
         assert_eq!((gap.evidence, gap.acceptable), (Some(Evidence::VeryStrong), Some(Acceptable::Beyond)));
-        let unsure = of(Verdict::Estimate, Some(3.0), Some(fit(LostMotion::CannotTell, 1.0, None)));
+        let unsure = of(Verdict::Estimate, Some(3.0), Some(fit(FitVerdict::CannotTell, 1.0, None)));
         assert_eq!((unsure.valve, unsure.width, unsure.low, unsure.struck), (Valve::Unknown, None, None, None));
         assert_eq!((unsure.next.step, unsure.urgency), (Next::RecordMore, Urgency::Low));
     }
@@ -747,20 +747,20 @@ mod tests {
     #[test]
     fn play_is_looked_for_where_the_position_tells_it_from_packing() {
         let at_valve = Some(Judgement::at_valve(glapp_fit::Verdict::Backlash));
-        let play = FitFacts { judgement: at_valve, ..fit(LostMotion::Backlash, 5.0, Some(6.0)) };
+        let play = FitFacts { judgement: at_valve, ..fit(FitVerdict::Backlash, 5.0, Some(6.0)) };
         let answer = of(Verdict::Refused, None, Some(play));
         assert_eq!((answer.next.step, answer.cause), (Next::Inspect(Part::Play), Some(Cause::Backlash)));
     }
 
     #[test]
     fn where_pv_strays_at_the_turns_the_packing_is_looked_at_too() {
-        let more = FitFacts { why: MORE.into(), ..fit(LostMotion::Backlash, 5.0, Some(6.0)) };
+        let more = FitFacts { why: MORE.into(), ..fit(FitVerdict::Backlash, 5.0, Some(6.0)) };
         assert_eq!(of(Verdict::Refused, None, Some(more)).next.step, Next::Inspect(Part::Both));
     }
 
     #[test]
     fn what_could_not_be_fitted_leaves_the_answer_to_the_crossings() {
-        let none = FitFacts { d: None, low: None, ..fit(LostMotion::CannotTell, 0.0, None) };
+        let none = FitFacts { d: None, low: None, ..fit(FitVerdict::CannotTell, 0.0, None) };
         let refused = of(Verdict::Refused, None, Some(none.clone()));
         assert_eq!((refused.verdict, refused.valve), (One::Crossings(Verdict::Refused), Valve::Refused));
         let estimate = of(Verdict::Estimate, Some(5.0), Some(none));
@@ -780,7 +780,7 @@ mod tests {
     #[test]
     fn a_limit_that_nobody_gave_is_the_nominal_one_and_never_first() {
         let facts = |span, acceptable, fit| Facts { fit: Some(fit), span, acceptable, ..Facts::default() };
-        let wide = || fit(LostMotion::Backlash, 5.0, Some(6.0));
+        let wide = || fit(FitVerdict::Backlash, 5.0, Some(6.0));
         let answer = |span, acceptable| Summary::of(&facts(span, acceptable, wide()));
         let nominal = answer(Some(200.0), None);
         let limit = Limit { percent_span: NOMINAL_LIMIT, width: Some(2.0), origin: LimitOrigin::Nominal };
@@ -810,7 +810,7 @@ mod tests {
     #[test]
     fn a_valve_is_sound_by_a_limit_and_else_none_is_seen() {
         let up_to = |high, span| {
-            Summary::of(&Facts { fit: Some(fit(LostMotion::Sound, 0.0, high)), span, ..Facts::default() }).confidence
+            Summary::of(&Facts { fit: Some(fit(FitVerdict::Sound, 0.0, high)), span, ..Facts::default() }).confidence
         };
         assert_eq!(up_to(Some(0.9), Some(100.0)), Confidence::Sound);
         assert_eq!(up_to(Some(1.1), Some(100.0)), Confidence::NoneSeen);
@@ -821,9 +821,9 @@ mod tests {
     fn a_step_test_in_the_recording_is_used_where_one_would_be_asked_for() {
         let test = StepTestWidth { d: 2.0, low: Some(1.8), high: Some(2.2) };
         let with = |fit| Summary::of(&Facts { fit: Some(fit), step_test: Some(test), ..Facts::default() });
-        let unsure = with(fit(LostMotion::CannotTell, 1.0, None));
+        let unsure = with(fit(FitVerdict::CannotTell, 1.0, None));
         assert_eq!((unsure.next.step, unsure.next.tested, unsure.step_test), (Next::RecordMore, true, Some(test)));
-        assert!(!with(fit(LostMotion::Sound, 0.0, Some(1.0))).next.tested);
+        assert!(!with(fit(FitVerdict::Sound, 0.0, Some(1.0))).next.tested);
     }
 
     /// A fit that the ladder has judged.
@@ -841,7 +841,7 @@ mod tests {
             of(Verdict::NoEstimate, None, Some(fit))
         };
         let wide = likely(5.0, Some(6.0));
-        assert_eq!((wide.verdict, wide.valve), (One::Fit(LostMotion::CannotTell), Valve::Unknown));
+        assert_eq!((wide.verdict, wide.valve), (One::Fit(FitVerdict::CannotTell), Valve::Unknown));
         assert_eq!((wide.confidence, wide.cause), (Confidence::Likely, Some(Cause::DeadBand)));
         assert_eq!((wide.width, wide.low, wide.high), (Some(5.0), Some(5.0), Some(6.0)));
         assert_eq!((wide.next.step, wide.urgency, wide.health), (Next::Confirm, Urgency::Medium, Health::Normal));
@@ -889,9 +889,9 @@ mod tests {
             let fit = fit(verdict, 1.5, Some(2.0));
             Summary::of(&Facts { fit: Some(fit), ..Facts::default() }).compensable
         };
-        assert_eq!(compensable(LostMotion::Backlash), Some(1.5));
-        assert_eq!(compensable(LostMotion::Sound), Some(0.0));
-        for none in [LostMotion::Stiction, LostMotion::Both, LostMotion::AtLeast, LostMotion::CannotTell] {
+        assert_eq!(compensable(FitVerdict::Backlash), Some(1.5));
+        assert_eq!(compensable(FitVerdict::Sound), Some(0.0));
+        for none in [FitVerdict::Stiction, FitVerdict::Both, FitVerdict::AtLeast, FitVerdict::CannotTell] {
             assert_eq!(compensable(none), None);
         }
         assert_eq!(of(Verdict::Estimate, Some(3.0), None).compensable, None);
@@ -899,7 +899,7 @@ mod tests {
 
     #[test]
     fn a_clean_sinusoid_is_an_answer_without_a_width_too() {
-        let swings = FitFacts { d: None, low: None, ..fit(LostMotion::Oscillation, 0.0, None) };
+        let swings = FitFacts { d: None, low: None, ..fit(FitVerdict::Oscillation, 0.0, None) };
         let answer = of(Verdict::NoEstimate, None, Some(swings));
         assert_eq!((answer.next.step, answer.oscillates, answer.valve), (Next::Tuning, true, Valve::NoGap));
         assert_eq!((answer.confidence, answer.width), (Confidence::CannotTell, None));
@@ -909,14 +909,14 @@ mod tests {
     fn loops_are_ranked_by_how_surely_they_are_too_wide_and_what_that_does() {
         let gap = |low, harm| {
             let harm = vec![Harm::of(harm, None)];
-            let fit = Some(fit(LostMotion::Backlash, low, Some(low + 1.0)));
+            let fit = Some(fit(FitVerdict::Backlash, low, Some(low + 1.0)));
             Summary::of(&Facts { fit, harm, span: Some(100.0), acceptable: Some(2.0), ..Facts::default() })
         };
         let (harmless, harmful, unknown) = (gap(6.0, Some(0.1)), gap(4.0, Some(0.8)), gap(4.0, None));
         assert_eq!(harmful.score, Some(4.0 / 2.0 * 0.8));
         assert_eq!(unknown.score, Some(4.0 / 2.0 * 0.5));
         assert!(harmful.rank < unknown.rank && unknown.rank < harmless.rank);
-        let sound = of(Verdict::NoEstimate, None, Some(fit(LostMotion::Sound, 0.0, Some(1.0))));
+        let sound = of(Verdict::NoEstimate, None, Some(fit(FitVerdict::Sound, 0.0, Some(1.0))));
         assert!(harmless.rank < sound.rank);
     }
 
@@ -929,7 +929,7 @@ mod tests {
             crate::trend(&widths)
         };
         let moves = |slope, acceptable| {
-            let fit = FitFacts { trend: Some(trend(slope)), ..fit(LostMotion::Backlash, 1.0, Some(2.0)) };
+            let fit = FitFacts { trend: Some(trend(slope)), ..fit(FitVerdict::Backlash, 1.0, Some(2.0)) };
             Summary::of(&Facts { fit: Some(fit), span: Some(100.0), acceptable: Some(acceptable), ..Facts::default() })
                 .trend
         };
@@ -942,22 +942,22 @@ mod tests {
     #[test]
     fn crossings_that_contradict_the_fit_are_struck() {
         let struck = |d_hat, fit| of(Verdict::Estimate, Some(d_hat), Some(fit)).struck.map(|s| (s.code, s.limit));
-        let gap = || fit(LostMotion::Backlash, 2.0, Some(4.0));
+        let gap = || fit(FitVerdict::Backlash, 2.0, Some(4.0));
         assert_eq!(struck(4.9, gap()), None);
         assert_eq!(struck(5.1, gap()), Some((Contradiction::Above, 4.0)));
         assert_eq!(struck(1.7, gap()), None);
         assert_eq!(struck(1.5, gap()), Some((Contradiction::Below, 2.0)));
-        assert_eq!(struck(9.0, fit(LostMotion::AtLeast, 2.0, None)), None);
-        assert_eq!(struck(0.3, fit(LostMotion::Sound, 0.0, Some(0.4))), Some((Contradiction::Sound, 0.4)));
-        let may = FitFacts { why: "may_be_a_gap".into(), ..fit(LostMotion::CannotTell, 0.0, Some(1.0)) };
+        assert_eq!(struck(9.0, fit(FitVerdict::AtLeast, 2.0, None)), None);
+        assert_eq!(struck(0.3, fit(FitVerdict::Sound, 0.0, Some(0.4))), Some((Contradiction::Sound, 0.4)));
+        let may = FitFacts { why: "may_be_a_gap".into(), ..fit(FitVerdict::CannotTell, 0.0, Some(1.0)) };
         assert_eq!(struck(1.3, may), Some((Contradiction::Above, 1.0)));
-        assert_eq!(struck(1.3, fit(LostMotion::CannotTell, 0.0, Some(1.0))), None, "nobody believes that limit");
+        assert_eq!(struck(1.3, fit(FitVerdict::CannotTell, 0.0, Some(1.0))), None, "nobody believes that limit");
     }
 
     #[test]
     fn a_width_is_judged_by_its_whole_interval() {
         let judged = |low, high| {
-            let answer = of(Verdict::Estimate, None, Some(fit(LostMotion::Backlash, low, high)));
+            let answer = of(Verdict::Estimate, None, Some(fit(FitVerdict::Backlash, low, high)));
             (answer.acceptable, answer.next.step, answer.urgency)
         };
         let play = Next::Inspect(Part::Both);
@@ -970,7 +970,7 @@ mod tests {
     #[test]
     fn a_valve_without_a_gap_waits_for_more_where_one_too_wide_would_not_show() {
         let up_to = |high| {
-            let answer = of(Verdict::NoEstimate, None, Some(fit(LostMotion::Sound, 0.0, high)));
+            let answer = of(Verdict::NoEstimate, None, Some(fit(FitVerdict::Sound, 0.0, high)));
             (answer.valve, answer.next.step, answer.urgency)
         };
         assert_eq!(up_to(Some(4.0)), (Valve::NoGap, Next::Nothing, Urgency::None));

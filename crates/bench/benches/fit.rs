@@ -3,7 +3,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glapp_core::{Backlash, BacklashState, Pid, PidState, Saturation};
-use glapp_fit::{Problem, Record, Stretch, Verdict, fit};
+use glapp_fit::{FitProblem, Segment, Stretch, Verdict, fit};
 use rayon::ThreadPoolBuilder;
 use std::time::Duration;
 
@@ -53,11 +53,11 @@ fn whole(c: &mut Criterion) {
     group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(20));
     for samples in [751, 30_000] {
         let (pv, op) = recorded(samples);
-        let record = Record {
+        let record = Segment {
             h: H,
             stretches: vec![Stretch { start: 0.0, sp: [].as_slice().into(), pv: pv.into(), op: op.into() }],
         };
-        let problem = Problem { records: vec![record], sign: 1.0, bootstrap: 0 };
+        let problem = FitProblem { records: vec![record], sign: 1.0, bootstrap: 0 };
         let answer = pool.install(|| fit(&problem, &|_| ())).expect("a record of this length is fitted");
         assert_ne!(answer.whole.verdict, Verdict::Sound, "a fit that misses the gap is no measure");
         group.throughput(Throughput::Elements(samples as u64));

@@ -1,6 +1,6 @@
 //! What C holds of an object: a number, never an address, so that a wrong one is refused and never followed.
 
-use crate::wrong::{BAD_HANDLE, BROKEN, Wrong};
+use crate::errors::{BAD_HANDLE, BROKEN, CallError};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -20,41 +20,45 @@ impl<T> Handles<T> {
     }
 
     /// Keeps an object; gives its number, which nothing had before and nothing will have.
-    pub(crate) fn add(&self, object: T) -> Result<usize, Wrong> {
+    pub(crate) fn add(&self, object: T) -> Result<usize, CallError> {
         let next = |last: usize| last.checked_add(1);
         let last = LAST.fetch_update(Ordering::Relaxed, Ordering::Relaxed, next);
-        let number = last.map_err(|_| Wrong::new(BROKEN, "there are no numbers left for handles: start anew"))? + 1;
+        let number = last.map_err(|_| CallError::new(BROKEN, "there are no numbers left for handles: start anew"))? + 1;
         let object = Arc::new(Mutex::new(object));
         self.live.write().unwrap_or_else(PoisonError::into_inner).insert(number, object);
         Ok(number)
     }
 
     /// Works with an object; a second thread waits.
-    pub(crate) fn with<A>(&self, number: usize, work: impl FnOnce(&mut T) -> Result<A, Wrong>) -> Result<A, Wrong> {
+    pub(crate) fn with<A>(
+        &self,
+        number: usize,
+        work: impl FnOnce(&mut T) -> Result<A, CallError>,
+    ) -> Result<A, CallError> {
         let live = self.live.read().unwrap_or_else(PoisonError::into_inner).get(&number).cloned();
         let object = live.ok_or_else(|| self.unknown(number))?;
         let mut object = object.lock().map_err(|_| {
-            Wrong::new(BROKEN, format!("a fault ended in this {} before: free it, and make a new one", self.kind))
+            CallError::new(BROKEN, format!("a fault ended in this {} before: free it, and make a new one", self.kind))
         })?;
         work(&mut object)
     }
 
     /// Forgets an object; what another thread does with it comes to its end.
-    pub(crate) fn remove(&self, number: usize) -> Result<(), Wrong> {
+    pub(crate) fn remove(&self, number: usize) -> Result<(), CallError> {
         let found = self.live.write().unwrap_or_else(PoisonError::into_inner).remove(&number);
         found.map(drop).ok_or_else(|| self.unknown(number))
     }
 
-    fn unknown(&self, number: usize) -> Wrong {
+    fn unknown(&self, number: usize) -> CallError {
         let what = if number == 0 { "is NULL" } else { "was never given, is of another kind, or was freed" };
-        Wrong::new(BAD_HANDLE, format!("{}: the handle {what}", self.kind))
+        CallError::new(BAD_HANDLE, format!("{}: the handle {what}", self.kind))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wrong::guarded;
+    use crate::errors::guarded;
 
     #[test]
     fn a_number_is_used_once_and_by_its_own_kind() {

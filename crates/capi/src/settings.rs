@@ -1,6 +1,6 @@
 //! Settings by name: of a detector those of the catalogue (`vectors/catalogue.json`), of a step test those of `include/glapp.h`.
 
-use crate::wrong::Wrong;
+use crate::errors::CallError;
 use glapp_analysis::{Manual, StepTestSettings};
 use glapp_core::DetectorSettings;
 
@@ -8,10 +8,10 @@ use glapp_core::DetectorSettings;
 ///
 /// `k`, `ti` and `h`, the usual time between two samples \[s\], must be there. A condition of the safety net is switched off by its
 /// name with 0.
-pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, Wrong> {
+pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, CallError> {
     once(given)?;
     let known = |name: &str| given.iter().find(|one| one.0 == name).map(|one| one.1);
-    let must = |name: &str| known(name).ok_or_else(|| Wrong::refused(format!("{name}: is missing")));
+    let must = |name: &str| known(name).ok_or_else(|| CallError::refused(format!("{name}: is missing")));
     let mut settings = DetectorSettings::new(must("k")?, must("ti")?, known("td").unwrap_or(0.0), must("h")?);
     let mut limits = (None, None);
     for (name, value) in given {
@@ -29,21 +29,21 @@ pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, W
             "op_high" => limits.1 = Some(*value),
             other => match settings.conditions.switch(other) {
                 Some(asked) => *asked = yes(other, *value)?,
-                None => return Err(Wrong::refused(format!("{other}: there is no such setting of a detector"))),
+                None => return Err(CallError::refused(format!("{other}: there is no such setting of a detector"))),
             },
         }
     }
     settings.op_limits = match limits {
         (Some(low), Some(high)) => Some((low, high)),
         (None, None) => None,
-        (Some(_), None) => return Err(Wrong::refused("op_high: is missing beside op_low")),
-        (None, Some(_)) => return Err(Wrong::refused("op_low: is missing beside op_high")),
+        (Some(_), None) => return Err(CallError::refused("op_high: is missing beside op_low")),
+        (None, Some(_)) => return Err(CallError::refused("op_low: is missing beside op_high")),
     };
     Ok(settings)
 }
 
 /// The settings of a step test, and which rows were made in manual.
-pub(crate) fn step_test(given: &[(&str, f64)]) -> Result<(Manual, StepTestSettings), Wrong> {
+pub(crate) fn step_test(given: &[(&str, f64)]) -> Result<(Manual, StepTestSettings), CallError> {
     once(given)?;
     let (mut manual, mut settings) = (Manual::Flagged, StepTestSettings::default());
     for (name, value) in given {
@@ -52,32 +52,32 @@ pub(crate) fn step_test(given: &[(&str, f64)]) -> Result<(Manual, StepTestSettin
             "integrating" => settings.integrating = yes(name, *value)?,
             "op_span" => settings.op_span = Some(above(name, *value, 0.0)?),
             "positioner_dead_band" => settings.positioner_dead_band = Some(above(name, *value, 0.0)?),
-            other => return Err(Wrong::refused(format!("{other}: there is no such setting of a step test"))),
+            other => return Err(CallError::refused(format!("{other}: there is no such setting of a step test"))),
         }
     }
     Ok((manual, settings))
 }
 
-fn once(given: &[(&str, f64)]) -> Result<(), Wrong> {
+fn once(given: &[(&str, f64)]) -> Result<(), CallError> {
     let again = given.iter().enumerate().find(|(at, one)| given[..*at].iter().any(|before| before.0 == one.0));
-    again.map_or(Ok(()), |(_, (name, _))| Err(Wrong::refused(format!("{name}: is given twice"))))
+    again.map_or(Ok(()), |(_, (name, _))| Err(CallError::refused(format!("{name}: is given twice"))))
 }
 
-fn above(name: &str, value: f64, bound: f64) -> Result<f64, Wrong> {
+fn above(name: &str, value: f64, bound: f64) -> Result<f64, CallError> {
     let good = value.is_finite() && value > bound;
-    if good { Ok(value) } else { Err(Wrong::refused(format!("{name} = {value}: must be a number above {bound}"))) }
+    if good { Ok(value) } else { Err(CallError::refused(format!("{name} = {value}: must be a number above {bound}"))) }
 }
 
-fn yes(name: &str, value: f64) -> Result<bool, Wrong> {
+fn yes(name: &str, value: f64) -> Result<bool, CallError> {
     match value {
         0.0 => Ok(false),
         1.0 => Ok(true),
-        _ => Err(Wrong::refused(format!("{name} = {value}: must be 0 (no) or 1 (yes)"))),
+        _ => Err(CallError::refused(format!("{name} = {value}: must be 0 (no) or 1 (yes)"))),
     }
 }
 
-fn whole(name: &str, value: f64) -> Result<u32, Wrong> {
+fn whole(name: &str, value: f64) -> Result<u32, CallError> {
     let number = value as u32;
     let same = f64::from(number) == value;
-    if same { Ok(number) } else { Err(Wrong::refused(format!("{name} = {value}: must be a whole number"))) }
+    if same { Ok(number) } else { Err(CallError::refused(format!("{name} = {value}: must be a whole number"))) }
 }

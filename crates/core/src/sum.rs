@@ -11,7 +11,7 @@ pub trait Sum<R>: Copy + Debug + Default + PartialEq + From<R> + Saved + Send + 
     /// Adds `x`.
     fn add(&mut self, x: R);
 
-    /// The number nearest to the sum.
+    /// The sum, rounded to one number.
     fn value(self) -> R;
 
     /// `x` less the sum. What both have in common is taken off before anything is rounded.

@@ -2,8 +2,8 @@
 
 pub(crate) mod cells;
 pub(crate) mod history;
-pub(crate) mod record;
 pub(crate) mod recorder;
 pub(crate) mod repeated;
 pub(crate) mod samples;
+pub(crate) mod segment;
 pub(crate) mod signal;

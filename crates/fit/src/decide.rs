@@ -4,7 +4,7 @@ pub(crate) mod bootstrap;
 pub(crate) mod combine;
 pub(crate) mod joint;
 pub(crate) mod judgement;
-pub(crate) mod record;
+pub(crate) mod segment;
 pub(crate) mod thresholds;
 pub(crate) mod trend;
 pub(crate) mod valve;

@@ -16,11 +16,11 @@ mod answer;
 mod search;
 mod track;
 
-use crate::data::record::Signals;
 use crate::data::recorder::Recorder;
 use crate::data::samples::{Samples, Unfit};
+use crate::data::segment::Signals;
 use crate::decide::combine::{Combined, Reading, combine};
-use crate::decide::joint::{RecordAnswer, newest};
+use crate::decide::joint::{SegmentAnswer, newest};
 use crate::decide::trend::Trend;
 use crate::decide::verdict::Verdict;
 use crate::position::track::{FEWEST, Track};
@@ -41,14 +41,14 @@ pub struct AtValve {
     pub high: Option<f64>,
     /// Slip jump J [OP unit], 0 for mere backlash.
     pub jump: f64,
-    /// Likelihood ratio of no gap against the best width, times `trust`.
+    /// Likelihood ratio of no gap against the best width, times `information_ratio`.
     pub lr_no_gap: f64,
     /// What it must exceed.
     pub lr_needed: f64,
-    /// Likelihood ratio of J = 0 against the best J, times `trust`.
+    /// Likelihood ratio of J = 0 against the best J, times `information_ratio`.
     pub lr_no_jump: f64,
     /// Share of the likelihood's own information on d that is left where what the model leaves is alike from row to row.
-    pub trust: f64,
+    pub information_ratio: f64,
     /// How far −2·ln L may rise within the interval.
     pub rise: f64,
     /// Times that the valve began to move up, and down.
@@ -71,7 +71,7 @@ pub struct AtValve {
     pub spikes: usize,
     /// Widest move of OP [OP unit].
     pub range: f64,
-    /// Width [OP unit] and −2·Δln L over the best, times `trust`.
+    /// Width [OP unit] and −2·Δln L over the best, times `information_ratio`.
     pub profile: Vec<(f64, f64)>,
     /// Rows beside the model, 8000 or so of them.
     pub shown: Vec<Shown>,
@@ -87,7 +87,7 @@ pub struct Shown {
     /// Position as recorded [position unit].
     pub recorded: f64,
     /// The model's [position unit].
-    pub foreseen: f64,
+    pub predicted: f64,
     /// Where the valve is [OP unit].
     pub valve: f64,
 }
@@ -107,7 +107,7 @@ pub struct PositionAnswer {
     /// the newest record says that gives a width.
     pub trend: Option<Trend>,
     /// The records, in the order given.
-    pub records: Vec<RecordAnswer<AtValve>>,
+    pub records: Vec<SegmentAnswer<AtValve>>,
     /// Place of the record that shows best what all say.
     pub shown: usize,
 }
@@ -121,11 +121,11 @@ pub fn fit_position(samples: &[Samples]) -> Result<PositionAnswer, Unfit> {
     if copied(samples) {
         return Err(Unfit::Copy);
     }
-    let records: Vec<RecordAnswer<AtValve>> = records(samples)?
+    let records: Vec<SegmentAnswer<AtValve>> = records(samples)?
         .iter()
-        .filter_map(|record| Some(RecordAnswer::of(record, at_valve(&record.signals())?)))
+        .filter_map(|record| Some(SegmentAnswer::of(record, at_valve(&record.signals())?)))
         .collect();
-    let reading = |r: &RecordAnswer<AtValve>| {
+    let reading = |r: &SegmentAnswer<AtValve>| {
         let AtValve { verdict, d, low, high, lr_no_gap, .. } = r.answer;
         Reading { verdict, d, low, high, lr_no_gap, t: r.middle() }
     };

@@ -1,12 +1,12 @@
 //! The one question: how wide is the lost motion that all of these records share?
 
 use crate::data::cells::Cells;
-use crate::data::record::{Record, Signals, Stretch};
 use crate::data::repeated::{Once, once};
 use crate::data::samples::{SHORTEST, Samples, Unfit};
+use crate::data::segment::{Segment, Signals, Stretch};
 use crate::data::signal::{Unit, bow, shifts, without_spikes};
 use crate::decide::joint::{Curve, JointAnswer, joint};
-use crate::decide::record::{Fitted, fit_record};
+use crate::decide::segment::{Fitted, fit_segment};
 use crate::decide::valve::{Recording, ValveAnswer, valve};
 use crate::decide::verdict::judge;
 use crate::model::structure::Theta;
@@ -19,16 +19,16 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// Records of one valve, whether windows of one history or recordings of different days: they share the lost motion, and
 /// everything else (process, noise, load, step, cells) is each one's own.
 #[derive(Clone, Debug)]
-pub struct Problem<'a> {
+pub struct FitProblem<'a> {
     /// The records, in the order of time.
-    pub records: Vec<Record<'a>>,
+    pub records: Vec<Segment<'a>>,
     /// Sign of the process gain where it is known, else 0.
     pub sign: f64,
-    /// Records simulated without a gap at most, to find how large the likelihood ratio gets by chance; 0 for none.
+    /// Draws at most, to find how large the likelihood ratio of a record without a gap gets by chance; 0 for none.
     pub bootstrap: usize,
 }
 
-impl Problem<'_> {
+impl FitProblem<'_> {
     /// The problem of all samples that can be fitted, `bootstrap` as is usual.
     ///
     /// # Errors
@@ -40,14 +40,14 @@ impl Problem<'_> {
 }
 
 /// The records of all samples that can be fitted, else why the first cannot.
-pub(crate) fn records(samples: &[Samples]) -> Result<Vec<Record<'static>>, Unfit> {
-    let all: Vec<Result<Record, Unfit>> = samples.iter().map(Samples::record).collect();
+pub(crate) fn records(samples: &[Samples]) -> Result<Vec<Segment<'static>>, Unfit> {
+    let all: Vec<Result<Segment, Unfit>> = samples.iter().map(Samples::record).collect();
     let why = all.iter().find_map(|record| record.as_ref().err().copied()).unwrap_or(Unfit::Few);
-    let fit: Vec<Record> = all.into_iter().flatten().collect();
+    let fit: Vec<Segment> = all.into_iter().flatten().collect();
     if fit.is_empty() { Err(why) } else { Ok(fit) }
 }
 
-/// Records that are simulated at most.
+/// Draws at most.
 const BOOTSTRAP: usize = 400;
 
 /// Answers the problem: each record by itself, and all together. A single long record is cut into windows first. `tell` takes the
@@ -56,11 +56,11 @@ const BOOTSTRAP: usize = 400;
 /// # Errors
 ///
 /// Where no record has 50 samples together in which OP moves.
-pub fn fit(problem: &Problem, tell: Tell) -> Result<JointAnswer, Unfit> {
+pub fn fit(problem: &FitProblem, tell: Tell) -> Result<JointAnswer, Unfit> {
     let divided = Divided::of(problem)?;
     let progress = Windows::new(divided.windows.len(), tell);
-    let alone = divided.windows.par_iter().map(|window| Alone(window.fitted(&progress.one()))).collect();
-    let joint = divided.joined(alone);
+    let alone = divided.windows.par_iter().map(|window| WindowFit(window.fitted(&progress.one()))).collect();
+    let joint = divided.combine(alone);
     tell(1.0);
     joint
 }
@@ -68,13 +68,13 @@ pub fn fit(problem: &Problem, tell: Tell) -> Result<JointAnswer, Unfit> {
 /// A problem cut into windows. Each can be fitted by itself, elsewhere as well; what they say is then joined.
 ///
 /// ```
-/// use glapp_fit::{Divided, Problem, Record, Stretch};
+/// use glapp_fit::{Divided, FitProblem, Segment, Stretch};
 /// let op: Vec<f64> = (0..60).map(|k| f64::from(k % 20)).collect();
 /// let stretch = Stretch { start: 0.0, sp: vec![].into(), pv: op.clone().into(), op: op.into() };
-/// let records = vec![Record { h: 1.0, stretches: vec![stretch] }];
-/// let divided = Divided::of(&Problem { records, sign: 0.0, bootstrap: 0 })?;
+/// let records = vec![Segment { h: 1.0, stretches: vec![stretch] }];
+/// let divided = Divided::of(&FitProblem { records, sign: 0.0, bootstrap: 0 })?;
 /// assert_eq!(divided.windows.len(), 1);
-/// // Of each `window.alone()`, and of all that these say `divided.joined(alone)`: what `fit` gives.
+/// // Of each `window.fit()`, and of all that these say `divided.combine(alone)`: what `fit` gives.
 /// # Ok::<(), glapp_fit::Unfit>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -88,7 +88,7 @@ pub struct Divided {
 /// A window with all that its fit asks for.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Window {
-    pub(crate) record: Record<'static>,
+    pub(crate) record: Segment<'static>,
     /// Steps that a cell has at most.
     cell: usize,
     pub(crate) sign: f64,
@@ -97,9 +97,9 @@ pub struct Window {
 
 /// What a window says by itself, to be joined with the others; also that it says nothing: it cannot be fitted, or is not yet.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Alone(Option<Fitted>);
+pub struct WindowFit(Option<Fitted>);
 
-impl<'de> Deserialize<'de> for Alone {
+impl<'de> Deserialize<'de> for WindowFit {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let mut fitted: Option<Fitted> = Deserialize::deserialize(from)?;
         if let Some(Fitted { answer, .. }) = &mut fitted {
@@ -115,7 +115,7 @@ impl Divided {
     /// # Errors
     ///
     /// Where no record has 50 samples together in which OP moves.
-    pub fn of(problem: &Problem) -> Result<Self, Unfit> {
+    pub fn of(problem: &FitProblem) -> Result<Self, Unfit> {
         let stretches = || problem.records.iter().flat_map(|record| &record.stretches);
         let (op, pv) = (Unit::of(stretches().map(|s| &*s.op)), Unit::of(stretches().map(|s| &*s.pv)));
         let scaled = |s: &Stretch| Stretch {
@@ -124,19 +124,19 @@ impl Divided {
             pv: without_spikes(pv.scaled(&s.pv)).into(),
             op: op.scaled(&s.op).into(),
         };
-        let scaled: Vec<Record> = problem
+        let scaled: Vec<Segment> = problem
             .records
             .iter()
-            .map(|record| Record {
+            .map(|record| Segment {
                 h: record.h,
                 stretches: record.stretches.iter().flat_map(|s| between_shifts(scaled(s), record.h)).collect(),
             })
             .collect();
-        let signals: Vec<Signals> = scaled.iter().flat_map(Record::signals).collect();
+        let signals: Vec<Signals> = scaled.iter().flat_map(Segment::signals).collect();
         let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
         let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
         let window =
-            |record: Record| Window { record: record.owned(), cell, sign: problem.sign, bootstrap: problem.bootstrap };
+            |record: Segment| Window { record: record.owned(), cell, sign: problem.sign, bootstrap: problem.bootstrap };
         Ok(Self { windows: records.into_iter().map(window).collect(), op, pv })
     }
 
@@ -145,20 +145,20 @@ impl Divided {
     /// # Errors
     ///
     /// Where none of them can be fitted.
-    pub fn joined(&self, alone: Vec<Alone>) -> Result<JointAnswer, Unfit> {
+    pub fn combine(&self, alone: Vec<WindowFit>) -> Result<JointAnswer, Unfit> {
         joint(&mut self.curves(alone), self.op, self.pv).ok_or(Unfit::Few)
     }
 
-    fn curves(&self, alone: Vec<Alone>) -> Vec<Curve> {
-        let of = |(window, alone): (&Window, Alone)| Some(Curve::new(&window.record, alone.0?, window.sign));
+    fn curves(&self, alone: Vec<WindowFit>) -> Vec<Curve> {
+        let of = |(window, alone): (&Window, WindowFit)| Some(Curve::new(&window.record, alone.0?, window.sign));
         self.windows.iter().zip(alone).filter_map(of).collect()
     }
 }
 
 impl Window {
     /// What it says by itself.
-    pub fn alone(&self) -> Alone {
-        Alone(self.fitted(&|_| ()))
+    pub fn fit(&self) -> WindowFit {
+        WindowFit(self.fitted(&|_| ()))
     }
 
     /// `done` takes the share that is done.
@@ -171,7 +171,7 @@ impl Window {
         let cells = Cells::new(&signals, finest);
         let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
         let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
-        let fitted = (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, bow, self, done));
+        let fitted = (cells.count >= FEWEST).then(|| fit_segment(&cells, &seeds, bow, self, done));
         done(1.0);
         fitted
     }
@@ -212,7 +212,7 @@ pub fn fit_valve(recordings: &[Recorded], sign: f64, tell: Tell) -> Result<Valve
     let alone = |(recorded, once): (&Recorded, Once)| {
         let samples: Vec<Samples> =
             recorded.samples.iter().zip(&once.pv).map(|(samples, pv)| Samples { pv, ..*samples }).collect();
-        let divided = match Problem::of(&samples, sign).and_then(|problem| Divided::of(&problem)) {
+        let divided = match FitProblem::of(&samples, sign).and_then(|problem| Divided::of(&problem)) {
             Ok(divided) => divided,
             Err(why) => {
                 progress.one()(1.0);
@@ -223,7 +223,7 @@ pub fn fit_valve(recordings: &[Recorded], sign: f64, tell: Tell) -> Result<Valve
         let fitted = |window: &Window| {
             let fitted = window.fitted(&|_| ());
             progress.add(1.0 / windows);
-            Alone(fitted)
+            WindowFit(fitted)
         };
         let mut curves = divided.curves(divided.windows.par_iter().map(fitted).collect());
         match joint(&mut curves, divided.op, divided.pv) {
@@ -253,19 +253,19 @@ mod tests {
             signals.1.push(u);
         }
         let stretch = Stretch { start: 7.0, sp: vec![].into(), pv: signals.0.into(), op: signals.1.into() };
-        let records = vec![Record { h: 1.0, stretches: vec![stretch] }];
-        let divided = Divided::of(&Problem { records, sign: 0.0, bootstrap: 0 }).unwrap();
+        let records = vec![Segment { h: 1.0, stretches: vec![stretch] }];
+        let divided = Divided::of(&FitProblem { records, sign: 0.0, bootstrap: 0 }).unwrap();
         let window = &divided.windows[0];
         let handed: Window = postcard::from_bytes(&postcard::to_allocvec(window).unwrap()).unwrap();
         // Rust writes as many digits of a number as it takes to tell it from all others.
         assert_eq!(format!("{handed:?}"), format!("{window:?}"));
-        let alone = handed.alone();
+        let alone = handed.fit();
         assert!(alone.0.as_ref().is_some_and(|fitted| !fitted.answer.reason.is_empty()));
-        let handed: Alone = postcard::from_bytes(&postcard::to_allocvec(&alone).unwrap()).unwrap();
+        let handed: WindowFit = postcard::from_bytes(&postcard::to_allocvec(&alone).unwrap()).unwrap();
         assert_eq!(format!("{handed:?}"), format!("{alone:?}"));
         // What one of two says is told while the other is not fitted yet, and nothing while neither is.
         let two = Divided { windows: vec![window.clone(), window.clone()], ..divided };
-        assert_eq!(two.joined(vec![handed, Alone::default()]).unwrap().records.len(), 1);
-        assert!(two.joined(vec![Alone::default(), Alone::default()]).is_err());
+        assert_eq!(two.combine(vec![handed, WindowFit::default()]).unwrap().records.len(), 1);
+        assert!(two.combine(vec![WindowFit::default(), WindowFit::default()]).is_err());
     }
 }

@@ -24,9 +24,9 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use stream::Stream;
 
-/// Place of the samples of a loop.
+/// The files and columns in which the samples of a loop lie.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct LoopFiles {
     /// Its files; their rows, one file after the other, are in the order of time.
     pub files: Vec<PathBuf>,
     /// The column of times: timestamps, or numbers of seconds.
@@ -47,7 +47,7 @@ pub struct Loop {
     /// Its detector, at the beginning of these files.
     pub crossings: Crossings,
     /// Its files.
-    pub place: Place,
+    pub source: LoopFiles,
 }
 
 /// What came of a loop.
@@ -97,8 +97,9 @@ fn side_by_side(
     ended: impl Fn(usize, Result<Read, LakeError>),
     instructions: Instructions,
 ) {
-    let begin =
-        || next().map(|(i, Loop { crossings, place })| Lane { i, crossings, stream: Stream::new(place, instructions) });
+    let begin = || {
+        next().map(|(i, Loop { crossings, source })| Lane { i, crossings, stream: Stream::new(source, instructions) })
+    };
     let mut all: Vec<Lane> = Vec::with_capacity(lanes);
     loop {
         let mut l = 0;

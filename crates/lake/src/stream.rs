@@ -1,6 +1,6 @@
 //! The rows of one loop, batch by batch.
 
-use crate::{LakeError, Place};
+use crate::{LakeError, LoopFiles};
 use glapp_core::Columns;
 use glapp_lanes::{Instructions, NullaryFnOnce};
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
@@ -17,7 +17,7 @@ const BATCH: usize = 4096;
 
 /// The rows of a loop: those that are read and not passed yet, and where the others are.
 pub(crate) struct Stream {
-    place: Place,
+    source: LoopFiles,
     /// Files that were begun.
     begun: usize,
     open: Option<Open>,
@@ -96,11 +96,11 @@ struct Scratch {
 }
 
 impl Stream {
-    pub(crate) fn new(place: Place, instructions: Instructions) -> Self {
-        let clock = Clock { begin: place.since, last: None };
+    pub(crate) fn new(source: LoopFiles, instructions: Instructions) -> Self {
+        let clock = Clock { begin: source.since, last: None };
         let (t, sp, pv, op) = Default::default();
         Self {
-            place,
+            source,
             begun: 0,
             open: None,
             t,
@@ -119,7 +119,7 @@ impl Stream {
     pub(crate) fn ready(&mut self) -> Result<bool, LakeError> {
         let found = self.read_on();
         if found.is_err() {
-            (self.open, self.begun) = (None, self.place.files.len());
+            (self.open, self.begun) = (None, self.source.files.len());
             self.forget();
         }
         found
@@ -128,11 +128,11 @@ impl Stream {
     fn read_on(&mut self) -> Result<bool, LakeError> {
         while self.rows() == 0 {
             if self.open.is_none() {
-                let Some(path) = self.place.files.get(self.begun) else { return Ok(false) };
+                let Some(path) = self.source.files.get(self.begun) else { return Ok(false) };
                 self.open = Some(Open::new(path)?);
                 self.begun += 1;
             }
-            let path = self.place.files[self.begun - 1].clone();
+            let path = self.source.files[self.begun - 1].clone();
             // A damaged page is a thing that the library may panic at.
             let read = catch_unwind(AssertUnwindSafe(|| self.read(&path)));
             let damaged = |_| Err(LakeError::of(&path, "is damaged: copy it anew from where it came"));
@@ -160,7 +160,7 @@ impl Stream {
             t: &self.t[part.clone()],
             sp: &self.sp[part.clone()],
             pv: &self.pv[part.clone()],
-            op: self.place.op.as_ref().map(|_| &self.op[part]),
+            op: self.source.op.as_ref().map(|_| &self.op[part]),
             flags: None,
         }
     }
@@ -186,7 +186,7 @@ impl Stream {
         loop {
             if open.columns.is_empty() {
                 self.t.clear();
-                if !open.begin(path, &self.place)? {
+                if !open.begin(path, &self.source)? {
                     return Ok(false);
                 }
             }
@@ -231,7 +231,7 @@ impl Open {
     }
 
     /// Begins the next group of rows; false where there is none.
-    fn begin(&mut self, path: &Path, place: &Place) -> Result<bool, LakeError> {
+    fn begin(&mut self, path: &Path, source: &LoopFiles) -> Result<bool, LakeError> {
         if self.groups == self.reader.num_row_groups() {
             return Ok(false);
         }
@@ -239,7 +239,7 @@ impl Open {
         let group = self.reader.get_row_group(self.groups).map_err(fault)?;
         self.groups += 1;
         let schema = group.metadata().schema_descr();
-        let names = [Some(&place.time), Some(&place.sp), Some(&place.pv), place.op.as_ref()];
+        let names = [Some(&source.time), Some(&source.sp), Some(&source.pv), source.op.as_ref()];
         for (i, name) in names.into_iter().flatten().enumerate() {
             let Some(at) = schema.columns().iter().position(|column| column.path().parts() == [name.as_str()]) else {
                 return Err(LakeError::of(path, format!("has no column {name}: name the one that is there")));

@@ -6,7 +6,7 @@ use glapp_analysis::words::{self, AnswerFacts, Reader, TextError};
 use glapp_analysis::{
     Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Manual, ManualRows, StepTestSettings, Task, within_percent,
 };
-use glapp_fit::{Alone, Answer, Divided, JointAnswer, PositionAnswer, RecordAnswer, Window};
+use glapp_fit::{Divided, JointAnswer, PositionAnswer, SegmentAnswer, SegmentFit, Window, WindowFit};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::collections::HashMap;
@@ -89,10 +89,10 @@ impl Recording {
     }
 
     pub(crate) fn join(&self, alone: &[Option<Vec<u8>>], reader: &Reader) -> Result<Value, String> {
-        let each = |alone: &Option<Vec<u8>>| alone.as_ref().map_or(Ok(Alone::default()), |alone| read(alone));
-        let alone: Vec<Alone> = alone.iter().map(each).collect::<Result<_, _>>()?;
+        let each = |alone: &Option<Vec<u8>>| alone.as_ref().map_or(Ok(WindowFit::default()), |alone| read(alone));
+        let alone: Vec<WindowFit> = alone.iter().map(each).collect::<Result<_, _>>()?;
         let divided = self.divided.as_ref().filter(|divided| divided.windows.len() == alone.len());
-        let pv = divided.ok_or_else(|| format!("{} windows were not asked for", alone.len()))?.joined(alone);
+        let pv = divided.ok_or_else(|| format!("{} windows were not asked for", alone.len()))?.combine(alone);
         to_json(self.analysis.clone().finish_with(pv), self.span, reader)
     }
 
@@ -136,7 +136,7 @@ pub(crate) fn step_test(
 
 /// What a window says by itself.
 pub(crate) fn alone(window: &[u8]) -> Result<Value, String> {
-    bytes(&read::<Window>(window)?.alone())
+    bytes(&read::<Window>(window)?.fit())
 }
 
 /// A value as bytes, to go from one worker to another: JSON would not keep the bits of what is no number.
@@ -177,8 +177,8 @@ fn half_periods(crossings: &Crossings) -> Value {
 /// What PV said, with the record that shows it best.
 fn of_pv(joint: JointAnswer) -> Value {
     let JointAnswer { whole, mut records, shown } = joint;
-    let RecordAnswer { starts, h, answer, .. } = records.swap_remove(shown);
-    let Answer { predictions, candidates, .. } = &answer;
+    let SegmentAnswer { starts, h, answer, .. } = records.swap_remove(shown);
+    let SegmentFit { predictions, candidates, .. } = &answer;
     let of = |value: fn(&glapp_fit::Prediction) -> f64| predictions.iter().map(value).collect::<Vec<_>>();
     let t: Vec<f64> = predictions.iter().map(|cell| starts[cell.part] + h * cell.step as f64).collect();
     let candidates: Vec<Value> = candidates
@@ -186,7 +186,7 @@ fn of_pv(joint: JointAnswer) -> Value {
         .map(|family| {
             let (d, rise): (Vec<f64>, Vec<f64>) = family.profile.iter().copied().unzip();
             json!({ "lags": family.structure.lags, "integrating": family.structure.integrating, "noise": family.structure.noise.name(),
-                "behind": family.behind, "d": d, "rise": rise })
+                "delta_deviance": family.delta_deviance, "d": d, "rise": rise })
         })
         .collect();
     let mut said = Map::new();
@@ -198,7 +198,7 @@ fn of_pv(joint: JointAnswer) -> Value {
         ("range", answer.range),
         ("settles", answer.settles),
         ("lag", answer.lag),
-        ("echo", answer.echo),
+        ("echo", answer.autocorrelation),
         ("lr_no_jump", answer.lr_no_jump),
         ("lr_no_answer", answer.lr_no_answer),
         ("dispersion", whole.dispersion),
@@ -212,7 +212,7 @@ fn of_pv(joint: JointAnswer) -> Value {
     said.insert("candidates".into(), json!(candidates));
     said.insert("t".into(), json!(t));
     said.insert("pv".into(), json!(of(|cell| cell.pv)));
-    said.insert("foreseen".into(), json!(of(|cell| cell.foreseen)));
+    said.insert("predicted".into(), json!(of(|cell| cell.predicted)));
     said.insert("valve".into(), json!(of(|cell| cell.position)));
     Value::Object(said)
 }
@@ -220,10 +220,10 @@ fn of_pv(joint: JointAnswer) -> Value {
 /// What the valve's own position said, with the record that shows it best.
 fn of_position(joint: PositionAnswer) -> Value {
     let PositionAnswer { mut records, shown, .. } = joint;
-    let RecordAnswer { starts, h, answer, .. } = records.swap_remove(shown);
+    let SegmentAnswer { starts, h, answer, .. } = records.swap_remove(shown);
     let of = |value: fn(&glapp_fit::Shown) -> f64| answer.shown.iter().map(value).collect::<Vec<_>>();
     let t: Vec<f64> = answer.shown.iter().map(|row| starts[row.part] + h * row.row as f64).collect();
-    json!({ "t": t, "recorded": of(|row| row.recorded), "foreseen": of(|row| row.foreseen), "valve": of(|row| row.valve) })
+    json!({ "t": t, "recorded": of(|row| row.recorded), "predicted": of(|row| row.predicted), "valve": of(|row| row.valve) })
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use crate::refused;
 use glapp_core::{
-    Conditions, CorrectionState, Derivative as Slope, Doubt, HalfPeriod, HalfPeriodState, MedianMeanState, Reason,
-    Record, SecondOrderFilterState, Status, SwingState, WidthParts, ZeroCrossing as Crossing,
+    Conditions, CorrectionState, Derivative as Slope, Doubt, HalfPeriod, HalfPeriodResult, HalfPeriodState,
+    MedianMeanState, Reason, SecondOrderFilterState, Status, SwingState, WidthParts, ZeroCrossing as Crossing,
 };
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -313,7 +313,7 @@ impl Correction {
     #[pyo3(signature = (sign, delta_y, mask=0, flags=0))]
     fn end(&mut self, sign: i8, delta_y: f64, mask: u16, flags: Status) {
         let half = HalfPeriod { sign, flags, delta_y, ..HalfPeriod::default() };
-        self.block.end(&mut self.state, &Record { half, mask, ..Record::default() });
+        self.block.end(&mut self.state, &HalfPeriodResult { half, mask, ..HalfPeriodResult::default() });
     }
 
     /// A sample: setpoint, filtered PV, the time since the sample before [s], and OP.

@@ -3,9 +3,9 @@
 use crate::plain::plain;
 use crate::position;
 use crate::windows::{Batch, columns};
-use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve, words};
+use glapp_analysis::{FitVerdict, Fitted, FittedValve, fitted, fitted_valve, words};
 use glapp_fit::{
-    Answer, Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Tell,
+    Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, SegmentAnswer, SegmentFit, THRESHOLDS, Tell,
     Together, Trend, Unfit, ValveAnswer, Verdict, Width,
 };
 use numpy::PyArray1;
@@ -158,7 +158,7 @@ fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDic
     Ok(out)
 }
 
-/// What is said, under the names of [`Judgement`], and the `evidence`.
+/// Adds the fields of a [`Judgement`] and its `evidence` to a dict.
 fn judged<'py>(py: Python<'py>, out: &Bound<'py, PyDict>, judgement: &Judgement, evidence: &Evidence) -> PyResult<()> {
     out.update(plain(py, judgement)?.cast::<PyMapping>()?)?;
     out.set_item("evidence", plain(py, evidence)?)
@@ -201,7 +201,7 @@ pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 }
 
 pub(crate) fn name(verdict: Verdict) -> &'static str {
-    LostMotion::from(verdict).name()
+    FitVerdict::from(verdict).name()
 }
 
 fn unfit<'py>(py: Python<'py>, why: Unfit, signal: &'static str) -> PyResult<Bound<'py, PyDict>> {
@@ -243,8 +243,8 @@ pub fn width_trend<'py>(
 }
 
 /// What one record says.
-fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Bound<'py, PyDict>> {
-    let RecordAnswer { start, end, starts, h, answer } = record;
+fn answered<'py>(py: Python<'py>, record: SegmentAnswer<SegmentFit>) -> PyResult<Bound<'py, PyDict>> {
+    let SegmentAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);
     out.set_item("verdict", name(answer.verdict))?;
     for (name, value) in [
@@ -258,14 +258,14 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
         ("lr_needed", answer.lr_needed),
         ("lr_no_jump", answer.lr_no_jump),
         ("lr_no_answer", answer.lr_no_answer),
-        ("trust", answer.trust),
+        ("information_ratio", answer.information_ratio),
         ("rise", answer.rise),
         ("kp", answer.kp),
         ("dead_time", answer.dead_time),
         ("lag", answer.lag),
         ("settles", answer.settles),
         ("sigma", answer.sigma),
-        ("echo", answer.echo),
+        ("echo", answer.autocorrelation),
         ("cell", answer.cell),
         ("range", answer.range),
     ] {
@@ -285,7 +285,7 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
     let time = |cell: &Prediction| starts[cell.part] + h * cell.step as f64;
     out.set_item("t", PyArray1::from_iter(py, answer.predictions.iter().map(time)))?;
     for (name, of) in
-        [("pv", (|c| c.pv) as fn(&Prediction) -> f64), ("foreseen", |c| c.foreseen), ("position", |c| c.position)]
+        [("pv", (|c| c.pv) as fn(&Prediction) -> f64), ("predicted", |c| c.predicted), ("position", |c| c.position)]
     {
         out.set_item(name, PyArray1::from_iter(py, answer.predictions.iter().map(of)))?;
     }
@@ -295,7 +295,7 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
         one.set_item("lags", candidate.structure.lags)?;
         one.set_item("integrating", candidate.structure.integrating)?;
         one.set_item("noise", candidate.structure.noise.name())?;
-        one.set_item("behind", candidate.behind)?;
+        one.set_item("delta_deviance", candidate.delta_deviance)?;
         one.set_item("d", candidate.d)?;
         one.set_item("lr_no_gap", candidate.lr_no_gap)?;
         let (d, rise): (Vec<f64>, Vec<f64>) = candidate.profile.into_iter().unzip();

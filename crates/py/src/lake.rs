@@ -4,7 +4,7 @@ use crate::columns::{Signal, columns_of};
 use crate::detector::PyDetector;
 use crate::sim::chosen;
 use glapp_analysis::Crossings;
-use glapp_lake::{LakeError, Loop, Place, Read};
+use glapp_lake::{LakeError, Loop, LoopFiles, Read};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::num::NonZero;
@@ -58,7 +58,7 @@ pub fn run_lake(
     }
     let loops = detectors.iter().zip(places).map(|(detector, (files, (time, sp, pv, op)))| {
         let crossings = detector.try_borrow()?.crossings.clone();
-        Ok(Loop { crossings, place: Place { files, time, since, sp, pv, op } })
+        Ok(Loop { crossings, source: LoopFiles { files, time, since, sp, pv, op } })
     });
     let loops = loops.collect::<PyResult<Vec<_>>>()?;
     let read = py.detach(|| glapp_lake::crossings(loops, threads, instructions));

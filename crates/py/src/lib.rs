@@ -42,7 +42,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::analysis::{PyAnalysis, harm_of, summary};
     #[pymodule_export]
-    const ANSWER_VERSION: u32 = glapp_analysis::Answer::VERSION;
+    const ANSWER_VERSION: u32 = glapp_analysis::AnalysisResult::VERSION;
     #[pymodule_export]
     const NOMINAL_LIMIT: f64 = glapp_analysis::NOMINAL_LIMIT;
     #[pymodule_export]

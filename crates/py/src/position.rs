@@ -1,14 +1,14 @@
 //! Width with an interval from OP and the valve's own position.
 
 use crate::fit::name;
-use glapp_fit::{AtValve, RecordAnswer, Recorder};
+use glapp_fit::{AtValve, Recorder, SegmentAnswer};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// What one record says, times in seconds.
-pub(crate) fn answered(py: Python<'_>, record: RecordAnswer<AtValve>) -> PyResult<Bound<'_, PyDict>> {
-    let RecordAnswer { start, end, starts, h, answer } = record;
+pub(crate) fn answered(py: Python<'_>, record: SegmentAnswer<AtValve>) -> PyResult<Bound<'_, PyDict>> {
+    let SegmentAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);
     out.set_item("verdict", name(answer.verdict))?;
     for (name, value) in [
@@ -20,7 +20,7 @@ pub(crate) fn answered(py: Python<'_>, record: RecordAnswer<AtValve>) -> PyResul
         ("lr_no_gap", answer.lr_no_gap),
         ("lr_needed", answer.lr_needed),
         ("lr_no_jump", answer.lr_no_jump),
-        ("trust", answer.trust),
+        ("information_ratio", answer.information_ratio),
         ("rise", answer.rise),
         ("gain", answer.gain),
         ("lag", answer.lag * h),
@@ -47,7 +47,7 @@ pub(crate) fn answered(py: Python<'_>, record: RecordAnswer<AtValve>) -> PyResul
     let shown = &answer.shown;
     out.set_item("t", PyArray1::from_iter(py, shown.iter().map(|s| starts[s.part] + h * s.row as f64)))?;
     out.set_item("pv", PyArray1::from_iter(py, shown.iter().map(|s| s.recorded)))?;
-    out.set_item("foreseen", PyArray1::from_iter(py, shown.iter().map(|s| s.foreseen)))?;
+    out.set_item("predicted", PyArray1::from_iter(py, shown.iter().map(|s| s.predicted)))?;
     out.set_item("position", PyArray1::from_iter(py, shown.iter().map(|s| s.valve)))?;
     Ok(out)
 }

@@ -109,7 +109,7 @@ impl Stiction {
         self.block.update(&mut self.state, &StictionSample { e, u, h, enable, flags })
     }
 
-    /// What it does, or why it does nothing.
+    /// Name of the state: what the block does, or why it does nothing.
     #[getter]
     fn standing(&self) -> &'static str {
         self.state.standing.name()

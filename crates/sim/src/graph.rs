@@ -688,7 +688,7 @@ impl Wiring<'_> {
         leads
     }
 
-    /// Which modules the output of one reaches, through processes or not.
+    /// Which modules the output of a module reaches; modules with a delay end the way unless `through_processes`.
     fn reached(&self, from: usize, through_processes: bool) -> Vec<bool> {
         let mut reached = vec![false; self.names.len()];
         let mut ahead = vec![from];

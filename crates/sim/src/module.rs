@@ -86,7 +86,7 @@ pub(crate) struct Kind {
 }
 
 /// Makes a module of a kind.
-type Make = fn(&Module, Place) -> Result<Box<dyn Work>, SimError>;
+type Make = fn(&Module, Context) -> Result<Box<dyn Work>, SimError>;
 
 /// A parameter: its name, and what it is where it is not given.
 type Parameter = (&'static str, Usual);
@@ -104,14 +104,14 @@ use Usual::{Is, Required, Unknown};
 
 /// Where a module works.
 #[derive(Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct Context {
     /// Scan time \[s\].
     h: f64,
     /// Which of its inputs are connected.
     connected: [bool; MOST_INPUTS],
 }
 
-impl Place {
+impl Context {
     /// Whether the input of that name is connected.
     fn has(&self, kind: &Kind, input: &str) -> bool {
         kind.inputs.iter().zip(self.connected).any(|(name, connected)| connected && *name == input)
@@ -132,7 +132,7 @@ pub(crate) trait Work: Send + Sync {
     }
 
     /// Puts new parameters in force. What it remembers stays; where they are out of bounds, all stays.
-    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError>;
+    fn change(&mut self, to: &Module, context: Context) -> Result<(), SimError>;
 
     /// A command or variable.
     fn get(&self, _name: &str) -> Option<f64> {
@@ -339,7 +339,7 @@ pub(crate) enum Jumps {
 /// A module at work in a graph.
 pub(crate) struct Live {
     pub(crate) module: Module,
-    place: Place,
+    context: Context,
     pub(crate) work: Box<dyn Work>,
 }
 
@@ -362,14 +362,14 @@ impl From<ParameterError> for Refusal {
 impl Live {
     /// Makes the module for the scan time `h` and the inputs that are connected.
     pub(crate) fn new(module: Module, h: f64, connected: [bool; MOST_INPUTS]) -> Result<Self, SimError> {
-        let place = Place { h, connected };
-        Ok(Self { work: (module.kind.make)(&module, place)?, module, place })
+        let context = Context { h, connected };
+        Ok(Self { work: (module.kind.make)(&module, context)?, module, context })
     }
 
     /// A parameter or variable, if there is one of that name; none within: a parameter that is not known.
     pub(crate) fn get(&self, name: &str) -> Option<Option<f64>> {
         let parameter = || self.module.kind.parameter(name).map(|(at, _)| self.module.values[at]);
-        let in_force = |known: Option<f64>| if name == "h" { known.or(Some(self.place.h)) } else { known };
+        let in_force = |known: Option<f64>| if name == "h" { known.or(Some(self.context.h)) } else { known };
         self.work.get(name).map(Some).or_else(|| parameter().map(in_force))
     }
 
@@ -426,7 +426,7 @@ impl Live {
     }
 
     fn change(&mut self, changed: Module) -> Result<(), Refusal> {
-        self.work.change(&changed, self.place).map_err(Refusal::Value)?;
+        self.work.change(&changed, self.context).map_err(Refusal::Value)?;
         self.module = changed;
         Ok(())
     }

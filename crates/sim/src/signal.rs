@@ -120,7 +120,7 @@ impl Source {
         Ok(Self { pieces: signal.iter().enumerate().map(running).collect::<Result<_, _>>()?, h })
     }
 
-    /// The values from sample `first` on, which follows the last one given.
+    /// Writes the next values of the signal, of the samples from `first` on.
     pub(crate) fn fill(&mut self, first: usize, out: &mut [f64]) {
         out.fill(0.0);
         for piece in &mut self.pieces {

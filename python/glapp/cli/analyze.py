@@ -117,12 +117,12 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
 
 
 def _block(result: Result, why: bool) -> None:
-    told = words.texts_of(result)
+    texts = result.texts()
     head = Text("  ").join(
-        filter(None, [styled(_name(result), style="bold"), styled(told["headline"]), _verdict(result)])
+        filter(None, [styled(_name(result), style="bold"), styled(texts["headline"]), _verdict(result)])
     )
-    rows = [("", told["so"]), ("do", told["do"])]
-    reasons = [text for text in told["why"] if text not in told["so"]]
+    rows = [("", texts["so"]), ("do", texts["do"])]
+    reasons = [text for text in texts["why"] if text not in texts["so"]]
     if why:
         rows += [("why" if text is reasons[0] else "", text) for text in reasons]
     warnings = [f.text for f in result.quality if f.severity == "warning"]
@@ -140,8 +140,9 @@ def _columns(results: Sequence[Result]) -> list[Column]:
     if fitted:
         columns.append(Column("dead band\n(95 %)", [words.headline(result) or "–" for result in results], True))
     else:
-        columns.append(Column("d̂", [words.quantity(r.d_hat, words.op_unit(r)) for r in results], True))
-    columns.append(Column("valve" if fitted else "verdict", [_verdict(result, probable=True) for result in results]))
+        columns.append(Column("d̂", [words.quantity(r.d_hat, words.op_unit(r.unit)) for r in results], True))
+    verdicts = [_verdict(result, probable=True) for result in results]
+    columns.append(Column("valve" if fitted else "verdict", verdicts))
     columns.append(Column("to do", [words.todo(result) for result in results]))
     columns.append(Column("how soon", [words.URGENCIES[result.answer.urgency].lower() for result in results]))
     counts, reasons, quality = (list(column) for column in zip(*map(_cells, results), strict=True))
@@ -160,24 +161,24 @@ def _name(result: Result) -> str:
 def _verdict(result: Result, probable: bool = False) -> Text:
     """The one verdict, whether its width is acceptable, and if asked how probable a gap is where that is open."""
     answer = result.answer
-    told = [words.VERDICTS[answer.verdict].lower()]
+    parts = [words.VERDICTS[answer.verdict].lower()]
     if answer.acceptable is not None and answer.acceptable != "open":
-        told.append("too wide" if answer.acceptable == "beyond" else "acceptable")
+        parts.append("too wide" if answer.acceptable == "beyond" else "acceptable")
     if probable and answer.confidence in ("likely", "cannot_tell") and answer.p_gap is not None:
-        told.append(to_text("answer.probable", {"p_gap": answer.p_gap}))
-    return styled(", ".join(told), style=_STYLES[answer.valve])
+        parts.append(to_text("answer.probable", {"p_gap": answer.p_gap}))
+    return styled(", ".join(parts), style=_STYLES[answer.valve])
 
 
 def _crossing(result: Result) -> Text:
     """What a PLC would show, in brackets and crossed out where the fit contradicts it."""
-    text = words.quantity(result.d_hat, words.op_unit(result))
+    text = words.quantity(result.d_hat, words.op_unit(result.unit))
     return styled(text, style="dim") if result.answer.struck is None else styled(f"({text})", style="dim strike")
 
 
 def _cells(result: Result) -> list[str]:
     """What the zero crossings gave: counts, reasons, quality."""
     worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
-    reasons = [f"{name.replace('_', ' ')} {n}" for name, n in words.ranked_reasons(result)[:2]]
+    reasons = [f"{name.replace('_', ' ')} {n}" for name, n in result.ranked_reasons()[:2]]
     return [
         f"{result.detections}/{result.total_half_periods}" if result.trace else "–",
         ", ".join(reasons) or "–",

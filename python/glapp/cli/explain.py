@@ -128,7 +128,7 @@ def _show(result: Result, i: int) -> None:
     from ..report import words
 
     h, s = result.half_periods, result.settings
-    pv, op = result.loop.pv_unit or "PV unit", words.op_unit(result)
+    pv, op = result.loop.pv_unit or "PV unit", words.op_unit(result.unit)
     reason = words.REASONS[REASONS[h.reason[i]]]
     begin, end = words.clock(result.t0, h.t_start[i]), words.clock(result.t0, h.t_end[i])
     out.print(

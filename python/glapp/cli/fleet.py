@@ -140,8 +140,8 @@ def analyze(
         say_note(
             f"{problems} problems in the lake, each with its place: the report's last part, and the table problems"
         )
-    if told := lost_of(lost):
-        say_error(f"not in the answers: {told}")
+    if missing := lost_of(lost):
+        say_error(f"not in the answers: {missing}")
     if not table.num_rows:
         raise InputError("no loop of the lake has rows", file=str(lake), hint="see the problems in the report")
     if lost["loops"] or lost["files"]:

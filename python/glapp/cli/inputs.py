@@ -183,7 +183,7 @@ def _from_settings(file: Path) -> list[Recording | Valve | Refused]:
 def _open_each(
     file: Path, loops: Sequence[Loop] | None, defaults: dict[str, Any] | None = None
 ) -> Sequence[Recording | InputError]:
-    """The recordings of a file (`open_each`); where the file cannot be used, the error in the place of each loop."""
+    """The recordings of a file, one for each loop; where the file cannot be used, the same error for each loop."""
     try:
         return open_each(file, loops, defaults)
     except InputError as error:
@@ -206,7 +206,7 @@ def _named_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | 
     for i, entry in enumerate(opened):
         same.setdefault(entry.name, []).append(i)
     taken = {name for name, places in same.items() if len(places) == 1}
-    told = list(opened)
+    named = list(opened)
     clashes = {name: places for name, places in same.items() if len(places) > 1}
     for name, places in clashes.items():
         for i, apart in zip(places, _with_paths(name, [opened[i].source for i in places]), strict=True):
@@ -215,13 +215,13 @@ def _named_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | 
                 number += 1
                 free = f"{apart} ({number})"
             taken.add(free)
-            told[i] = _renamed(opened[i], free)
+            named[i] = _renamed(opened[i], free)
     if clashes:
         name, places = next(iter(clashes.items()))
-        shown = ", ".join(told[i].name for i in places[:3]) + (" ..." if len(places) > 3 else "")
+        shown = ", ".join(named[i].name for i in places[:3]) + (" ..." if len(places) > 3 else "")
         others = f", and {len(clashes) - 1} more names likewise" if len(clashes) > 1 else ""
         say_note(f"{len(places)} loops are named {name}; they are shown as {shown}{others}")
-    return told
+    return named
 
 
 def _with_paths(name: str, sources: Sequence[str]) -> list[str]:

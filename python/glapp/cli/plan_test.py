@@ -100,7 +100,7 @@ _NAMES = {"by_hand": "OP by hand", "setpoint": "Setpoint steps", "more_hours": "
 def _show(one: Plan) -> None:
     out.print(one_line(f"{one.name}  ({one.source})"), style="bold", soft_wrap=True)
     limits = f"OP within {_limits(one.op_within)}, PV within {_limits(one.pv_within)}, at most {one.within:g} min"
-    rows = [("Question", f"is there a gap of {number(one.width)} {op_unit(one)}?"), ("Limits", limits)]
+    rows = [("Question", f"is there a gap of {number(one.width)} {op_unit(one.unit)}?"), ("Limits", limits)]
     rows += [(_NAMES[test.kind], _text_of(test, one)) for test in one.tests]
     out.print(key_values([(name, one_line(text)) for name, text in rows]))
 
@@ -112,13 +112,13 @@ def _text_of(test: Planned, of: Plan) -> str:
         more = f"{number(test.minutes / 60)} h" if test.minutes > 120 else f"{test.minutes:.0f} min"
         return f"{more} more of the same show the gap in {_share(test.power)}, if there is one (not simulated)"
     assert test.hold is not None
-    what, unit = ("OP", op_unit(of)) if test.kind == "by_hand" else ("SP", of.pv_unit)
+    what, unit = ("OP", op_unit(of.unit)) if test.kind == "by_hand" else ("SP", of.pv_unit)
     moves = " → ".join(number(x, 4) for x in test.moves)
-    said = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
+    text = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
-        said += f"PV stays within {_limits(test.pv)}"
-        said += ". " if test.kind == "by_hand" else f", OP within {_limits(test.op)}. "
-    return said + (
+        text += f"PV stays within {_limits(test.pv)}"
+        text += ". " if test.kind == "by_hand" else f", OP within {_limits(test.op)}. "
+    return text + (
         f"It decides in {_share(test.power)}: {_share(test.with_gap)} of {test.simulations} simulations with the gap "
         f"show it, {_share(test.without)} of as many without show that there is none"
     )

@@ -210,7 +210,8 @@ def tags(
 
 async def _variables(connection: Connection) -> list[tuple[str, str]]:
     """Path and node of every variable of the server."""
-    from ..service.opcua import browse, reason
+    from ..service.opcua import browse
+    from ..service.opcua_values import reason
 
     try:
         return [(one.path, one.node) for one in await browse(connection)]

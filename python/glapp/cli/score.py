@@ -126,7 +126,7 @@ def _show(scored: list[Scored], differ: list[Scored]) -> None:
             [
                 Column("differs", [one.result.name for one in differ]),
                 Column("row", [str(one.label.row) for one in differ], True),
-                Column("the workshop found", [_found(one) for one in differ]),
+                Column("the workshop found", [_found_text(one) for one in differ]),
                 Column("the answer", [words.headline(one.result) or "–" for one in differ]),
                 Column("why", [one.why for one in differ]),
             ]
@@ -141,6 +141,6 @@ def _share(one: Count) -> str:
     return f"{middle} % ({low} to {high})"
 
 
-def _found(one: Scored) -> str:
-    width = "" if one.width is None else f", {words.quantity(one.width, words.op_unit(one.result))}"
+def _found_text(one: Scored) -> str:
+    width = "" if one.width is None else f", {words.quantity(one.width, words.op_unit(one.result.unit))}"
     return f"{one.label.found}{width}"

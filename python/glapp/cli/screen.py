@@ -157,7 +157,7 @@ def _name_width(screen: Console, column: Column) -> int:
 
 
 def _least(column: Column) -> int:
-    """Width below which a column cannot be read."""
+    """Smallest width at which a column can still be read [characters]."""
     if column.number:
         return _most(column)
     words = [word for cell in (column.header, *map(str, column.cells)) for word in cell.split()]

@@ -87,10 +87,10 @@ async def _serve(
 @contextlib.contextmanager
 def _demo(data: Path, loops: int | None, days: float | None, scan: float | None) -> Iterator[None]:
     """A simulated plant with the service beside it, in a process of its own, as long as the window is open."""
-    from ..service.store import Lock
+    from ..folder_lock import FolderLock
 
     data.mkdir(parents=True, exist_ok=True)
-    holder = Lock.holder(data)
+    holder = FolderLock.holder(data)
     if holder is not None:
         raise InputError(
             f"is written by process {holder.get('pid')}: a demo needs a folder of its own",

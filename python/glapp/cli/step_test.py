@@ -106,10 +106,11 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
 
 def _page(found: Sequence[StepTest]) -> str:
     """The pictures of all tests in one page."""
-    from ..report.figures import CONFIG
+    from ..report.figures import CONFIG, step_test_figure
 
-    page: str = found[0].plot().to_html(config=CONFIG)
-    others = "".join(one.plot().to_html(config=CONFIG, full_html=False, include_plotlyjs=False) for one in found[1:])
+    figures = [step_test_figure(one) for one in found]
+    page: str = figures[0].to_html(config=CONFIG)
+    others = "".join(one.to_html(config=CONFIG, full_html=False, include_plotlyjs=False) for one in figures[1:])
     head, body = page.replace("<head>", f"<head>{GENERATOR}", 1), "</body>"
     at = head.rindex(body)
     return head[:at] + others + head[at:]
@@ -118,7 +119,7 @@ def _page(found: Sequence[StepTest]) -> str:
 def _show(found: StepTest) -> None:
     from ..report.words import clock, number, op_unit, quantity
 
-    op = op_unit(found)
+    op = op_unit(found.unit)
     out.print(one_line(f"{found.name}  ({found.source})"), style="bold", soft_wrap=True)
     gain = f"{found.pv_unit}/{op}" + ("/s" if found.integrating else "")
 
@@ -134,8 +135,8 @@ def _show(found: StepTest) -> None:
         rows.append((name, f"{quantity(found.kp, gain)}  ({between(found.kp_low, found.kp_high, gain)})"))
     if found.travel is not None:
         width = found.travel
-        told = width.reason or f"{quantity(width.d, op)}  ({between(width.low, width.high, op)})"
-        rows.append(("Gap from travel", told))
+        text = width.reason or f"{quantity(width.d, op)}  ({between(width.low, width.high, op)})"
+        rows.append(("Gap from travel", text))
     if found.settle is not None:
         rows.append(("PV settles within", quantity(found.settle, "s")))
     if rows:

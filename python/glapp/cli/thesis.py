@@ -48,7 +48,7 @@ def thesis(
     page = folder / ("README.md" if markdown else "index.html")
     if folder.is_dir():
         check_output("--out", page, [], (PAGE[0], f"# {gallery.TITLE}".encode()) if markdown else PAGE)
-        check_output("--out", folder / "numbers.json", [], ("numbers that glapp wrote", rb'\A\{\n  "(Table )?\d\.'))
+        check_output("--out", folder / "numbers.json", [], ("numbers that glapp wrote", rb'\A\{\n +"(Table )?\d\.'))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())

@@ -84,7 +84,7 @@ User = Annotated[
 ]
 
 
-def _ours(text: str, metavar: str, low: int | None = None, high: int | None = None) -> Any:
+def _server_option(text: str, metavar: str, low: int | None = None, high: int | None = None) -> Any:
     return typer.Option(metavar=metavar, help=text, min=low, max=high, rich_help_panel="Our own OPC UA server")
 
 
@@ -123,15 +123,19 @@ def run(
     wait: Annotated[float, typer.Option(metavar="S", help="How long a sample waits for values that come late.")] = 2.0,
     opcua_port: Annotated[
         int | None,
-        _ours("Serve the answers here, to be read only; 0: any free one. Off where not given.", "PORT", 0, 65535),
+        _server_option(
+            "Serve the answers here, to be read only; 0: any free one. Off where not given.", "PORT", 0, 65535
+        ),
     ] = None,
     opcua_host: Annotated[
-        str, _ours("Address; beyond 127.0.0.1 certificate, key and user are needed.", "ADDRESS")
+        str, _server_option("Address; beyond 127.0.0.1 certificate, key and user are needed.", "ADDRESS")
     ] = "127.0.0.1",
-    opcua_certificate: Annotated[Path | None, _ours("Its certificate.", "DER")] = None,
-    opcua_key: Annotated[Path | None, _ours("Its key.", "PEM")] = None,
-    opcua_user: Annotated[str | None, _ours("Who may read; anybody where not given.", "NAME")] = None,
-    opcua_password_file: Annotated[Path | None, _ours("File whose first line is the password.", "FILE")] = None,
+    opcua_certificate: Annotated[Path | None, _server_option("Its certificate.", "DER")] = None,
+    opcua_key: Annotated[Path | None, _server_option("Its key.", "PEM")] = None,
+    opcua_user: Annotated[str | None, _server_option("Who may read; anybody where not given.", "NAME")] = None,
+    opcua_password_file: Annotated[
+        Path | None, _server_option("File whose first line is the password.", "FILE")
+    ] = None,
 ) -> None:
     """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
     need("watch", "service", "argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
@@ -289,10 +293,11 @@ def status(
     as_json: Annotated[bool, typer.Option("--json", metavar="", help="One JSON object, nothing else.")] = False,
 ) -> None:
     """Show what the service last saw of every loop; it need not run."""
-    from ..service.store import Lock, Reader
+    from ..folder_lock import FolderLock
+    from ..service.store import Reader
 
     with Reader(data) as reader:
-        shown, holder = reader.shown(), Lock.holder(data)
+        shown, holder = reader.shown(), FolderLock.holder(data)
     if as_json:
         body = {"runs": holder, "time": None if shown is None else shown[0], **({} if shown is None else shown[1])}
         print(json.dumps(body))
@@ -399,7 +404,7 @@ def login(
     """Log in: the token is kept for twelve hours in a file that only you can read."""
     need("watch", "service", "httpx")
     token = _token_of(api_url, user)
-    path = _kept()
+    path = _token_file()
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
     path.touch(mode=0o600)
@@ -415,7 +420,7 @@ def watchdog_test(
 
     There is one watchdog for all loops: where it stands still, the plant takes u_FF of every loop away.
     """
-    _asked(api_url, user, "POST", f"/loops/{_part(loop)}/watchdog-test")
+    _answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/watchdog-test")
     text = (
         f"{loop}: `glapp watch events` tells how it ended, in five minutes at the latest. There is one watchdog for "
         "all loops: where u_FF of one cannot be taken away, the plant takes it away from every loop."
@@ -426,19 +431,19 @@ def watchdog_test(
 @watch.command(epilog=examples("glapp watch enable FIC101"))
 def enable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """Let a loop be compensated, in your name; an engineer may."""
-    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/enable"))
+    _print_values(_answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/enable"))
 
 
 @watch.command(epilog=examples("glapp watch disable FIC101"))
 def disable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """End the compensation of a loop; an operator may."""
-    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/disable"))
+    _print_values(_answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/disable"))
 
 
 @watch.command(epilog=examples("glapp watch fit FIC101"))
 def fit(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
     """Have a loop fitted now; an operator may."""
-    _asked(api_url, user, "POST", f"/loops/{_part(loop)}/fit")
+    _answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/fit")
     out.print(f"{loop} is fitted: `glapp watch status` shows the answer when it is there.", soft_wrap=True)
 
 
@@ -453,9 +458,9 @@ def set_(
     user: User = None,
 ) -> None:
     """Show the parameters of a loop's detector and compensation, or change some; an engineer may."""
-    path = f"/loops/{_part(loop)}/parameters"
+    path = f"/loops/{_path_part(loop)}/parameters"
     if not values:
-        _print_values(_asked(api_url, user, "GET", path))
+        _print_values(_answer_of_service(api_url, user, "GET", path))
         return
     wanted: dict[str, float | None] = {}
     for one in values:
@@ -466,7 +471,7 @@ def set_(
             raise CommandError(f"{one}: {value!r} is not a number") from None
         if not equals or not math.isfinite(wanted[name] or 0.0):
             raise CommandError(f"{one}: write NAME=VALUE, with a number")
-    _print_values(_asked(api_url, user, "POST", path, {"values": wanted}))
+    _print_values(_answer_of_service(api_url, user, "POST", path, {"values": wanted}))
 
 
 @watch.command(name="take-over", epilog=examples("glapp watch take-over FIC101"))
@@ -478,11 +483,11 @@ def take_over(
 ) -> None:
     """Take over what a fit found: the width to compensate, Kp, and K and Ti where they are not known."""
     if answer is None:
-        found = _asked(api_url, user, "GET", f"/loops/{_part(loop)}/answers?most=1")
+        found = _answer_of_service(api_url, user, "GET", f"/loops/{_path_part(loop)}/answers?most=1")
         if not found:
             raise InputError("has no answer yet", loop=loop, hint=f"glapp watch fit {loop}")
         answer = found[0]["id"]
-    _print_values(_asked(api_url, user, "POST", f"/loops/{_part(loop)}/take_over", {"answer": answer}))
+    _print_values(_answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/take_over", {"answer": answer}))
 
 
 users = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Who may do what: viewer, operator, engineer.")
@@ -492,7 +497,7 @@ watch.add_typer(users, name="users")
 @users.command(name="list", epilog=examples("glapp watch users list"))
 def list_(api_url: Url = _API_URL, user: User = None) -> None:
     """Name and role of every user."""
-    for one in _asked(api_url, user, "GET", "/users"):
+    for one in _answer_of_service(api_url, user, "GET", "/users"):
         out.print(f"{one['name']}  {one['role']}", soft_wrap=True)
 
 
@@ -506,18 +511,18 @@ def add(
 ) -> None:
     """Add a user, or change role and password of one."""
     password = None if keep_password else typer.prompt(f"Password of {name}", hide_input=True, confirmation_prompt=True)
-    _asked(api_url, user, "PUT", f"/users/{_part(name)}", {"role": role, "password": password})
+    _answer_of_service(api_url, user, "PUT", f"/users/{_path_part(name)}", {"role": role, "password": password})
     out.print(f"{name} is {role}.", soft_wrap=True)
 
 
 @users.command(epilog=examples("glapp watch users remove anna"))
 def remove(name: Annotated[str, typer.Argument(metavar="NAME")], api_url: Url = _API_URL, user: User = None) -> None:
     """Take a user out."""
-    _asked(api_url, user, "DELETE", f"/users/{_part(name)}")
+    _answer_of_service(api_url, user, "DELETE", f"/users/{_path_part(name)}")
     out.print(f"{name} is a user no more.", soft_wrap=True)
 
 
-def _kept() -> Path:
+def _token_file() -> Path:
     """File in which `login` keeps a token."""
     base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".local" / "state")
     return Path(base) / "glapp" / "token"
@@ -528,15 +533,15 @@ def _token_of(api_url: str, user: str) -> str:
     return str(_request(api_url, "POST", "/login", {"user": user, "password": password}, None)["token"])
 
 
-def _asked(api_url: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
+def _answer_of_service(api_url: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
     """What the service answers."""
     need("watch", "service", "httpx")
     if user is not None:
         token = _token_of(api_url, user)
     elif TOKEN in os.environ:
         token = os.environ[TOKEN]
-    elif _kept().is_file():
-        token = _kept().read_text(encoding="utf-8").strip()
+    elif _token_file().is_file():
+        token = _token_file().read_text(encoding="utf-8").strip()
     else:
         raise InputError("nobody is logged in", hint="glapp watch login NAME")
     return _request(api_url, method, path, body, token)
@@ -555,18 +560,18 @@ def _request(api_url: str, method: str, path: str, body: Any, token: str | None)
         hint = "is glapp watch running? DIR/api-url says where"
         raise InputError(f"does not answer: {error}", parameter=api_url, hint=hint) from None
     try:
-        said = reply.json()
+        answer = reply.json()
     except ValueError:
-        said = {}
+        answer = {}
     if reply.is_success:
-        return said
-    detail = said.get("detail") if isinstance(said, dict) else None
+        return answer
+    detail = answer.get("detail") if isinstance(answer, dict) else None
     raise InputError(
         detail if isinstance(detail, str) else f"answers {reply.status_code}: {detail}", parameter="service"
     )
 
 
-def _part(name: str) -> str:
+def _path_part(name: str) -> str:
     from urllib.parse import quote
 
     return quote(name, safe="")

@@ -189,7 +189,7 @@ def make_demo(
             raise InputError(f"is {value}, must be {bound}", parameter=name, value=value, bound=bound)
     if lake.exists() and (not lake.is_dir() or any(lake.iterdir())):
         raise InputError("exists already and holds something", file=str(lake), hint="name a folder of your own")
-    drawn = [_drawn(i, seed) for i in range(loops)]
+    drawn = [_random_loop(i, seed) for i in range(loops)]
     (lake / "_truth").mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(max(1, (os.cpu_count() or 1) // 2)) as pool:
         jobs = [pool.submit(_write_day, lake, drawn, day, days, seed) for day in range(days)]
@@ -206,7 +206,7 @@ def make_demo(
     return lake
 
 
-def _drawn(i: int, seed: int) -> _Loop:
+def _random_loop(i: int, seed: int) -> _Loop:
     """Draw a loop; every one is its own, whatever the others are."""
     random = Random(f"{seed}/{i}")
 
@@ -325,7 +325,7 @@ class _Kept:
     bad: NDArray[np.bool_]
 
 
-def _kept(loop: _Loop, s: Simulation, day: int, seed: int) -> _Kept:
+def _recorded_day(loop: _Loop, s: Simulation, day: int, seed: int) -> _Kept:
     k = np.arange(0, len(s.t), 60 if loop.record == "coarse" else STEP)
     pv = np.round(s.pv[k], 2)
     if loop.record == "compressed":
@@ -353,7 +353,7 @@ def _long(loops: Sequence[_Loop], made: Sequence[Simulation], day: int, seed: in
     values: list[NDArray[np.float64]] = []
     bad: list[NDArray[np.bool_]] = []
     for loop, simulation in zip(loops, made, strict=True):
-        kept = _kept(loop, simulation, day, seed)
+        kept = _recorded_day(loop, simulation, day, seed)
         every = np.ones(len(kept.k), np.bool_)
         signals = {"PV": (kept.pv, every), "OP": (kept.op, every), "SP": (kept.sp, _changes(kept.sp))}
         signals["MODE"] = (np.where(kept.manual, 0.0, 1.0), _changes(kept.manual))
@@ -377,7 +377,7 @@ def _long(loops: Sequence[_Loop], made: Sequence[Simulation], day: int, seed: in
 
 
 def _wide(loop: _Loop, simulation: Simulation, day: int, seed: int) -> pa.Table:
-    kept = _kept(loop, simulation, day, seed)
+    kept = _recorded_day(loop, simulation, day, seed)
     columns = {"time": _utc(day, kept.k), "SP": pa.array(kept.sp), "PV": pa.array(kept.pv), "OP": pa.array(kept.op)}
     if loop.record == "no_op":
         del columns["OP"]

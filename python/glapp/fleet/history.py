@@ -89,8 +89,8 @@ def follow(rows: pa.Table, look: pa.Table, loop: Loop, state: str | None) -> pa.
     try:
         row |= _followed(rows, day, loop, state)
     except Exception as error:  # not to lose all other loops
-        told = str(unforeseen(error, None, loop.name))
-        row |= {"crossings": "refused", "crossings_code": "fault", "crossings_reason": told}
+        reason = str(unforeseen(error, None, loop.name))
+        row |= {"crossings": "refused", "crossings_code": "fault", "crossings_reason": reason}
     return pa.Table.from_pylist([row], schema=FOLLOWED)
 
 
@@ -99,28 +99,28 @@ def _followed(rows: pa.Table, day: dict[str, Any], loop: Loop, state: str | None
     found, _, _ = signals_of(rows)
     held, samples = before["held"], {name: found[name] for name in (*_HELD, "pv") if name in found}
     if "mode" in found:  # until a mode is told the loop is taken for automatic, as one that has none
-        held = {"mode": (0.0, False)} | held
+        held = {"mode": (1.0, False)} | held
     for name, (value, lost) in held.items():
-        samples[name] = _after(value, lost, samples.get(name))
-    told = None if day["detector"] is None else json.loads(day["detector"])
+        samples[name] = _with_last_value(value, lost, samples.get(name))
+    detector = None if day["detector"] is None else json.loads(day["detector"])
     pinned, history = before["pinned"], None
     if pinned is not None:
         history = _glapp.History.load(pinned["history"])
     followed = "pv" in samples and _usable(day)
-    if followed and told is not None and (pinned is None or _other(pinned["told"], told)):
-        history = _glapp.History(_settings(told), told["tf"] is not None)
-        pinned = {"told": told, "since": int(samples["pv"].t[0]), "origins": day["origins"]}
+    if followed and detector is not None and (pinned is None or _settings_differ(pinned["told"], detector)):
+        history = _glapp.History(_settings(detector), detector["tf"] is not None)
+        pinned = {"told": detector, "since": int(samples["pv"].t[0]), "origins": day["origins"]}
     row: dict[str, Any] = {}
     if history is not None:
         if followed:
             _take(history, samples, pinned)
             pinned["history"] = history.save()
-        row = {"followed": followed, **_heard(history.heard(), pinned, loop)}
-    after = {name: _last(signal) for name, signal in samples.items() if name != "pv"}
+        row = {"followed": followed, **_crossing_columns(history.heard(), pinned, loop)}
+    after = {name: _last_value(signal) for name, signal in samples.items() if name != "pv"}
     return row | {"state": json.dumps({"held": after, "pinned": pinned}, sort_keys=True)}
 
 
-def _after(value: float | None, lost: bool, signal: Signal | None) -> Signal:
+def _with_last_value(value: float | None, lost: bool, signal: Signal | None) -> Signal:
     """A signal with the last value of the day before in front."""
     begin = Signal(np.array([_BEFORE]), np.array([np.nan if value is None else value]), np.array([lost]))
     if signal is None:
@@ -129,7 +129,7 @@ def _after(value: float | None, lost: bool, signal: Signal | None) -> Signal:
     return Signal(*(np.concatenate([getattr(begin, name), getattr(signal, name)]) for name in names))
 
 
-def _last(signal: Signal) -> tuple[float | None, bool]:
+def _last_value(signal: Signal) -> tuple[float | None, bool]:
     value = float(signal.value[-1])
     return (None if np.isnan(value) else value), bool(signal.lost[-1])
 
@@ -141,20 +141,22 @@ def _usable(day: dict[str, Any]) -> bool:
     return all(one["severity"] != "refuse" and one["code"] != "sinusoidal" for one in day["quality"] or ())
 
 
-def _other(pinned: dict[str, Any], told: dict[str, Any]) -> bool:
+def _settings_differ(pinned: dict[str, Any], detector: dict[str, Any]) -> bool:
     """Whether a day shows other settings than those that are pinned."""
 
     def apart(name: str, factor: float) -> bool:
-        ratio = told[name] / pinned[name]
+        ratio = detector[name] / pinned[name]
         return not 1 / factor <= ratio <= factor
 
-    return apart("k", CHANGED) or apart("ti", CHANGED) or apart("h", STEP_CHANGED) or (told["op"] and not pinned["op"])
+    return (
+        apart("k", CHANGED) or apart("ti", CHANGED) or apart("h", STEP_CHANGED) or (detector["op"] and not pinned["op"])
+    )
 
 
-def _settings(told: dict[str, Any]) -> dict[str, Any]:
-    given = {name: told[name] for name in ("k", "ti", "td", "b", "kp", "n", "h")}
-    given |= {} if told["tf"] is None else {"tf": told["tf"]}
-    return given | {"op_limits": None if told["op_limits"] is None else tuple(told["op_limits"])}
+def _settings(detector: dict[str, Any]) -> dict[str, Any]:
+    given = {name: detector[name] for name in ("k", "ti", "td", "b", "kp", "n", "h")}
+    given |= {} if detector["tf"] is None else {"tf": detector["tf"]}
+    return given | {"op_limits": None if detector["op_limits"] is None else tuple(detector["op_limits"])}
 
 
 def _take(history: _glapp.History, samples: dict[str, Signal], pinned: dict[str, Any]) -> None:
@@ -166,12 +168,12 @@ def _take(history: _glapp.History, samples: dict[str, Signal], pinned: dict[str,
     history.take(t, signals.get("sp", none), signals["pv"], op, flags)
 
 
-def _heard(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
+def _crossing_columns(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
     """What was heard so far, in columns."""
-    told = pinned["told"]
+    detector = pinned["told"]
     rejected = dict(heard["reasons"])
     answer = {"why": heard["why"], "reasons": rejected, "detections": heard["detections"]}
-    answer["controller"] = {"origins": {"kp": told["kp_origin"]}}
+    answer["controller"] = {"origins": {"kp": detector["kp_origin"]}}
     return {
         "since": pinned["since"],
         "crossings": heard["crossings"],
@@ -179,6 +181,6 @@ def _heard(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[st
         "crossings_reason": why_text(answer, loop, [], None),
         **{name: heard[name] for name in ("d_hat", "noise_floor", "detections", "half_periods", "tf")},
         "rejected": json.dumps(rejected, sort_keys=True),
-        **{name: told[name] for name in ("k", "ti", "td", "b", "kp", "h")},
+        **{name: detector[name] for name in ("k", "ti", "td", "b", "kp", "h")},
         "origins": pinned["origins"],
     }

@@ -71,7 +71,7 @@ ROWS = pa.schema([("signal", pa.int8()), ("t", pa.int64()), ("value", pa.float64
 """Rows of a loop, whatever file they came from.
 
 The place of the signal in `SIGNALS`, microseconds since 1970 UTC, the value (NaN where missing; of a mode 1 where it is
-not automatic, of a limit flag 1 where it is at the limit), whether it is of bad quality."""
+automatic and 0 where it is not, of a limit flag 1 where it is at the limit), whether it is of bad quality."""
 
 DAY = 86_400_000_000
 """[µs]."""
@@ -316,7 +316,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     for i, n in enumerate(rows):
         done = 0
         try:
-            for group, seen, fault, lacking in _looked(bare, path, i):
+            for group, seen, fault, lacking in _inspected_parts(bare, path, i):
                 groups.append(group)
                 qualities.update(dict.fromkeys(seen[:_MOST_WORDS]))
                 without.update(lacking)
@@ -364,7 +364,9 @@ _LACKING = {"no_time": "time between 1971 and 2100", "no_tag": "tag"}
 _REPAIR = "export them again with it"
 
 
-def _looked(file: File, path: Path, i: int) -> Iterator[tuple[Group, list[str], CellFault | None, dict[str, int]]]:
+def _inspected_parts(
+    file: File, path: Path, i: int
+) -> Iterator[tuple[Group, list[str], CellFault | None, dict[str, int]]]:
     """Time and tags of a group of rows, part by part, and the words of its quality.
 
     With them what is wrong with its times, and how many rows have no time or no tag.
@@ -442,7 +444,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
     kind = column.type
     if pa.types.is_timestamp(kind) and (kind.tz is not None or file.zone is None):
         ticks = column.cast(pa.timestamp("us", kind.tz), safe=False)
-        return _known(ticks, 0)
+        return _valid_times(ticks, 0)
     if pa.types.is_timestamp(kind):
         ticks = column.cast(pa.timestamp("us"), safe=False)
         early, late = (
@@ -450,7 +452,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
         )
         plainly = pc.equal(early, late)
         doubtful = len(column) - column.null_count - (pc.sum(plainly).as_py() or 0)
-        return _known(pc.if_else(plainly, early, None), doubtful)
+        return _valid_times(pc.if_else(plainly, early, None), doubtful)
     clock = Clock(column.slice(0, 1000), None, None, file.zone)
     if clock.t0 is None:
         raise CellFault(0, "they are plain numbers, and no date")
@@ -461,7 +463,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
     return begin + np.rint(np.where(good, seconds, 0.0) * 1e6).astype(np.int64), good, 0
 
 
-def _known(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
+def _valid_times(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
     t: NDArray[np.int64] = ticks.cast(pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
     good: NDArray[np.bool_] = ticks.is_valid().to_numpy(zero_copy_only=False)
     return t, good & (t > _YEARS[0]) & (t < _YEARS[1]), doubtful
@@ -727,9 +729,9 @@ def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
     for name in asked.names:
         place, signal = known.of(file)[name]
         loop, n = known.loops[place], len(rows)
-        told, wants = understand(name).unit, _unit_of(loop, signal)
-        if told and wants and _alike(told) != _alike(wants):
-            problems.append(_unit_problem(file, name, loop.name, told, wants, n, done + 1))
+        unit, wants = understand(name).unit, _unit_of(loop, signal)
+        if unit and wants and _alike(unit) != _alike(wants):
+            problems.append(_unit_problem(file, name, loop.name, unit, wants, n, done + 1))
             continue
         x = _values(table.column(name).take(taken), SIGNALS[signal], loop, file, name, rows + done, problems)
         parts.append(_Part(np.full(n, place, np.int32), np.full(n, signal, np.int8), t[rows], x, bad))
@@ -744,10 +746,14 @@ def _values(
     """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, and told once a file and tag."""
     reader = Reader(loop, None, file.digits, Quality((), words_for_bad(loop.bad_values)))
     flag = role in _WORDS
-    missing = 1.0 if role == "mode" else 0.0 if flag else np.nan
+    missing = 0.0 if flag else np.nan
     for _ in range(_MOST_WORDS):
         try:
-            return (reader.flag(role, cells) != 0).astype(np.float64) if flag else reader.number(cells)
+            if not flag:
+                return reader.number(cells)
+            raised: NDArray[np.bool_] = reader.flag(role, cells) != 0  # of a mode: not automatic
+            values: NDArray[np.float64] = (raised != (role == "mode")).astype(np.float64)
+            return values
         except CellFault as fault:
             if fault.value is None or not len(rows) or not is_text(plain(cells).type):
                 row = int(rows[0]) + 1 if len(rows) else None
@@ -794,8 +800,8 @@ def _units(
 ) -> NDArray[np.bool_]:
     """Which rows are in the unit that the loop's settings tell; where they tell none, all are."""
     fits = np.ones(len(codes), np.bool_)
-    told = plain(cells).cast(pa.string())
-    each = told.dictionary_encode(null_encoding="encode")
+    texts = plain(cells).cast(pa.string())
+    each = texts.dictionary_encode(null_encoding="encode")
     units, of = each.dictionary.to_pylist(), each.indices.to_numpy(zero_copy_only=False)
     for code in np.unique(codes):
         name = asked.names[code]
@@ -811,8 +817,8 @@ def _units(
     return fits
 
 
-def _unit_problem(file: File, tag: str, loop: str, told: str, wants: str, n: int, row: int) -> DataIssue:
-    what = f"{n} rows are in {told}, and the loop's settings say {wants}: they are left out"
+def _unit_problem(file: File, tag: str, loop: str, unit: str, wants: str, n: int, row: int) -> DataIssue:
+    what = f"{n} rows are in {unit}, and the loop's settings say {wants}: they are left out"
     return DataIssue(
         "unit", what, "convert them, or correct the unit in the settings", file.name, row, tag, loop, rows=n
     )

@@ -110,30 +110,30 @@ def lost_of(lost: Mapping[str, int]) -> str:
     >>> lost_of({"loops": 5, "files": 5, "rows": 7500, "left_out": 0})
     '5 loops refused. 5 files could not be read in whole or in part (7500 rows, as far as is known).'
     """
-    told = []
+    sentences = []
     if n := lost["loops"]:
-        told.append(f"{words.count(n, 'loop')} refused.")
+        sentences.append(f"{words.count(n, 'loop')} refused.")
     if n := lost["files"]:
         rows = f" ({words.count(lost['rows'], 'row')}, as far as is known)" if lost["rows"] else ""
-        told.append(f"{words.count(n, 'file')} could not be read in whole or in part{rows}.")
+        sentences.append(f"{words.count(n, 'file')} could not be read in whole or in part{rows}.")
     if n := lost["left_out"]:
-        told.append(f"{words.count(n, 'row')} left out for their time, tag, unit or value.")
-    return " ".join(told)
+        sentences.append(f"{words.count(n, 'row')} left out for their time, tag, unit or value.")
+    return " ".join(sentences)
 
 
 def _in_short(loops: Sequence[Any], ranked: Sequence[Any], judged: Sequence[Any]) -> str:
     beyond = [row for row in ranked if row["acceptable"] == "beyond"]
     gaps = sum(row["valve"] == "gap" for row in loops)
     worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
-    told = [
+    sentences = [
         to_text("fleet.gaps", {"gaps": gaps, "all": len(loops), "beyond": len(beyond)}),
         to_text("fleet.rest", {"none": len(judged) - gaps, "unjudged": len(loops) - len(judged)}),
     ]
     if beyond:
-        told.append(to_text("fleet.first", {"names": ", ".join(row["loop"] for row in beyond[:3])}))
+        sentences.append(to_text("fleet.first", {"names": ", ".join(row["loop"] for row in beyond[:3])}))
     if worn:
-        told.append(to_text("fleet.grows", {"n": worn}))
-    return " ".join(told)
+        sentences.append(to_text("fleet.grows", {"n": worn}))
+    return " ".join(sentences)
 
 
 def _scale(rows: Sequence[dict[str, Any]]) -> float:

@@ -69,8 +69,8 @@ def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, probl
     InputError
         Where it cannot be written, as on a full disk.
     """
-    told = json.dumps([list(problem) for problem in problems], ensure_ascii=False)
-    schema = schema.with_metadata({**(schema.metadata or {}), **({_PROBLEMS: told.encode()} if told != "[]" else {})})
+    text = json.dumps([list(problem) for problem in problems], ensure_ascii=False)
+    schema = schema.with_metadata({**(schema.metadata or {}), **({_PROBLEMS: text.encode()} if text != "[]" else {})})
     try:
         write_parquet(path, tables, schema)
     except OSError as error:
@@ -84,8 +84,8 @@ def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, probl
 def read_piece(path: Path, **how: Any) -> tuple[pa.Table, list[DataIssue]]:
     """A piece, and the problems that were met in making it."""
     table = pq.read_table(path, use_threads=False, partitioning=None, **how)
-    told = json.loads((table.schema.metadata or {}).get(_PROBLEMS, b"[]"))
-    return table.replace_schema_metadata(), [DataIssue(*problem) for problem in told]
+    problems = json.loads((table.schema.metadata or {}).get(_PROBLEMS, b"[]"))
+    return table.replace_schema_metadata(), [DataIssue(*problem) for problem in problems]
 
 
 def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any]) -> dict[str, Any]:

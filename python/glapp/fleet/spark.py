@@ -29,11 +29,7 @@ import pyarrow.compute as pc
 from ..errors import InputError
 from .history import FOLLOWED, follow
 from .lake import ROWS
-from .problems import DataIssue
-from .results import write_piece
-from .run import (
-    Plan,
-    Stage,
+from .pieces import (
     answers_of,
     chosen_of,
     crossings_of,
@@ -49,6 +45,9 @@ from .run import (
     write_followed,
     write_judged,
 )
+from .plan import Plan, Stage
+from .problems import DataIssue
+from .results import write_piece
 from .windows import DAYS, SAMPLES, cut, judge, look
 
 __all__ = ["AT_A_TIME", "GROUP", "JUDGED_AT_A_TIME", "run"]
@@ -72,7 +71,7 @@ _LOOPS = "key string, loops binary, windows binary, problems string"
 
 
 def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
-    """See `glapp.fleet.run.Engine`; the session is the one that there is, else one of this machine.
+    """See `glapp.fleet.plan.Engine`; the session is the one that there is, else one of this machine.
 
     Raises
     ------
@@ -151,12 +150,12 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
         for i in wave:
             for name, table in known[i].items():
                 having.setdefault(name, []).append(table.append_column("unit", pa.array([i], pa.int32())))
-        told = [(name, states.get(name), _bytes(pa.concat_tables(of))) for name, of in having.items()]
+        handed = [(name, states.get(name), _bytes(pa.concat_tables(of))) for name, of in having.items()]
         made: dict[int, dict[str, pa.Table]] = {i: {} for i in wave}
-        if told:
+        if handed:
             met = {i: problems_at(looks[i]) for i in wave}
             rows = _units(spark, plan, wave, met).groupBy("loop")
-            given = spark.createDataFrame(told, _STATES).groupBy("loop")
+            given = spark.createDataFrame(handed, _STATES).groupBy("loop")
             for name, units, table in rows.cogroup(given).applyInArrow(_follower(plan), _FOLLOWED).collect():
                 every = _table(table)
                 for row, unit in enumerate(units):
@@ -259,8 +258,8 @@ def _reader(
 def _problem_rows(problems: list[DataIssue], unit: int) -> pa.RecordBatch:
     n = len(problems)
     none = [pa.nulls(n, field.type) for field in ROWS]
-    told = pa.array([json.dumps(list(problem)) for problem in problems], pa.string())
-    columns = [pa.array([unit] * n, pa.int32()), pa.array([""] * n), *none, told]
+    texts = pa.array([json.dumps(list(problem)) for problem in problems], pa.string())
+    columns = [pa.array([unit] * n, pa.int32()), pa.array([""] * n), *none, texts]
     return pa.record_batch(columns, names=["unit", "loop", *ROWS.names, "problem"])
 
 
@@ -270,9 +269,9 @@ def _looker(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table], pa.Table]:
     def looked(key: tuple[Any, ...], rows: pa.Table) -> pa.Table:
         i, name = (part.as_py() for part in key)
         if name == "":
-            told = rows.column("problem").unique().to_pylist()
-            n = len(told)
-            columns = [pa.array([i] * n, pa.int32()), pa.array([""] * n), pa.nulls(n, pa.binary()), pa.array(told)]
+            texts = rows.column("problem").unique().to_pylist()
+            n = len(texts)
+            columns = [pa.array([i] * n, pa.int32()), pa.array([""] * n), pa.nulls(n, pa.binary()), pa.array(texts)]
         else:
             unit = plan.units[i]
             made = look(rows.select(ROWS.names).cast(ROWS), loops[name], unit.day, unit.part)

@@ -111,8 +111,10 @@ def crossings(
     threads = threads or os.cpu_count() or 1
     begin = None if since is None else round((since if since.tzinfo else since.replace(tzinfo=UTC)).timestamp() * 1e6)
     read = _glapp.run_lake([detectors[i] for i in order], [places[i] for i in order], threads, begin)
-    told = dict(zip(order, read, strict=True))
-    return pa.Table.from_pylist([_row(names[i], detectors[i], *told[i]) for i in range(len(names))], schema=CROSSINGS)
+    read_of = dict(zip(order, read, strict=True))
+    return pa.Table.from_pylist(
+        [_row(names[i], detectors[i], *read_of[i]) for i in range(len(names))], schema=CROSSINGS
+    )
 
 
 def _size(file: str | Path) -> int:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from .. import _glapp
 from .._glapp import to_text
 from ..errors import InputError, unforeseen
-from ..estimate import analyze, op_range
+from ..estimate import analyze
 from ..fit import Fit, fit_recordings
 from ..loop import Loop
 from ..many import unfit
@@ -288,7 +288,8 @@ def on_pv(found: dict[str, Signal]) -> tuple[dict[str, Floats], NDArray[np.uint8
         at = np.searchsorted(signal.t, t, side="right") - 1
         none = (at < 0) | signal.lost[at]
         if name in _FLAGS:
-            flags |= np.where(none, name == "mode", signal.value[at] != 0).astype(np.uint8) * np.uint8(_FLAGS[name])
+            raised = (signal.value[at] != 0) != (name == "mode")  # a mode is 1 where the loop is in automatic
+            flags |= np.where(none, name == "mode", raised).astype(np.uint8) * np.uint8(_FLAGS[name])
         else:
             signals[name] = np.where(none, np.nan, signal.value[at])
     return signals, flags
@@ -374,17 +375,17 @@ def _outside(loop: Loop, pv: Floats) -> float:
 def _judged(result: Result, step: float, op: bool, sp: bool) -> dict[str, Any]:
     """What a day's analysis says, but for the fit, and what a detector of its crossings is to be told."""
     s = result.settings
-    told = None
+    detector = None
     if s.k is not None and s.ti is not None and sp and step > 0:
-        told = {name: getattr(s, name) for name in ("k", "ti", "td", "b", "kp", "n")} | {"h": step, "op": op}
-        told |= {"op_limits": op_range(result.loop), "tf": result.loop.tf, "kp_origin": s.origins.get("kp")}
+        detector = {name: getattr(s, name) for name in ("k", "ti", "td", "b", "kp", "n")} | {"h": step, "op": op}
+        detector |= {"op_limits": result.loop.op_range(), "tf": result.loop.tf, "kp_origin": s.origins.get("kp")}
     return {
         "crossings": result.crossings,
         "crossings_code": result.why,
         "crossings_reason": result.reason,
         **{name: getattr(s, name) for name in ("k", "ti", "td")},
         "origins": json.dumps(s.origins, sort_keys=True),
-        "detector": None if told is None else json.dumps(told, sort_keys=True),
+        "detector": None if detector is None else json.dumps(detector, sort_keys=True),
         "quality": [{"code": f.code, "severity": f.severity} for f in result.quality],
     }
 
@@ -480,12 +481,12 @@ def judge(
             problems.append(DataIssue("window", what, "nothing; more rows a day give better windows", loop=loop.name))
         if recordings:
             of = [_look_of(one, looks) for one in recordings]
-            known = [_known(day) for day in of]
+            known = [_known_unfit(day) for day in of]
             fit = fit_recordings(recordings, unfit=known)
-            for one, said, its in zip(recordings, fit.recordings, of, strict=True):
-                windows.append(_window(loop, one, said, its))
-                if said.repeated > MOSTLY:
-                    what = f"{100 * said.repeated:.0f} % of the window's PV stands in an earlier one: it counts there"
+            for one, window, its in zip(recordings, fit.recordings, of, strict=True):
+                windows.append(_window(loop, one, window, its))
+                if window.repeated > MOSTLY:
+                    what = f"{100 * window.repeated:.0f} % of the window's PV stands in an earlier one: it counts there"
                     day = windows[-1]["first"]
                     problems.append(
                         DataIssue(
@@ -493,9 +494,9 @@ def judge(
                         )
                     )
     except Exception as error:  # not to lose all other loops
-        told = error if isinstance(error, InputError) else unforeseen(error, None, loop.name)
-        problems.append(DataIssue("fault", str(told), "report it", loop=loop.name))
-        return refused(loop, "fault", str(told), looks), WINDOWS.empty_table(), problems
+        fault = error if isinstance(error, InputError) else unforeseen(error, None, loop.name)
+        problems.append(DataIssue("fault", str(fault), "report it", loop=loop.name))
+        return refused(loop, "fault", str(fault), looks), WINDOWS.empty_table(), problems
     if fit is None:
         fit = _not_fitted(looks, loop)
     row = _row(_loop_row(loop, looks, heard, fit, windows), LOOPS)
@@ -544,17 +545,17 @@ def _recordings(samples: pa.Table, loop: Loop) -> tuple[list[Samples], int]:
     return found, short
 
 
-def _known(day: dict[str, Any]) -> Any:
+def _known_unfit(day: dict[str, Any]) -> Any:
     """What a look at the day found that the fit need not ask."""
     return None if day["unfit"] is None else (day["unfit"], day["unfit_code"], day["unfit_reason"])
 
 
-def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> dict[str, Any]:
+def _window(loop: Loop, recording: Samples, fitted: Any, day: dict[str, Any]) -> dict[str, Any]:
     """A row of `WINDOWS`."""
-    fit: Fit = said.fit
+    fit: Fit = fitted.fit
     whole = recording.beginning(recording.rows or 0)
     law = (day["k"], day["ti"])
-    harm = harm_of(fit, law, whole) if fit.d and said.left_out is None else Harm(None, None)
+    harm = harm_of(fit, law, whole) if fit.d and fitted.left_out is None else Harm(None, None)
     p = fit.process
     assert recording.t0 is not None
     first = round(recording.t0.timestamp() * 1e6)
@@ -572,9 +573,9 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
         "lr_no_gap": fit.lr_no_gap,
         "lr_needed": fit.lr_needed,
         **({} if p is None else {"kp": p.kp[0], "dead_time": p.dead_time[0], "lag": p.lag[0]}),
-        "repeated": said.repeated,
-        "left_out": said.left_out,
-        "adds": said.adds,
+        "repeated": fitted.repeated,
+        "left_out": fitted.left_out,
+        "adds": fitted.adds,
         "pv_share": harm.pv_share,
         "op_share": harm.op_share,
         **{name: day[name] for name in ("k", "ti", "td", "origins")},
@@ -631,7 +632,7 @@ def _loop_row(
     start = None if not windows else windows[0]["first"]
     rows = sum(day["rows"] for day in looks)
     findings = _lasting(looks)
-    code = (_why(fit) if fit is not None else result.why) or None
+    code = (_reason_code(fit) if fit is not None else result.why) or None
     dated = [day for day in looks if day["first"] is not None]
     return {
         "loop": loop.name,
@@ -687,7 +688,7 @@ def _loop_row(
     }
 
 
-def _why(fit: Fit) -> str:
+def _reason_code(fit: Fit) -> str:
     """The word for what decided; where no window could be fitted, that of most of them."""
     words = [one.fit.why for one in fit.recordings]
     return fit.why or (max(sorted(set(words)), key=words.count) if words else "")
@@ -711,11 +712,11 @@ def _mean(values: Sequence[float]) -> float | None:
 
 def _not_fitted(looks: list[dict[str, Any]], loop: Loop) -> Fit | None:
     """Why nothing of a loop was fitted, where its days say so: what most of them say."""
-    said = [(day["unfit"], day["unfit_code"], day["unfit_reason"]) for day in looks if day["unfit"] is not None]
-    if 2 * len(said) > len(looks):
-        codes = [code for _, code, _ in said]
+    unfit = [(day["unfit"], day["unfit_code"], day["unfit_reason"]) for day in looks if day["unfit"] is not None]
+    if 2 * len(unfit) > len(looks):
+        codes = [code for _, code, _ in unfit]
         most = max(sorted(set(codes)), key=codes.count)
-        verdict, code, reason = next(one for one in said if one[1] == most)
+        verdict, code, reason = next(one for one in unfit if one[1] == most)
         return Fit(verdict, reason, loop.op_label, why=code)
     if not any(day["op"] for day in looks):
         return None  # the crossings answer
@@ -748,8 +749,8 @@ def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence
     if not any(day["op"] for day in looks):
         return "no_op"
     of = {one: name for name, codes in HINDRANCES.items() for one in codes}
-    told = of.get(code or "", "data")
-    return told if told != "evidence" else next((of[one] for one in findings if one in of), told)
+    next_step = of.get(code or "", "data")
+    return next_step if next_step != "evidence" else next((of[one] for one in findings if one in of), next_step)
 
 
 def _problems(loop: Loop, looks: list[dict[str, Any]], crossings: list[dict[str, Any]]) -> list[DataIssue]:

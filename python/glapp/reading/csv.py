@@ -230,7 +230,7 @@ class CsvSource(Source):
                 yield rest, 1.0
 
     def _text(self, file: pa.NativeFile) -> pa.NativeFile:
-        """The file's text as UTF-8 bytes."""
+        """Open the file decompressed and converted to UTF-8."""
         stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
         if self._encoding in ("utf-8", "utf-8-sig"):
             return stream

@@ -94,7 +94,7 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
     if not lines:  # the first line is all there is, and may hold years or numbers of columns
         lines, end = [start], start + 1
     lines = [i for i in lines if all(j in lines or _is_remark(rows[j][1], width) for j in range(i, lines[-1]))]
-    named = max(lines, key=lambda i: (_understood(rows[i][1]), _filled(rows[i][1]), -i))
+    named = max(lines, key=lambda i: (_understood(rows[i][1]), _filled_count(rows[i][1]), -i))
     names = [" ".join(cell.split()) for cell in rows[named][1]]  # a quoted name may be broken into lines
     units = [understand(name).unit for name in names]
     below = [i for i in lines if i > named]
@@ -110,8 +110,9 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
             if not names[at] and understand(cell).role == "time":
                 names[at], units[at] = cell.strip(), None
     if any(folded(cell) == "sampletime[ms]" for _, cells in rows[start:end] for cell in cells[:1]):
-        for at, name in enumerate(names):  # TwinCAT's Scope calls its columns of times as it calls the line
-            if at % 2 == 0 and name == names[0]:
+        line = names[0]
+        for at in range(0, width, 2):  # TwinCAT's Scope calls its columns of times as it calls the line
+            if names[at] == line:
                 names[at], units[at] = "time", "ms"
     return Head(names, units, rows[named][0], end)
 
@@ -156,7 +157,7 @@ def _is_label(rows: Sequence[Row], at: int, width: int) -> bool:
 
 
 def _is_remark(cells: Sequence[str], width: int) -> bool:
-    """Whether a line between the names and the rows is no sample.
+    """Whether a line between the column names and the samples is a remark.
 
     It is empty, a rule (-----+-----), an annotation (#ROWS), or has a number of each column, such as its span.
     """
@@ -194,7 +195,7 @@ def _under(above: Sequence[str], below: Sequence[str]) -> list[str]:
     return names
 
 
-def _filled(cells: Sequence[str]) -> int:
+def _filled_count(cells: Sequence[str]) -> int:
     return sum(bool(cell.strip()) for cell in cells)
 
 

@@ -104,7 +104,7 @@ class ParquetSource(Source):
                 yield [batch.column(name) for name in names], done / max(self.rows or 1, 1)
 
     def row_number(self, record: int) -> int:
-        """Rows are counted from 1."""
+        """Row number of a record as a person counts: from 1."""
         return record + 1
 
 

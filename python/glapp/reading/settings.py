@@ -71,7 +71,7 @@ def read_each(path: str | Path) -> list[Loop | InputError]:
     InputError
         For a fault of the whole file or of its defaults.
     """
-    return _each(_text_of(path), str(path), Path(path).parent)
+    return _loops_or_errors(_text_of(path), str(path), Path(path).parent)
 
 
 def read_table(path: str | Path, name: str) -> dict[str, Any] | None:
@@ -119,10 +119,10 @@ def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
     >>> loop.name, loop.op_span
     ('FIC101', (0.0, 100.0))
     """
-    return all_or_none(_each(text, label, directory))
+    return all_or_none(_loops_or_errors(text, label, directory))
 
 
-def _each(text: str, label: str, directory: Path) -> list[Loop | InputError]:
+def _loops_or_errors(text: str, label: str, directory: Path) -> list[Loop | InputError]:
     data = _toml(text, label)
     for key in data:
         if key not in _TABLES:
@@ -205,7 +205,7 @@ def _complete(controller: Mapping[str, Any]) -> bool:
 
 
 def _completed(defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """A default controller with what the loops must add, so that what it does say can be checked."""
+    """The default controller, with placeholders for what each loop adds, so that it can be validated by itself."""
     controller = defaults.get("controller")
     if not isinstance(controller, dict):
         return {}

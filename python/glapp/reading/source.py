@@ -106,7 +106,7 @@ class Source(ABC):
 
     @abstractmethod
     def row_number(self, record: int) -> int:
-        """Number that a person sees beside the record with this index."""
+        """Row number of a record as a person sees it in the file."""
 
 
 class Head:

@@ -331,8 +331,10 @@ class Clock:
 
     def _note_time_unit(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
         date = _moment(round((first - _TO_1970[calendar]) * 86_400_000), 1000)
-        told = assumed_time(self._name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure)
-        self.found.append(told)
+        finding = assumed_time(
+            self._name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure
+        )
+        self.found.append(finding)
 
     def _read_numbers(self, column: pa.Array) -> NDArray[np.float64]:
         column = self._as_numbers(column)
@@ -613,8 +615,8 @@ class _Fold:
         skipped = np.append(begin[1:], np.iinfo(np.int64).max)[last] <= late
         if skipped.any():
             at = int(np.argmax(skipped))
-            told = _moment(int(ticks[at]), per_second)
-            raise CellFault(at, f"{told} does not exist in {self._zone}", "check time_zone")
+            moment = _moment(int(ticks[at]), per_second)
+            raise CellFault(at, f"{moment} does not exist in {self._zone}", "check time_zone")
         early = np.where(twice, before, late)
         if not twice.any():
             self._second = False

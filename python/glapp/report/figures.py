@@ -19,20 +19,17 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from ..palette import FONT, GRID, INK, MUTED, OUTPUT, PAPER, POINT, POSITION, RAW, SIGNAL, TOO_WIDE, UNJUDGED
+from ..result import Result
+from ..step_test import StepTest
 from . import words
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..result import Result
     from ..simulate import Simulation
-    from ..step_test import Reading, StepTest
+    from ..step_test import Reading
     from ..trace import Trace
-
-FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
-INK, MUTED, GRID, PAPER = "#1f2933", "#5a6673", "#e3e7eb", "#ffffff"
-RAW, SIGNAL, OUTPUT, POSITION, POINT = "#a9c3de", "#1d5b9c", "#6d4795", "#b8651b", "#00875f"
-TOO_WIDE, UNJUDGED = "#c4501b", "#3f74a8"
 
 #: Colour of each verdict on a half-period, in the order of the codes: the muted scheme of Paul Tol, safe for
 #: colour-blind readers, with greys for what says least.
@@ -59,6 +56,33 @@ CONFIG: dict[str, Any] = {"responsive": True, "displaylogo": False, "plotlyServe
 _NO_BUTTONS = ["select2d", "lasso2d", "autoScale2d", "sendChartToCloud", "sendDataToCloud"]
 
 
+def plot(of: Result | StepTest | Simulation) -> go.Figure:
+    """A zoomable figure of a result, a step test or a simulation.
+
+    Parameters
+    ----------
+    of : Result, StepTest or Simulation
+        Of a result: SP, PV and filtered PV over shaded half-periods, OP, detections and estimate. Of a step test: PV
+        and OP with each hold, where PV had settled, and each reading in its place. Of a simulation: SP and PV above,
+        OP and the valve's position below, and the load where there is any.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+        `.show()` opens it.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> s = glapp.simulate.closed_loop("P2", (0.775, 2.05), t_end=50, setpoint=[(1, 1.0)])
+    >>> [trace.name for trace in glapp.plot(s).data]
+    ['SP', 'PV', 'OP', 'position']
+    """
+    if isinstance(of, Result):
+        return loop_figure(of)
+    return step_test_figure(of) if isinstance(of, StepTest) else simulation_figure(of)
+
+
 def loop_figure(result: Result) -> go.Figure:
     """Draw one loop over time: SP and PV with every half-period shaded, OP, and the detections with the estimate.
 
@@ -67,8 +91,8 @@ def loop_figure(result: Result) -> go.Figure:
     trace, halves = result.trace, result.half_periods
     if trace is None or len(trace.t) == 0:
         return _empty("No trace: the loop was refused before its signals were read.")
-    pv_unit, op_unit = result.loop.pv_unit or "PV unit", words.op_unit(result)
-    has_op = _known(trace, "op") or _known(trace, "position")
+    pv_unit, op_unit = result.loop.pv_unit or "PV unit", words.op_unit(result.unit)
+    has_op = _has_values(trace, "op") or _has_values(trace, "position")
     has_halves = halves.count > 0
     has_detections = bool((halves.reason == 0).any())
     panels = ["pv", *(["op"] if has_op else []), *(["d"] if has_detections else [])]
@@ -106,7 +130,7 @@ def loop_figure(result: Result) -> go.Figure:
         ("op", "OP", "op", {"color": OUTPUT, "width": 1.2}),
     ]
     for column, name, panel, style in lines:
-        if _known(trace, column):
+        if _has_values(trace, column):
             band = _band(trace, column)
             whole = np.array_equal(*band, equal_nan=True)  # nothing was thinned
             figure.add_trace(
@@ -179,7 +203,7 @@ def step_test_figure(test: StepTest) -> go.Figure:
     figure = make_subplots(
         rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.05, row_heights=[0.55, 0.45], figure=_figure()
     )
-    pv, op = _plain(test.pv_unit), _plain(words.op_unit(test))
+    pv, op = _plain(test.pv_unit), _plain(words.op_unit(test.unit))
     signals = [("PV", rows.pv, {"color": RAW, "width": 1}, 1, pv)]
     if rows.position is not None:
         signals.append(("valve position", rows.position, {"color": POSITION, "width": 2.2}, 2, "% travel"))
@@ -273,7 +297,7 @@ def _reading_text(test: StepTest, reading: Reading) -> str:
     """Say what one move gave, as short as a picture needs it."""
     if reading.value is None:
         return _plain(reading.evidence.split(":")[0])
-    name, unit = ("d", words.op_unit(test)) if reading.kind == "gap" else ("Kp", "")
+    name, unit = ("d", words.op_unit(test.unit)) if reading.kind == "gap" else ("Kp", "")
     return _plain(f"{name} = {words.quantity(reading.value, unit).strip()}")
 
 
@@ -281,8 +305,8 @@ def _step_test_title(test: StepTest) -> str:
     if test.d is None:
         return f"{test.name}: no width"
     return (
-        f"{test.name}: gap {words.quantity(test.d, words.op_unit(test))}, "
-        f"95 % {words.number(test.low)} to {words.quantity(test.high, words.op_unit(test))}"
+        f"{test.name}: gap {words.quantity(test.d, words.op_unit(test.unit))}, "
+        f"95 % {words.number(test.low)} to {words.quantity(test.high, words.op_unit(test.unit))}"
     )
 
 
@@ -303,9 +327,9 @@ def _drawn(t: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.f
 def phase_figure(result: Result) -> go.Figure:
     """Draw PV against OP, the points coloured by time: a gap shows as a flat passage at every reversal."""
     trace = result.trace
-    if trace is None or not _known(trace, "op") or not _known(trace, "pv"):
+    if trace is None or not _has_values(trace, "op") or not _has_values(trace, "pv"):
         return _empty("PV and OP were not both recorded.")
-    source = "pv_filtered" if _known(trace, "pv_filtered") else "pv"
+    source = "pv_filtered" if _has_values(trace, "pv_filtered") else "pv"
     op, pv = _middle(trace, "op"), _middle(trace, source)
     figure = _figure()
     figure.add_trace(
@@ -330,7 +354,7 @@ def phase_figure(result: Result) -> go.Figure:
             showlegend=False,
         )
     )
-    figure.update_xaxes(title_text=f"OP [{_plain(words.op_unit(result))}]")
+    figure.update_xaxes(title_text=f"OP [{_plain(words.op_unit(result.unit))}]")
     figure.update_yaxes(
         title_text=f"{'PV filtered' if source == 'pv_filtered' else 'PV'} [{_plain(result.loop.pv_unit or 'PV unit')}]"
     )
@@ -404,7 +428,7 @@ def _time_axis(figure: go.Figure, result: Result | StepTest, rows: int) -> None:
     figure.update_xaxes(title_text="local time", row=rows, col=1)
 
 
-def _known(trace: Trace, column: str) -> bool:
+def _has_values(trace: Trace, column: str) -> bool:
     """Tell whether a column of the trace was recorded and holds at least one number."""
     band = getattr(trace, column)
     return band is not None and bool(np.isfinite(band.low).any())
@@ -438,7 +462,7 @@ def _zigzag_time(result: Result, trace: Trace) -> NDArray[np.float64]:
 
 def _limits(trace: Trace) -> tuple[float, float]:
     """Range of the PV panel: all of SP and PV with a margin."""
-    bands = [values for column in ("sp", "pv") if _known(trace, column) for values in _band(trace, column)]
+    bands = [values for column in ("sp", "pv") if _has_values(trace, column) for values in _band(trace, column)]
     if not bands:
         return 0.0, 1.0
     low = min(float(np.nanmin(values)) for values in bands)
@@ -504,7 +528,7 @@ def _shading(result: Result, low: float, high: float) -> go.Heatmap:
 def _half_period_text(result: Result, i: int) -> str:
     """Write the hover text of one half-period: its verdict, then every comparison with a cross where it failed."""
     h = result.half_periods
-    op_unit = words.op_unit(result)
+    op_unit = words.op_unit(result.unit)
     if h.reason[i] == 0:
         head = "<b>Accepted</b>"
     else:
@@ -535,7 +559,7 @@ def _group_text(result: Result, first: np.intp, end: np.intp, found: Counter[int
 def _detections(figure: go.Figure, result: Result, row: int) -> None:
     """Add the panel of detections: a point each, the displayed estimate as a step line, the acceptable as a level."""
     h = result.half_periods
-    unit = _plain(words.op_unit(result))
+    unit = _plain(words.op_unit(result.unit))
     span = result.span
     accepted = _thinned(np.flatnonzero(np.asarray(h.reason) == 0), np.asarray(h.d))
     figure.update_yaxes(title_text=f"d [{unit}]", rangemode="tozero", row=row, col=1)

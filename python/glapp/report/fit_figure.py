@@ -8,23 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from ..palette import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL
 from . import words
-from .figures import (
-    GRID,
-    INK,
-    MUTED,
-    OUTPUT,
-    POINT,
-    POSITION,
-    RAW,
-    SIGNAL,
-    _figure,
-    _known,
-    _middle,
-    _plain,
-    _time,
-    _time_axis,
-)
+from .figures import _figure, _has_values, _middle, _plain, _time, _time_axis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,7 +29,7 @@ TURNS = 8
 
 
 def loop_figures(result: Result) -> dict[str, go.Figure]:
-    """Draw why the answer is believed: OP over the valve as the model has it and PV, and PV against OP.
+    """Draw the evidence: OP, the modelled valve position and PV over time; and PV against OP.
 
     Where a gap was found, both show the stretch in which the valve turns `TURNS` times and OP travels least beside; the
     first can be zoomed out to all of the window that was fitted. In it the gap is a parallelogram: PV stays while OP
@@ -58,7 +44,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
     stretch = _stretch(valve, op) if f.found else slice(0, len(t))
     shown = t[[stretch.start, stretch.stop - 1]]
     fine = float(np.median(np.diff(trace.t))) < float(np.ptp(shown)) / (8 * TURNS)
-    unit, pv_unit = _plain(words.op_unit(result)), _plain(result.loop.pv_unit or "PV unit")
+    unit, pv_unit = _plain(words.op_unit(result.unit)), _plain(result.loop.pv_unit or "PV unit")
     seen_name, seen_unit = ("valve, measured", "% travel") if position else ("PV", pv_unit)
 
     figure = make_subplots(
@@ -68,7 +54,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
     lines = [("OP", op, {"color": OUTPUT, "width": 1.4}, 1, unit)] if fine else []
     if f.found or not fine:
         lines.append(("valve, as the model has it", valve, {"color": POSITION, "width": 2.2}, 1, unit))
-    if _known(trace, "sp") and not position:
+    if _has_values(trace, "sp") and not position:
         sp = np.interp(t, trace.t, _middle(trace, "sp"))
         lines.append(("SP", sp, {"color": INK, "width": 1.2, "dash": "6px,3px"}, 2, pv_unit))
     lines.append((seen_name, seen, {"color": SIGNAL, "width": 1.4}, 2, seen_unit))
@@ -99,10 +85,10 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
     """Draw PV against OP, and over it what the fitted gap makes of a slow cycle of PV's height, with its limits."""
     f, answer = result.fit, result.answer
     assert f is not None
-    unit, name, recorded = _plain(words.op_unit(result)), "PV", "recorded"
+    unit, name, recorded = _plain(words.op_unit(result.unit)), "PV", "recorded"
     axis = _plain(result.loop.pv_unit or "PV unit")
     if f.best["signal"] == "position":
-        gain, _ = np.polyfit(valve, f.best["foreseen"][stretch], 1) if np.ptp(valve) > 0 else (1.0, 0.0)
+        gain, _ = np.polyfit(valve, f.best["predicted"][stretch], 1) if np.ptp(valve) > 0 else (1.0, 0.0)
         name, axis = "valve, measured", "% travel"
     elif f.best["integrating"]:  # PV against OP has no shape of its own
         gain, seen, name, axis, recorded = 1.0, valve, "valve, as the model has it", unit, "model"
@@ -142,7 +128,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
                 name=label,
                 legendgroup=label,
                 showlegend=label not in named,
-                hovertemplate=f"{label} {_plain(words.quantity(width, words.op_unit(result)))}<extra></extra>",
+                hovertemplate=f"{label} {_plain(words.quantity(width, words.op_unit(result.unit)))}<extra></extra>",
             )
         )
         named.add(label)
@@ -171,7 +157,7 @@ def fit_figure(result: Result) -> go.Figure:
     """
     f = result.fit
     assert f is not None and f.best  # the caller draws no plot without a fit
-    unit, pv = _plain(words.op_unit(result)), _plain(result.loop.pv_unit or "PV unit")
+    unit, pv = _plain(words.op_unit(result.unit)), _plain(result.loop.pv_unit or "PV unit")
     signal, ahead = "PV", ", one step ahead"
     if f.best["signal"] == "position":
         signal, ahead, pv = "measured position", "", "% travel"
@@ -191,7 +177,7 @@ def fit_figure(result: Result) -> go.Figure:
         figure.add_trace(
             go.Scatter(
                 x=widths,
-                y=rise + family["behind"],
+                y=rise + family["delta_deviance"],
                 mode="lines",
                 line=line,
                 opacity=1 if best else 0.6,
@@ -213,11 +199,11 @@ def fit_figure(result: Result) -> go.Figure:
 
     every = slice(None, None, max(1, len(f.best["t"]) // MOST))
     t = _time(result, f.best["t"][every])
-    columns = {name: np.asarray(f.best[name][every], np.float32) for name in ("pv", "foreseen")}
+    columns = {name: np.asarray(f.best[name][every], np.float32) for name in ("pv", "predicted")}
     drawn = [
         (signal, columns["pv"], {"color": RAW, "width": 1.6}, 2, pv),
-        (f"model{ahead}", columns["foreseen"], {"color": SIGNAL, "width": 1.2}, 2, pv),
-        ("residual", columns["pv"] - columns["foreseen"], {"color": OUTPUT, "width": 1}, 3, pv),
+        (f"model{ahead}", columns["predicted"], {"color": SIGNAL, "width": 1.2}, 2, pv),
+        ("residual", columns["pv"] - columns["predicted"], {"color": OUTPUT, "width": 1}, 3, pv),
     ]
     for name, values, style, row, of in drawn:
         hover = f"{name} %{{y:.5~g}} {of}<br>%{{x}}<extra></extra>"
@@ -259,7 +245,7 @@ def trend_figure(result: Result) -> go.Figure:
     """
     f = result.fit
     assert f is not None  # the caller draws no plot without a fit
-    unit = _plain(words.op_unit(result))
+    unit = _plain(words.op_unit(result.unit))
     figure = _figure()
     drawn = (
         ("width, 95 % interval", "circle", POINT, [(w, w.d) for w in f.windows if w.sided]),
@@ -275,7 +261,7 @@ def trend_figure(result: Result) -> go.Figure:
             interval = {"array": up, "arrayminus": [w.d - w.low for w, _ in points], "thickness": 1.6, "width": 5}
         spans = [
             f"{words.clock(result.t0, w.t_start)} to {words.clock(result.t0, w.t_end)}<br>{name} "
-            + _plain(words.quantity(value, words.op_unit(result)))
+            + _plain(words.quantity(value, words.op_unit(result.unit)))
             + (f" ({words.number(w.low)} to {words.number(w.high)})" if interval else "")
             for w, value in points
         ]

@@ -16,8 +16,8 @@ from markupsafe import Markup, escape
 
 from .. import _glapp
 from ..escape import escaped
-from ..estimate import op_range, with_op_unit
 from ..loop import Loop
+from ..recording import with_op_unit
 from ..step_test import Reading, StepTest
 from ..writing import GENERATOR
 from . import words
@@ -81,7 +81,7 @@ def judged(test: StepTest, loop: Loop, allowed: float | None = None) -> Judged:
         given = loop.acceptable_dead_band
         allowed, origin = (given, "given for this loop") if given is not None else (NOMINAL, "EnTech's nominal value")
     read, by = (test.travel, "travel") if test.travel is not None and test.travel.d is not None else (test, "PV")
-    span = op_range(loop if test.signals is None else with_op_unit(loop, test.signals))
+    span = (loop if test.signals is None else with_op_unit(loop, test.signals)).op_range()
     to_percent = None if span is None else 100.0 / (span[1] - span[0])
     low, high = (None if limit is None or to_percent is None else limit * to_percent for limit in (read.low, read.high))
     verdict: Literal["pass", "fail", "open"] = "open"
@@ -106,7 +106,7 @@ _VERDICTS = {"pass": "Pass", "fail": "Fail", "open": "Not decided"}
 
 def _page(one: Judged) -> dict[str, object]:
     test = one.test
-    op = words.op_unit(test)
+    op = words.op_unit(test.unit)
     signals = [("PV", test)] if test.travel is None else [("Valve travel", test.travel), ("PV", test)]
     rows = test.signals
     at = [] if rows is None or not len(rows) else [words.clock(test.t0, float(rows.t[k])) for k in (0, -1)]
@@ -117,7 +117,7 @@ def _page(one: Judged) -> dict[str, object]:
         "end": at[1] if at else "",
         "verdict": _VERDICTS[one.verdict],
         "kind": one.verdict,
-        "so": _so(one),
+        "so": _reason_text(one),
         "signals": [name for name, _ in signals],
         "terms": [(term, [tell(read) for _, read in signals]) for term, tell in _terms(op)],
         "op": op,
@@ -130,7 +130,7 @@ def _page(one: Judged) -> dict[str, object]:
     }
 
 
-def _so(one: Judged) -> str:
+def _reason_text(one: Judged) -> str:
     """What the verdict stands on."""
     allowed = f"{words.number(one.allowed)} % of span is allowed ({one.origin})"
     by = "the valve's travel" if one.by == "travel" else "PV"
@@ -211,7 +211,7 @@ def _picture(test: StepTest) -> str:
     wide, high = 1000.0, 150.0
     t = rows.t - rows.t[0]
     parts = []
-    panels = [("PV", test.pv_unit, [(rows.pv, "pv")]), ("OP", words.op_unit(test), [(rows.op, "op")])]
+    panels = [("PV", test.pv_unit, [(rows.pv, "pv")]), ("OP", words.op_unit(test.unit), [(rows.op, "op")])]
     if rows.position is not None:
         panels[1][2].insert(0, (rows.position, "travel"))
     for i, (name, unit, lines) in enumerate(panels):

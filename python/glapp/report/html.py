@@ -19,6 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
+from .. import palette
 from ..escape import escaped
 from ..writing import GENERATOR, write_file
 from . import figures, words
@@ -36,17 +37,17 @@ _ASSETS = Path(__file__).parent
 
 #: Colours of the figures on a dark page.
 _DARK = {
-    figures.INK: "#e4e8ec",
-    figures.MUTED: "#9fabb7",
-    figures.GRID: "#2c353e",
-    figures.RAW: "#41658f",
-    figures.SIGNAL: "#8cbcf0",
-    figures.OUTPUT: "#b898e0",
-    figures.POSITION: "#e0a060",
-    figures.POINT: "#3cc79c",
-    figures.TOO_WIDE: "#e5794f",
-    figures.UNJUDGED: "#7aa8d8",
-    figures.PAPER: "#161b20",
+    palette.INK: "#e4e8ec",
+    palette.MUTED: "#9fabb7",
+    palette.GRID: "#2c353e",
+    palette.RAW: "#41658f",
+    palette.SIGNAL: "#8cbcf0",
+    palette.OUTPUT: "#b898e0",
+    palette.POSITION: "#e0a060",
+    palette.POINT: "#3cc79c",
+    palette.TOO_WIDE: "#e5794f",
+    palette.UNJUDGED: "#7aa8d8",
+    palette.PAPER: "#161b20",
 }
 
 

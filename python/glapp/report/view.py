@@ -107,7 +107,7 @@ class LoopView:
 
     @property
     def source(self) -> TableRows:
-        """What the recording is."""
+        """Rows on the recording: file, time span, area, valve, acceptable dead band."""
         r, loop = self.r, self.r.loop
         rows: TableRows = [("File", r.source)]
         if r.trace is not None and len(r.trace.t):
@@ -133,7 +133,7 @@ class LoopView:
         """What each of several recordings says alone, and why one does not count."""
         if self.r.fit is None:
             return []
-        unit = words.op_unit(self.r)
+        unit = words.op_unit(self.r.unit)
         return [
             (
                 one.source,
@@ -150,7 +150,7 @@ class LoopView:
         """The process that came with the fit."""
         if self.r.fit is None or (p := self.r.fit.process) is None:
             return []
-        per = f"{self._pv_unit} per {words.op_unit(self.r)}" + (" and s" if p.integrating else "")
+        per = f"{self._pv_unit} per {words.op_unit(self.r.unit)}" + (" and s" if p.integrating else "")
         rows = (
             ("Velocity gain" if p.integrating else "Process gain Kp", p.kp, per),
             ("Dead time", p.dead_time, "s"),
@@ -166,7 +166,7 @@ class LoopView:
     @property
     def crossings(self) -> TableRows:
         """What came of the zero crossings."""
-        r, unit = self.r, words.op_unit(self.r)
+        r, unit = self.r, words.op_unit(self.r.unit)
         if not self.analysed:
             return []
         rows: TableRows = [("A PLC would show", words.crossing(r))]
@@ -183,7 +183,7 @@ class LoopView:
     @property
     def half_periods(self) -> list[tuple[str, int, str]]:
         """Verdicts on half-periods with their counts and shares."""
-        counts = [("accepted", self.r.detections), *words.ranked_reasons(self.r)]
+        counts = [("accepted", self.r.detections), *self.r.ranked_reasons()]
         total = self.r.total_half_periods
         return [(name, n, f"{words.number(100 * n / total, 2)} %") for name, n in counts if n]
 
@@ -200,7 +200,7 @@ class LoopView:
         r, s, loop = self.r, self.r.settings, self.r.loop
         if loop.controller is None and s.k is None:
             return []
-        c, process, op = loop.controller, loop.process, words.op_unit(r)
+        c, process, op = loop.controller, loop.process, words.op_unit(r.unit)
         form = gain = integral = derivative = action = weight = "–"
         others: list[tuple[str, str]] = []
         if c is not None:
@@ -276,7 +276,7 @@ class LoopView:
 
     @property
     def _gain_unit(self) -> str:
-        return f"{words.op_unit(self.r)} per {self._pv_unit}"
+        return f"{words.op_unit(self.r.unit)} per {self._pv_unit}"
 
 
 def _evidence(evidence: Mapping[str, float | int | str]) -> str:

@@ -8,22 +8,19 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from .. import _glapp
 from .._glapp import count, duration, number, quantity, sentence, to_text
 
 if TYPE_CHECKING:
-    from ..plan import Plan
     from ..result import Result
-    from ..step_test import StepTest
 
 __all__ = ["count", "duration", "number", "quantity", "sentence"]
 
 
-def _all(subject: str) -> dict[str, str]:
+def _catalogue_of(subject: str) -> dict[str, str]:
     """All of a subject of the catalogue, by name."""
     parts = ((code.partition("."), text) for code, text in _glapp.catalogue())
     return {name: text for (of, _, name), text in parts if of == subject}
@@ -37,26 +34,26 @@ class Reason(NamedTuple):
     remedy: str
 
 
-_MEANINGS, _REMEDIES = _all("half_period_meaning"), _all("half_period_remedy")
+_MEANINGS, _REMEDIES = _catalogue_of("half_period_meaning"), _catalogue_of("half_period_remedy")
 
 #: In the order of `glapp.result.REASONS`: the position in this table is the code in `HalfPeriods.reason`.
 REASONS: dict[str, Reason] = {
-    name: Reason(label, _MEANINGS[name], _REMEDIES[name]) for name, label in _all("half_period").items()
+    name: Reason(label, _MEANINGS[name], _REMEDIES[name]) for name, label in _catalogue_of("half_period").items()
 }
 
 NAMES = tuple(REASONS)
 
 #: The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
-VERDICTS = _all("verdict")
+VERDICTS = _catalogue_of("verdict")
 
 #: What is known of a valve.
-VALVES = _all("valve")
+VALVES = _catalogue_of("valve")
 
 #: How soon something is to be done.
-URGENCIES = _all("urgency")
+URGENCIES = _catalogue_of("urgency")
 
 #: What each verdict means.
-MEANINGS = _all("meaning")
+MEANINGS = _catalogue_of("meaning")
 
 #: What each method is and is not.
 METHODS: dict[str, tuple[str, ...]] = {
@@ -132,9 +129,9 @@ def days(results: Sequence[Result]) -> str:
     return to_text("answer.days", {"first": min(ends), "last": max(ends)}) if ends else ""
 
 
-def op_unit(result: Result | StepTest | Plan) -> str:
-    """Write the unit of OP as a sentence needs it: `%` alone would leave open of what."""
-    return "%OP" if result.unit == "%" else result.unit
+def op_unit(unit: str) -> str:
+    """The unit of OP as a sentence needs it: `%` alone would leave open of what."""
+    return "%OP" if unit == "%" else unit
 
 
 def ranked(results: Sequence[Result]) -> list[Result]:
@@ -145,52 +142,6 @@ def ranked(results: Sequence[Result]) -> list[Result]:
 def judged(result: Result) -> bool:
     """Tell whether something is known of the valve; of the others a list says why not, and what would help."""
     return result.answer.valve in ("gap", "no_gap")
-
-
-def facts_of(result: Result) -> dict[str, Any]:
-    """The one answer under the names of its document, and beside it what its sentences need more."""
-    f, ranked, positioner = result.fit, ranked_reasons(result), result.loop.positioner
-    contradicts = f is not None and f.through_pv is not None and f.verdict == "cannot_tell"
-    return {
-        **asdict(result.answer),
-        "span": result.span,
-        "fit": f
-        and {
-            "why": f.why,
-            "d": f.d,
-            "jump": f.jump,
-            "position": "contradicts" if contradicts else None,
-            "reason": f.reason,
-            "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
-        },
-        "crossings": {
-            "verdict": result.crossings,
-            "reason": result.reason,
-            **{name: getattr(result, name) for name in ("d_hat", "d_hat_percent_span", "detections", "repeatability")},
-            "half_periods": result.total_half_periods,
-            "n": result.settings.n,
-            "noise_floor": result.noise_floor,
-            "corrected": None if result.corrected is None else asdict(result.corrected),
-            "rejected": ranked[0] if ranked else None,
-            "positioner": None if positioner is None else positioner.dead_band,
-        },
-    }
-
-
-def texts_of(result: Result) -> dict[str, Any]:
-    """The answer in words, all its parts by name: `so`, `do`, `short`, `why`, `headline`, `of_span` and more."""
-    text = json.dumps(_finite(facts_of(result)))
-    found: dict[str, Any] = _glapp.texts_of(text, name=result.name, pv_unit=result.loop.pv_unit, op_unit=result.unit)
-    return found
-
-
-def _finite(of: Any) -> Any:
-    """A value without numbers that JSON does not have."""
-    if isinstance(of, dict):
-        return {name: _finite(value) for name, value in of.items()}
-    if isinstance(of, list | tuple):
-        return [_finite(value) for value in of]
-    return None if isinstance(of, float) and not math.isfinite(of) else of
 
 
 def summary(results: Sequence[Result]) -> str:
@@ -205,34 +156,29 @@ def summary(results: Sequence[Result]) -> str:
     )
 
 
-def ranked_reasons(result: Result) -> list[tuple[str, int]]:
-    """List the reasons of rejection with their counts, the most frequent first."""
-    return sorted(((name, n) for name, n in result.reasons.items() if n), key=lambda pair: -pair[1])
-
-
 def headline(result: Result) -> str:
     """Write the one width that a list shows, with its interval if it has one; empty where nothing is known of it."""
-    return _part(result, "headline")
+    return _text_of(result, "headline")
 
 
 def of_span(result: Result) -> str:
     """Write the same in % of OP's span; empty where the span is not known, or the headline says so already."""
-    return _part(result, "of_span")
+    return _text_of(result, "of_span")
 
 
 def crossing(result: Result) -> str:
     """Write the width that a PLC would show, and whether it is wrong."""
-    return _part(result, "plc")
+    return _text_of(result, "plc")
 
 
 def lead(result: Result) -> str:
     """Tell what is so, in one sentence for the person who plans the maintenance."""
-    return _part(result, "so")
+    return _text_of(result, "so")
 
 
 def why(result: Result) -> list[str]:
     """Tell what the answer stands on, a sentence each."""
-    found: list[str] = texts_of(result)["why"]
+    found: list[str] = result.texts()["why"]
     return found
 
 
@@ -244,16 +190,16 @@ def basis(result: Result) -> str:
 
 def next_step(result: Result) -> str:
     """Say in one or two sentences what to do next; a step test that the recording holds is used, not advised."""
-    return _part(result, "do")
+    return _text_of(result, "do")
 
 
 def todo(result: Result) -> str:
     """Say the same in a word or two."""
-    return _part(result, "short")
+    return _text_of(result, "short")
 
 
-def _part(result: Result, name: str) -> str:
-    return str(texts_of(result)[name])
+def _text_of(result: Result, name: str) -> str:
+    return str(result.texts()[name])
 
 
 def comparisons(result: Result, i: int) -> list[tuple[str, bool | None]]:

@@ -9,7 +9,6 @@ cannot be written at all.
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
 import asyncio
 import ipaddress
-import json
 import math
 import socket
 import ssl
@@ -33,11 +32,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from .. import __version__
 from ..errors import InputError
-from .listener import Bounds, Listener, logged_in, network
+from .listener import Listener, ListenerLimits, logged_in, network
 from .monitor import Monitor
 from .signal import Event
 from .store import StoreFull
-from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, listed, station_key
+from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, station_key
 
 __all__ = ["ApiServer", "app_of", "loopback"]
 
@@ -140,16 +139,118 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         responses={status: {"model": Why, "description": text} for status, text in WHY_NOT.items()},
     )
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))
-    reader = monitor.reader
-    key_of_station = station_key(monitor.store.folder)
-    app.state.refused_logins = refused_logins = RefusedLogins()
-    # Neither what is looked at, nor strangers' passwords, take the threads by which commands are put down.
-    looking = ThreadPoolExecutor(2, "looking")
-    hashing = {known: ThreadPoolExecutor(1, "passwords") for known in (False, True)}
-    strangers = 0
+    api, logins = _Api(monitor, users), _Logins(monitor, users)
+    app.state.refused_logins = logins.refused
+    _answer_errors(app)
+    _login_routes(app, api, logins)
+    _reading_routes(app, api)
+    _command_routes(app, api)
+    _user_routes(app, api)
+    _metrics_route(app, api, logins)
+    return app
 
-    async def looked(what: Callable[P, T], *words: P.args, **more: P.kwargs) -> T:
-        return await asyncio.get_running_loop().run_in_executor(looking, partial(what, *words, **more))
+
+class _Api:
+    """What the routes share: who asks, which loops there are, and how a command is logged."""
+
+    def __init__(self, monitor: Monitor, users: Users) -> None:
+        self.monitor, self.users = monitor, users
+        # Neither what is read, nor strangers' passwords, take the threads by which commands are logged.
+        self._reading = ThreadPoolExecutor(2, "looking")
+
+    async def looked(self, what: Callable[P, T], *words: P.args, **more: P.kwargs) -> T:
+        """What a function of the reader gives, called in a thread."""
+        return await asyncio.get_running_loop().run_in_executor(self._reading, partial(what, *words, **more))
+
+    def token(self, request: Request) -> str:
+        kind, _, shown = request.headers.get("authorization", "").partition(" ")
+        return shown if kind.lower() == "bearer" else ""
+
+    def at_least(self, role: Role) -> Callable[[Request], Awaitable[Person]]:
+        async def person(request: Request) -> Person:
+            found = self.users.of(self.token(request), time.time())
+            if found is None:
+                raise HTTPException(401, "log in first", {"WWW-Authenticate": "Bearer"})
+            logged_in(request.scope)
+            if found.role < role:
+                why = f"needs the role {role.name.lower()}"
+                path, loop = request.url.path, request.path_params.get("name")
+                await self.monitor.commands.refused(found.name, found.role.name.lower(), path, loop, None, why)
+                raise HTTPException(403, why)
+            return found
+
+        return person
+
+    def known(self, name: str) -> str:
+        if name not in self.monitor.loops:
+            raise HTTPException(404, "no such loop")
+        return name
+
+    async def done(self, person: Person, command: str, loop: str | None, asked: Any, what: Awaitable[Any]) -> Any:
+        """A command, put down where it is refused as well."""
+        try:
+            return _plain(await what)
+        except InputError as error:
+            await self.monitor.commands.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
+            raise
+
+    def as_seen(self, name: str, asked: Seen | None) -> None:
+        now = _plain(self.monitor.commands.settings(self.known(name)))
+        for key, value in ((asked and asked.seen) or {}).items():
+            if now.get(key) != value:
+                raise InputError(
+                    f"is {now.get(key)} by now, and not {value}",
+                    loop=name,
+                    parameter=key,
+                    hint="look at it again: somebody else has changed it",
+                )
+
+
+class _Logins:
+    """Logins: from where they come, when their passwords are looked at, and how refused ones are told."""
+
+    def __init__(self, monitor: Monitor, users: Users) -> None:
+        self.monitor, self.users, self.refused = monitor, users, RefusedLogins()
+        self._station_key = station_key(monitor.store.folder)
+        self._hashing = {known: ThreadPoolExecutor(1, "passwords") for known in (False, True)}
+        self._strangers = 0
+
+    def came_from(self, request: Request) -> str:
+        """The address of who logs in; the station says whose, and shows that it is the station."""
+        if is_station(self._station_key, request.headers.get("glapp-station")):
+            return request.headers.get("glapp-address", "")[:64]
+        return request.client.host if request.client is not None else ""
+
+    def refuse(self, name: str, address: str) -> None:
+        """Count it; the first is told at once, and how many came after it some minutes later."""
+        text = self.refused.add(name if name in self.users else None, address)
+        if text is not None:
+            self.monitor.tell(Event(time.time(), None, "logins_refused", text))
+            asyncio.get_running_loop().call_later(self.refused.every, self.tell_refused)
+
+    def tell_refused(self) -> None:
+        if (text := self.refused.since()) is not None:
+            self.monitor.tell(Event(time.time(), None, "logins_refused", text))
+
+    async def looked_at(self, attempt: Attempt, password: str) -> tuple[str, Person]:
+        """The password, by a thread for who is known and one for strangers: the one does not wait for the other."""
+        until = time.monotonic() + attempt.wait
+        while not attempt.displaced and (left := until - time.monotonic()) > 0.0:
+            await asyncio.sleep(min(left, 0.05))
+        if attempt.displaced:
+            raise Refused("another login came from there after this one: try again")
+        if not attempt.known and self._strangers >= HASHES:
+            raise HTTPException(503, f"{self._strangers} logins wait already: try again", {"Retry-After": "5"})
+        self._strangers += not attempt.known
+        try:
+            what = partial(self.users.log_in, attempt, password, time.time())
+            return await asyncio.get_running_loop().run_in_executor(self._hashing[attempt.known], what)
+        finally:
+            self._strangers -= not attempt.known
+
+
+def _answer_errors(app: FastAPI) -> None:
+    """Bound the length of requests, and answer errors with their sentence."""
 
     @app.middleware("http")
     async def bounded(request: Request, go_on: Callable[[Request], Awaitable[Response]]) -> Response:
@@ -175,95 +276,21 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     async def full(request: Request, error: StoreFull) -> JSONResponse:
         return JSONResponse({"detail": f"not done, since it cannot be stored: {error}"}, 503)
 
-    def token(request: Request) -> str:
-        kind, _, shown = request.headers.get("authorization", "").partition(" ")
-        return shown if kind.lower() == "bearer" else ""
 
-    def at_least(role: Role) -> Callable[[Request], Awaitable[Person]]:
-        async def person(request: Request) -> Person:
-            found = users.of(token(request), time.time())
-            if found is None:
-                raise HTTPException(401, "log in first", {"WWW-Authenticate": "Bearer"})
-            logged_in(request.scope)
-            if found.role < role:
-                why = f"needs the role {role.name.lower()}"
-                path, loop = request.url.path, request.path_params.get("name")
-                await monitor.commands.refused(found.name, found.role.name.lower(), path, loop, None, why)
-                raise HTTPException(403, why)
-            return found
-
-        return person
-
-    viewer = Annotated[Person, Depends(at_least(Role.VIEWER))]
-    operator = Annotated[Person, Depends(at_least(Role.OPERATOR))]
-    engineer = Annotated[Person, Depends(at_least(Role.ENGINEER))]
-
-    def known(name: str) -> str:
-        if name not in monitor.loops:
-            raise HTTPException(404, "no such loop")
-        return name
-
-    async def done(person: Person, command: str, loop: str | None, asked: Any, what: Awaitable[Any]) -> Any:
-        """A command, put down where it is refused as well."""
-        try:
-            return _plain(await what)
-        except InputError as error:
-            await monitor.commands.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
-            raise
-
-    def as_seen(name: str, asked: Seen | None) -> None:
-        now = _plain(monitor.commands.settings(known(name)))
-        for key, value in ((asked and asked.seen) or {}).items():
-            if now.get(key) != value:
-                raise InputError(
-                    f"is {now.get(key)} by now, and not {value}",
-                    loop=name,
-                    parameter=key,
-                    hint="look at it again: somebody else has changed it",
-                )
-
-    def came_from(request: Request) -> str:
-        """The address of who logs in; the station says whose, and shows that it is the station."""
-        if is_station(key_of_station, request.headers.get("glapp-station")):
-            return request.headers.get("glapp-address", "")[:64]
-        return request.client.host if request.client is not None else ""
-
-    def refuse_login(name: str, address: str) -> None:
-        """Count it; the first is told at once, and how many came after it some minutes later."""
-        text = refused_logins.add(name if name in users else None, address)
-        if text is not None:
-            monitor.tell(Event(time.time(), None, "logins_refused", text))
-            asyncio.get_running_loop().call_later(refused_logins.every, tell_refused)
-
-    def tell_refused() -> None:
-        if (text := refused_logins.since()) is not None:
-            monitor.tell(Event(time.time(), None, "logins_refused", text))
-
-    async def looked_at(attempt: Attempt, password: str) -> tuple[str, Person]:
-        """The password, by a thread for who is known and one for strangers: the one does not wait for the other."""
-        nonlocal strangers
-        until = time.monotonic() + attempt.wait
-        while not attempt.displaced and (left := until - time.monotonic()) > 0.0:
-            await asyncio.sleep(min(left, 0.05))
-        if attempt.displaced:
-            raise Refused("another login came from there after this one: try again")
-        if not attempt.known and strangers >= HASHES:
-            raise HTTPException(503, f"{strangers} logins wait already: try again", {"Retry-After": "5"})
-        strangers += not attempt.known
-        try:
-            what = partial(users.log_in, attempt, password, time.time())
-            return await asyncio.get_running_loop().run_in_executor(hashing[attempt.known], what)
-        finally:
-            strangers -= not attempt.known
+def _login_routes(app: FastAPI, api: _Api, logins: _Logins) -> None:
+    """Log in and out."""
+    viewer = Annotated[Person, Depends(api.at_least(Role.VIEWER))]
 
     @app.post("/login")
     async def log_in(request: Request, asked: LogIn) -> dict[str, Any]:
         """A token for a user, good for twelve hours."""
-        address = network(came_from(request))
+        address = network(logins.came_from(request))
         try:
-            made, person = await looked_at(users.attempt(asked.user, address, time.monotonic()), asked.password)
+            made, person = await logins.looked_at(
+                api.users.attempt(asked.user, address, time.monotonic()), asked.password
+            )
         except Refused as refused:
-            refuse_login(asked.user, address)
+            logins.refuse(asked.user, address)
             raise HTTPException(401, str(refused), {"WWW-Authenticate": "Bearer"}) from None
         logged_in(request.scope)
         return {"token": made, "user": person.name, "role": person.role.name.lower()}
@@ -271,13 +298,18 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.post("/logout")
     async def log_out(request: Request, person: viewer) -> dict[str, Any]:
         """The token is good for nothing any more."""
-        await asyncio.to_thread(users.log_out, token(request))
+        await asyncio.to_thread(api.users.log_out, api.token(request))
         return {}
+
+
+def _reading_routes(app: FastAPI, api: _Api) -> None:
+    """What programs and the station read."""
+    viewer = Annotated[Person, Depends(api.at_least(Role.VIEWER))]
 
     @app.get("/status")
     async def status(person: viewer) -> dict[str, Any]:
         """The service, and every loop: last seen, estimate, answer, compensation."""
-        found: dict[str, Any] = _plain(monitor.status())
+        found: dict[str, Any] = _plain(api.monitor.status())
         return found
 
     @app.get("/live")
@@ -290,12 +322,12 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         ] = None,
     ) -> dict[str, Any]:
         """The newest values of loops, of all where none is named."""
-        names = [known(name) for name in loop or monitor.loops]
+        names = [api.known(name) for name in loop or api.monitor.loops]
         if loop and after is not None:
             until = time.monotonic() + LONGEST
-            while time.monotonic() < until and not any(monitor.ingest.newer(name, after) for name in names):
+            while time.monotonic() < until and not any(api.monitor.ingest.newer(name, after) for name in names):
                 await asyncio.sleep(0.02)
-        return {name: monitor.ingest.live(name) for name in names}
+        return {name: api.monitor.ingest.live(name) for name in names}
 
     @app.get("/loops/{name:path}/half_periods")
     async def half_periods(
@@ -307,7 +339,9 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         most: Most = 10_000,
     ) -> list[dict[str, Any]]:
         """Half-periods of a loop, with the record of each; the accepted ones are its detections."""
-        found = await looked(reader.half_periods, known(name), begin, end, accepted=accepted, most=most)
+        found = await api.looked(
+            api.monitor.reader.half_periods, api.known(name), begin, end, accepted=accepted, most=most
+        )
         return found
 
     @app.get("/loops/{name:path}/signals")
@@ -315,7 +349,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
         if not end - begin <= 32 * 86400.0:
             raise HTTPException(422, "end - begin must be at most 32 days")
-        table = await looked(monitor.journal.recorded, known(name), begin, end)
+        table = await api.looked(api.monitor.journal.recorded, api.known(name), begin, end)
         every = max(1, -(-len(table) // most))
         found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
         found["time"] = [at.timestamp() for at in found["time"]]
@@ -324,26 +358,26 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     @app.get("/loops/{name:path}/parameters")
     async def parameters(person: viewer, name: Name) -> dict[str, Any]:
         """What may be set of a loop, as it is in force."""
-        found: dict[str, Any] = _plain(monitor.commands.settings(known(name)))
+        found: dict[str, Any] = _plain(api.monitor.commands.settings(api.known(name)))
         return found
 
     @app.get("/loops/{name:path}/bounds")
     async def bounds(person: viewer, name: Name) -> dict[str, dict[str, Any]]:
         """Unit, least and greatest of what may be set of a loop, whether it may be 0, whether it is a whole number."""
-        return {parameter: bound._asdict() for parameter, bound in monitor.commands.bounds(known(name)).items()}
+        return {parameter: bound._asdict() for parameter, bound in api.monitor.commands.bounds(api.known(name)).items()}
 
     @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
         """What the fits of a loop said, the newest first."""
-        return await looked(reader.answers, known(name), most)
+        return await api.looked(api.monitor.reader.answers, api.known(name), most)
 
     @app.get("/answers/{id}")
     async def answer(person: viewer, id: Annotated[int, InPath(ge=1, le=2**53)]) -> Any:
         """All of one answer, as `glapp analyze --json` writes it."""
-        found = await looked(reader.one, "SELECT document FROM answers WHERE id = ?", id)
+        found = await api.looked(api.monitor.reader.document, id)
         if found is None:
             raise HTTPException(404, "no such answer")
-        return json.loads(found["document"])["analysis"]
+        return found
 
     @app.get("/events")
     async def events(
@@ -353,23 +387,29 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         before: Annotated[int | None, Query(ge=0, le=2**53)] = None,
     ) -> list[dict[str, Any]]:
         """What happened, the newest first."""
-        return await looked(reader.events, loop, most, before)
+        return await api.looked(api.monitor.reader.events, loop, most, before)
 
     @app.get("/commands")
     async def commands(person: viewer, loop: str | None = None, most: Most = 200) -> list[dict[str, Any]]:
         """Who asked for what, the newest first."""
-        found: list[dict[str, Any]] = _plain(await looked(reader.commands, loop, most))
+        found: list[dict[str, Any]] = _plain(await api.looked(api.monitor.reader.commands, loop, most))
         return found
+
+
+def _command_routes(app: FastAPI, api: _Api) -> None:
+    """What changes a loop, by the name of who asks."""
+    operator = Annotated[Person, Depends(api.at_least(Role.OPERATOR))]
+    engineer = Annotated[Person, Depends(api.at_least(Role.ENGINEER))]
 
     @app.post("/loops/{name:path}/parameters")
     async def change(person: engineer, name: Name, asked: Change) -> dict[str, Any]:
         """Set parameters of a loop's detector or compensation, all of them or none."""
 
         async def go() -> Any:
-            as_seen(name, asked)
-            return await monitor.commands.change(name, asked.values, *_who(person))
+            api.as_seen(name, asked)
+            return await api.monitor.commands.change(name, asked.values, *_name_and_role(person))
 
-        found: dict[str, Any] = await done(person, "change", known(name), asked.model_dump(), go())
+        found: dict[str, Any] = await api.done(person, "change", api.known(name), asked.model_dump(), go())
         return found
 
     @app.post("/loops/{name:path}/enable")
@@ -377,29 +417,31 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         """Let a loop be compensated, by the name of who asks."""
 
         async def go() -> Any:
-            as_seen(name, asked)
-            return await monitor.commands.enable(name, *_who(person))
+            api.as_seen(name, asked)
+            return await api.monitor.commands.enable(name, *_name_and_role(person))
 
-        found: dict[str, Any] = await done(person, "enable", known(name), None, go())
+        found: dict[str, Any] = await api.done(person, "enable", api.known(name), None, go())
         return found
 
     @app.post("/loops/{name:path}/watchdog-test")
     async def watchdog_test(person: engineer, name: Name) -> dict[str, Any]:
         """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
-        await done(person, "drill", name, None, monitor.commands.watchdog_test(known(name), *_who(person)))
+        await api.done(
+            person, "drill", name, None, api.monitor.commands.watchdog_test(api.known(name), *_name_and_role(person))
+        )
         return {"asked": name}
 
     @app.post("/loops/{name:path}/disable")
     async def disable(person: operator, name: Name) -> dict[str, Any]:
         """End the compensation of a loop."""
-        going = monitor.commands.disable(known(name), *_who(person))
-        found: dict[str, Any] = await done(person, "disable", name, None, going)
+        going = api.monitor.commands.disable(api.known(name), *_name_and_role(person))
+        found: dict[str, Any] = await api.done(person, "disable", name, None, going)
         return found
 
     @app.post("/loops/{name:path}/fit")
     async def fit(person: operator, name: Name) -> dict[str, Any]:
         """Have a loop fitted as soon as the one before it is done."""
-        await monitor.commands.fit(known(name), *_who(person))
+        await api.monitor.commands.fit(api.known(name), *_name_and_role(person))
         return {"asked": name}
 
     @app.post("/loops/{name:path}/take_over")
@@ -407,28 +449,33 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         """Take over what a fit found."""
 
         async def go() -> Any:
-            as_seen(name, asked)
-            return await monitor.commands.take_over(name, asked.answer, *_who(person))
+            api.as_seen(name, asked)
+            return await api.monitor.commands.take_over(name, asked.answer, *_name_and_role(person))
 
-        found: dict[str, Any] = await done(person, "take_over", known(name), {"answer": asked.answer}, go())
+        found: dict[str, Any] = await api.done(person, "take_over", api.known(name), {"answer": asked.answer}, go())
         return found
+
+
+def _user_routes(app: FastAPI, api: _Api) -> None:
+    """Users, by an engineer."""
+    engineer = Annotated[Person, Depends(api.at_least(Role.ENGINEER))]
 
     @app.get("/users")
     async def all_users(person: engineer) -> list[dict[str, str]]:
         """Name and role of every user."""
-        return await looked(listed, reader)
+        return await api.looked(api.monitor.reader.users)
 
     @app.put("/users/{user}")
     async def put_user(person: engineer, user: Annotated[str, InPath(max_length=64)], asked: User) -> dict[str, Any]:
         """Add a user, or change role or password of one."""
-        before = {one["name"]: one["role"] for one in await looked(listed, reader)}.get(user)
+        before = {one["name"]: one["role"] for one in await api.looked(api.monitor.reader.users)}.get(user)
 
         async def go() -> None:
-            await asyncio.to_thread(users.put, user, asked.role, asked.password, time.time())
+            await asyncio.to_thread(api.users.put, user, asked.role, asked.password, time.time())
 
-        await done(person, "put_user", None, {"user": user, "role": asked.role}, go())
+        await api.done(person, "put_user", None, {"user": user, "role": asked.role}, go())
         after = {"user": user, "role": asked.role, "new_password": asked.password is not None}
-        await monitor.journal.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
+        await api.monitor.journal.log(*_name_and_role(person), "put_user", None, {"user": user, "role": before}, after)
         return {"user": user, "role": asked.role}
 
     @app.delete("/users/{user}")
@@ -436,24 +483,24 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
         """Take a user out."""
 
         async def go() -> None:
-            await asyncio.to_thread(users.remove, user)
+            await asyncio.to_thread(api.users.remove, user)
 
-        await done(person, "remove_user", None, {"user": user}, go())
-        await monitor.journal.log(*_who(person), "remove_user", None, {"user": user}, None)
+        await api.done(person, "remove_user", None, {"user": user}, go())
+        await api.monitor.journal.log(*_name_and_role(person), "remove_user", None, {"user": user}, None)
         return {}
 
+
+def _metrics_route(app: FastAPI, api: _Api, logins: _Logins) -> None:
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Numbers(monitor, refused_logins))
+    registry.register(_Numbers(api.monitor, logins.refused))
 
     @app.get("/metrics", responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}})
     async def metrics(request: Request) -> Response:
         """Metrics for Prometheus: open on this computer, by a viewer's token from elsewhere."""
         host = request.client.host if request.client is not None else ""
         if not loopback(host):
-            await at_least(Role.VIEWER)(request)
+            await api.at_least(Role.VIEWER)(request)
         return Response(generate_latest(registry), media_type="text/plain; version=0.0.4; charset=utf-8")
-
-    return app
 
 
 class _Numbers(Collector):
@@ -527,7 +574,7 @@ class ApiServer:
         0: any that is free.
     certificate, key : Path, optional
         For TLS; needed for any address that is not this computer's own.
-    bounds : Bounds, optional
+    limits : ListenerLimits, optional
         How many connections and requests are taken, and how long they may be waited for.
 
     Raises
@@ -543,7 +590,7 @@ class ApiServer:
         port: int,
         certificate: Path | None = None,
         key: Path | None = None,
-        bounds: Bounds | None = None,
+        limits: ListenerLimits | None = None,
     ) -> None:
         if (certificate is None) != (key is None):
             raise InputError("certificate and key are given together", parameter="certificate")
@@ -566,7 +613,7 @@ class ApiServer:
             raise InputError(f"cannot be listened at: {error}", parameter="host and port", value=port) from None
         self.port: int = self._socket.getsockname()[1]
         self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
-        self._server = Listener(app, bounds, ssl_certfile=certificate, ssl_keyfile=key)
+        self._server = Listener(app, limits, ssl_certfile=certificate, ssl_keyfile=key)
 
     async def open(self) -> None:
         """Serve until cancelled."""
@@ -579,7 +626,7 @@ class ApiServer:
             raise
 
 
-def _who(person: Person) -> tuple[str, str]:
+def _name_and_role(person: Person) -> tuple[str, str]:
     return person.name, person.role.name.lower()
 
 

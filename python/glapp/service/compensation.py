@@ -14,7 +14,6 @@ from typing import Any
 
 from .. import _glapp
 from ..errors import InputError
-from ..estimate import op_range
 from ..loop import Loop
 from ..modules import BacklashDetection, Graph, Input, Output, Source
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
@@ -75,7 +74,7 @@ def detection_beside(loop: Loop, period: float, **chosen: Any) -> Graph:
     ideal = loop.ideal()
     if ideal is None:
         raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
-    low, high = op_range(loop) or (None, None)
+    low, high = loop.op_range() or (None, None)
     spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
     watch = BacklashDetection(
         **ideal._asdict(),
@@ -196,7 +195,7 @@ class Compensator:
         by_rate = self._most / self._graph["watch.comp_rate"]
         return float(min(max(self._graph["watch.comp_release"], by_rate), longest))
 
-    def stands(self, now: float) -> float | None:
+    def stuck_u_ff(self, now: float) -> float | None:
         """The u_FF that is read back from the plant though it had to be 0 by now; None: all is as it has to be.
 
         Parameters

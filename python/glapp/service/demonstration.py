@@ -38,7 +38,7 @@ from ..writing import write_file
 from .fits import answered
 from .plant import Kind, SimLoop
 from .recordings import SignalStore
-from .rows import Resampler
+from .resampler import Resampler
 from .signal import Event
 from .store import COLUMNS, Half, Store
 

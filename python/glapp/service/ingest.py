@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .rows import ALIVE, CODES, LOST, OP, PV
+from .resampler import ALIVE, CODES, LOST, OP, PV
 from .signal import Event, Plant, Signal, Tell, Value
 from .store import COLUMNS, Entry, Half
 from .watched import WatchedLoop
@@ -144,8 +144,8 @@ class Ingest:
                     compensated = int(sample.u_ff == sample.u_ff and sample.u_ff != 0.0)
                     numbers = (getattr(half, name) for name in COLUMNS)
                     halves.append((watched.id, watched.half_periods, *numbers, compensated))
-            events += [Event(entry.now, watched.loop.name, kind, text) for kind, text in resampler.told]
-            resampler.told.clear()
+            events += [Event(entry.now, watched.loop.name, kind, text) for kind, text in resampler.events]
+            resampler.events.clear()
         return halves, events
 
     def live(self, loop: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from typing import Any
 
 import uvicorn
 
-__all__ = ["Bounds", "Listener", "logged_in"]
+__all__ = ["Listener", "ListenerLimits", "logged_in"]
 
 LONGEST_HEADER = 32_768
 """A request's header may be no longer [bytes]."""
@@ -43,7 +43,7 @@ def _most() -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class ListenerLimits:
     """How much one listener takes.
 
     Attributes
@@ -151,18 +151,18 @@ class Listener(uvicorn.Server):
     ----------
     app : ASGI application
         What is served.
-    bounds : Bounds, optional
+    limits : ListenerLimits, optional
         How much is taken.
     **more : Any
         Settings of uvicorn.
     """
 
-    def __init__(self, app: Any, bounds: Bounds | None = None, **more: Any) -> None:
-        self.bounds = bounds or Bounds()
+    def __init__(self, app: Any, limits: ListenerLimits | None = None, **more: Any) -> None:
+        self.limits = limits or ListenerLimits()
         self._app = app
         self._open: list[_Connection] = []
         self._requests = 0
-        self._turns = asyncio.Semaphore(self.bounds.turns)
+        self._turns = asyncio.Semaphore(self.limits.turns)
         self._tasks: list[asyncio.Task[None]] = []
         super().__init__(
             uvicorn.Config(
@@ -174,7 +174,7 @@ class Listener(uvicorn.Server):
                 access_log=False,
                 proxy_headers=False,  # no header says where a request comes from
                 server_header=False,
-                timeout_keep_alive=math.ceil(self.bounds.idle),
+                timeout_keep_alive=math.ceil(self.limits.idle),
                 timeout_graceful_shutdown=2,
                 **more,
             )
@@ -220,7 +220,7 @@ class Listener(uvicorn.Server):
                 self._displace([one for one in self._open if not one.known])
                 await asyncio.sleep(0.05)
                 continue
-            connection = _Connection(taken, network(peer[0]), time.monotonic() + self.bounds.header)
+            connection = _Connection(taken, network(peer[0]), time.monotonic() + self.limits.header)
             self._make_room(connection.address)
             self._open.append(connection)
             connection.making = loop.create_task(self._make(connection))
@@ -238,27 +238,27 @@ class Listener(uvicorn.Server):
             return found
 
         tls = self.config.ssl
-        times = {} if tls is None else {"ssl_handshake_timeout": self.bounds.header, "ssl_shutdown_timeout": 2.0}
+        times = {} if tls is None else {"ssl_handshake_timeout": self.limits.header, "ssl_shutdown_timeout": 2.0}
         try:
             connection.transport, _ = await loop.connect_accepted_socket(protocol, connection.socket, ssl=tls, **times)
         except (OSError, asyncio.CancelledError):  # an error of TLS is one of the system's
             connection.socket.close()
             return
         connection.taken = time.monotonic()
-        connection.until = max(connection.until, connection.taken + self.bounds.header * (tls is not None))
+        connection.until = max(connection.until, connection.taken + self.limits.header * (tls is not None))
 
     def _make_room(self, address: str) -> None:
         strangers = [one for one in self._open if not one.known and not one.gone]
         own = [one for one in strangers if one.address == address]
-        if len(own) >= self.bounds.address:
+        if len(own) >= self.limits.address:
             self._displace(own)
-        elif len(strangers) >= self.bounds.strangers:
+        elif len(strangers) >= self.limits.strangers:
             self._displace(_of_most(strangers))
 
     def more_known(self) -> None:
         """Make room where one connection more has shown a login: who has most loses the one that waits longest."""
         logged_in = [one for one in self._open if one.known and not one.gone]
-        if len(logged_in) > self.bounds.logged_in:
+        if len(logged_in) > self.limits.logged_in:
             self._displace(_of_most(logged_in)[:-1])
 
     def _displace(self, some: Sequence[_Connection]) -> None:
@@ -270,7 +270,7 @@ class Listener(uvicorn.Server):
 
     async def _look(self) -> None:
         """Close what has waited, or was waited for, too long."""
-        step = min(0.5, self.bounds.header / 4.0)
+        step = min(0.5, self.limits.header / 4.0)
         while True:
             await asyncio.sleep(step)
             now = time.monotonic()
@@ -282,10 +282,10 @@ class Listener(uvicorn.Server):
     def _stuck(self, one: _Connection, transport: asyncio.Transport, now: float) -> bool:
         """Whether too little is taken of what is sent."""
         left = transport.get_write_buffer_size()
-        if left == 0 or left <= one.left - self.bounds.slowest:
+        if left == 0 or left <= one.left - self.limits.slowest:
             one.left, one.taken = left, now
         one.left = max(one.left, left)
-        return now - one.taken > self.bounds.answer
+        return now - one.taken > self.limits.answer
 
     # Requests
 
@@ -301,7 +301,7 @@ class Listener(uvicorn.Server):
             headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
             await send({"type": "http.response.start", "status": status, "headers": headers})
             await send({"type": "http.response.body", "body": body})
-            scope["state"]["connection"].until = time.monotonic() + self.bounds.rest
+            scope["state"]["connection"].until = time.monotonic() + self.limits.rest
         else:
             self._requests += 1
             try:
@@ -312,7 +312,7 @@ class Listener(uvicorn.Server):
     def _refusal(self, scope: Any) -> tuple[int, str] | None:
         if any(name == b"transfer-encoding" for name, _ in scope["headers"]):
             return 411, "a request says by Content-Length how many bytes it has"
-        if self._requests >= self.bounds.requests and not _reserved(scope):
+        if self._requests >= self.limits.requests and not _reserved(scope):
             return 503, f"{self._requests} requests are being answered: try again in a second"
         return None
 
@@ -361,10 +361,10 @@ class Listener(uvicorn.Server):
             await send(message)
             if message["type"] == "http.response.body" and not message.get("more_body", False):
                 answered = True
-                connection.until = time.monotonic() + (self.bounds.idle if whole else self.bounds.rest)
+                connection.until = time.monotonic() + (self.limits.idle if whole else self.limits.rest)
 
         connection.until = (
-            math.inf if whole else time.monotonic() + self.bounds.body + int(length) / self.bounds.slowest
+            math.inf if whole else time.monotonic() + self.limits.body + int(length) / self.limits.slowest
         )
         try:
             if whole:
@@ -373,19 +373,19 @@ class Listener(uvicorn.Server):
         finally:
             end()
             if not answered:  # it failed, and uvicorn says so
-                connection.until = time.monotonic() + self.bounds.rest
+                connection.until = time.monotonic() + self.limits.rest
 
     def _last(self, connection: _Connection) -> bool:
-        return connection.requests >= self.bounds.each and not connection.known
+        return connection.requests >= self.limits.each and not connection.known
 
     def _opened(self, connection: _Connection, send: Any) -> Callable[[Any], Any]:
-        connection.until = time.monotonic() + self.bounds.header
+        connection.until = time.monotonic() + self.limits.header
 
         async def sent(message: Any) -> None:
             if message["type"] == "websocket.accept":
                 connection.until = math.inf
             elif message["type"] in ("websocket.close", "websocket.http.response.start"):
-                connection.until = time.monotonic() + self.bounds.rest
+                connection.until = time.monotonic() + self.limits.rest
             await send(message)
 
         return sent
@@ -396,6 +396,6 @@ def _reserved(scope: Any) -> bool:
 
 
 def _of_most(some: Sequence[_Connection]) -> list[_Connection]:
-    """Connections of the address that has most of them."""
+    """Connections of the address that has the most connections."""
     [(most, _)] = Counter(one.address for one in some).most_common(1)
     return [one for one in some if one.address == most]

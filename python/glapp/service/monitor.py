@@ -25,7 +25,7 @@ from .fit_queue import FitQueue
 from .ingest import Ingest
 from .journal import Journal, to_the_end
 from .options import MonitorOptions
-from .rows import Resampler
+from .resampler import Resampler
 from .settable import DETECTOR, SETTINGS
 from .signal import Event, Plant, Signal
 from .store import Reader, Store, StoreFull

@@ -12,28 +12,27 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-import struct
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, NoReturn
+from typing import Any
 
 from asyncua import Client, ua
 from asyncua.crypto import security_policies, uacrypto
 
 from ..errors import InputError
 from ..loop import Loop
-from ..reading.values import mode_flag, text_of
 from .connection import Connection, check_tags
+from .opcua_events import REPEATED, EventFilter
+from .opcua_u_ff import UffNodes
+from .opcua_values import LostError, NotANumberError, number_reader, reason
 from .security import uri_of
-from .signal import Event, Signal, Take, Tell, Value, WriteRefused
+from .signal import Signal, Take, Tell, Value, WriteRefused
 
-__all__ = ["Found", "OpcUa", "browse", "reason"]
+__all__ = ["Found", "OpcUa", "browse"]
 
-_AGAIN = 60.0  # the same thing is told once in so many seconds, with how often it happened
-_RUSH = 20  # of a kind in `_AGAIN` seconds, each for itself; more are told together
 _PAUSES = (1.0, 30.0)  # between two attempts to connect, the first and the longest [s]
 _DENIED = 300.0  # after a refused password: an account is locked easily
 _KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
@@ -63,10 +62,6 @@ _OVERFLOW = 0x480  # info type DataValue, and its bit Overflow
 _NUMBERS = (int, float)
 
 
-class _LostError(Exception):
-    """The connection is of no use any more, and why."""
-
-
 class _TakerError(Exception):
     """Whoever takes the values failed: that is no fault of the connection."""
 
@@ -76,8 +71,8 @@ class _Tag:
 
     __slots__ = ("first", "good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
 
-    def __init__(self, loop: str, signal: Signal, path: str, last: float, number: Callable[[Any], float]) -> None:
-        self.loop, self.signal, self.path, self.number = loop, signal, path, number
+    def __init__(self, loop: Loop, signal: Signal, path: str, last: float) -> None:
+        self.loop, self.signal, self.path, self.number = loop.name, signal, path, number_reader(loop, signal)
         self.last = self.stamp = last  # time of the last value that was handed on, and that of its source
         self.value, self.good = math.nan, True
         self.kind: ua.VariantType | None = None
@@ -87,42 +82,6 @@ class _Tag:
     @property
     def name(self) -> str:
         return f"{self.loop} {self.signal.name}"
-
-
-@dataclass(slots=True)
-class _Feed:
-    """The feed-forward of one loop."""
-
-    path: str
-    limit: float
-    rate: float
-    state: str = "off"  # enabled; taken: somebody else wrote it
-    written: float | None = None
-    allowed: float = 0.0  # by how much it may change at once
-    at: float = 0.0
-    node: ua.NodeId | None = None
-    kind: ua.VariantType = ua.VariantType.Double
-
-
-@dataclass(slots=True)
-class _EventCount:
-    """How often something happened since it was told last."""
-
-    loop: str | None
-    text: str = ""
-    many: str = ""
-    at: float = -math.inf
-    count: int = 0
-
-
-@dataclass(slots=True)
-class _Rush:
-    """How often something happened in very many tags at once."""
-
-    since: float
-    told: int = 0
-    more: int = 0
-    text: str = ""
 
 
 class OpcUa:
@@ -162,22 +121,15 @@ class OpcUa:
         self._connection = connection
         self._since = dict(since or {})
         self._tags = [
-            _Tag(loop.name, Signal(key), path, self._since.get((loop.name, Signal(key)), -math.inf), _reader(loop, key))
+            _Tag(loop, Signal(key), path, self._since.get((loop.name, Signal(key)), -math.inf))
             for loop in loops
             for key, path in loop.opcua.nodes.items()
         ]
-        self._feeds = {
-            loop.name: _Feed(loop.opcua.u_ff, loop.opcua.u_ff_limit, loop.opcua.u_ff_rate)
-            for loop in loops
-            if loop.opcua.u_ff is not None and loop.opcua.u_ff_limit is not None and loop.opcua.u_ff_rate is not None
-        }
-        self._locks = {name: asyncio.Lock() for name in self._feeds}
+        self._events = EventFilter()
+        self._u_ff = UffNodes(loops, connection.interval, self._events)
         self._newest = {loop.name: -math.inf for loop in loops}
         for tag in self._tags:
             self._newest[tag.loop] = max(self._newest[tag.loop], tag.last)
-        self._tell_to: Tell | None = None
-        self._told: dict[tuple[str, str | None], _EventCount] = {}
-        self._rushes: dict[str, _Rush] = {}
         self._uris: dict[int, str] = {}
         self._clock = _Clock()
         self._link: _Link | None = None
@@ -188,8 +140,8 @@ class OpcUa:
 
     async def run(self, take: Take, tell: Tell) -> None:
         """Hand over values and events until cancelled; a lost connection is taken up again for ever."""
-        self._tell_to = tell
-        pause, said = _PAUSES[0], ""
+        self._events.tell = tell
+        pause, last_reason = _PAUSES[0], ""
         while True:
             try:
                 await self._connected(take)
@@ -200,77 +152,32 @@ class OpcUa:
                 denied = isinstance(error, ua.UaStatusCodeError) and error.code in _DENIALS
                 if self._was_connected:
                     pause = _PAUSES[0]
-                if self._was_connected or why != said:
-                    self._event("lost", None, f"{self._connection.url}: {why}; it is tried again")
-                self._was_connected, said = False, why
-            self._flush()
+                if self._was_connected or why != last_reason:
+                    self._events.event("lost", None, f"{self._connection.url}: {why}; it is tried again")
+                self._was_connected, last_reason = False, why
+            self._events.flush()
             await asyncio.sleep(_DENIED if denied else pause)
             pause = min(2.0 * pause, _PAUSES[1])
 
     async def write(self, loop: str, u_ff: float) -> None:
-        """Write the feed-forward of a loop, and read it back.
-
-        Where it is not enabled, only a value nearer to 0 than what stands there is written, so that what was found
-        after a restart can be ramped out. Towards 0 the rate is free.
-
-        Raises
-        ------
-        WriteRefused
-            not_named, not_enabled, not_a_number, too_large, too_fast, not_connected, other_writer, by_server.
-        """
-        feed = self._feed(loop)
-        if not math.isfinite(u_ff):
-            raise WriteRefused("not_a_number", f"{loop}: u_FF is {u_ff}, must be a number")
-        async with self._locks[loop]:
-            if feed.state == "taken":
-                raise WriteRefused("other_writer", f"{loop}: somebody else writes u_FF; enable it anew")
-            client = self._client_of(loop)
-            value = _as_written(u_ff, feed.kind)
-            if abs(value) > feed.limit:
-                text = f"{loop}: u_FF is {value:g}, must be within ±{feed.limit:g} (u_ff_limit)"
-                raise WriteRefused("too_large", text)
-            found = await self._found(client, loop, feed)
-            if feed.written is not None and found != feed.written:
-                self._taken(loop, feed, f"u_FF is {found:g} where {feed.written:g} was written")
-            nearer = abs(value) <= abs(found) and value * found >= 0.0
-            if feed.state == "off" and not nearer:
-                raise WriteRefused("not_enabled", f"{loop}: writing is not enabled; u_FF may only go to 0")
-            now = time.monotonic()
-            most = 2.0 * feed.rate * self._connection.interval  # writes need not come like a clock
-            allowed = min(feed.allowed + feed.rate * (now - feed.at), most)
-            if not nearer and abs(value - found) > allowed * (1.0 + 1e-9):
-                text = f"{loop}: u_FF goes from {found:g} to {value:g} at once, must be ≤ {feed.rate:g}/s"
-                raise WriteRefused("too_fast", text)
-            try:
-                [status] = await client.uaclient.write_attributes(
-                    [feed.node], [ua.DataValue(ua.Variant(value, feed.kind))], ua.AttributeIds.Value
-                )
-            except (OSError, TimeoutError, ua.UaError) as error:
-                raise WriteRefused("not_connected", f"{loop}: u_FF was not written: {reason(error)}") from None
-            if not status.is_good():
-                raise WriteRefused("by_server", f"{loop}: the server refuses u_FF: {status.name}")
-            feed.written, feed.at = value, now
-            feed.allowed = max(allowed - abs(value - found), 0.0)
-            if (found := await self._found(client, loop, feed)) != value:
-                self._taken(loop, feed, f"u_FF is {found:g} right after {value:g} was written")
+        """Write the feed-forward of a loop, and read it back: see `UffNodes.write`."""
+        await self._u_ff.write(loop, u_ff)
 
     async def read_back(self, loop: str) -> Value:
-        """The feed-forward that stands in the plant now; not good where it cannot be read.
+        """The feed-forward that is in the plant now; not good where it cannot be read."""
+        return await self._u_ff.read_back(loop, self._clock.now())
 
-        Raises
-        ------
-        WriteRefused
-            not_named, not_connected.
-        """
-        feed = self._feed(loop)
-        client = self._client_of(loop)
-        try:
-            [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
-        except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
-        at = seen.SourceTimestamp or seen.ServerTimestamp
-        value, note = _number(seen)
-        return Value(loop, Signal.U_FF, self._clock.now() if at is None else at.timestamp(), value, not note, note)
+    def enable(self, loop: str) -> None:
+        """Let u_FF of this loop be written: see `UffNodes.enable`."""
+        self._u_ff.enable(loop)
+
+    def disable(self, loop: str) -> None:
+        """Let u_FF of this loop only go to 0 from now on."""
+        self._u_ff.disable(loop)
+
+    def enabled(self, loop: str) -> bool:
+        """Whether u_FF of this loop may be written."""
+        return self._u_ff.enabled(loop)
 
     def alive(self, loop: str) -> float | None:
         """Time until which the loop's values are known to hold, by the plant's time stamps [s since 1970 UTC].
@@ -313,63 +220,6 @@ class OpcUa:
         if not status.is_good():
             raise WriteRefused("by_server", f"the server refuses the watchdog: {status.name}")
 
-    # ----------------------------------------------------------------- who may write
-
-    def enable(self, loop: str) -> None:
-        """Let u_FF of this loop be written, until it is disabled, the connection is lost or somebody else writes it.
-
-        Raises
-        ------
-        WriteRefused
-            not_named, not_connected.
-        """
-        feed = self._feed(loop)
-        self._client_of(loop)
-        feed.state, feed.written, feed.allowed, feed.at = "enabled", None, 0.0, time.monotonic()
-
-    def disable(self, loop: str) -> None:
-        """Let u_FF of this loop only go to 0 from now on.
-
-        Raises
-        ------
-        WriteRefused
-            not_named.
-        """
-        feed = self._feed(loop)
-        if feed.state == "enabled":
-            feed.state = "off"
-
-    def enabled(self, loop: str) -> bool:
-        """Whether u_FF of this loop may be written."""
-        return loop in self._feeds and self._feeds[loop].state == "enabled"
-
-    def _feed(self, loop: str) -> _Feed:
-        feed = self._feeds.get(loop)
-        if feed is None:
-            raise WriteRefused("not_named", f"{loop}: opcua.u_ff is not given: nothing of this loop is ever written")
-        return feed
-
-    def _client_of(self, loop: str) -> Client:
-        if self._link is None or self._feeds[loop].node is None:
-            raise WriteRefused("not_connected", f"{loop}: there is no connection to the node of u_FF")
-        return self._link.client
-
-    async def _found(self, client: Client, loop: str, feed: _Feed) -> float:
-        """What stands at the node of u_FF now."""
-        try:
-            [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
-        except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
-        value, note = _number(seen)
-        if note:
-            raise WriteRefused("by_server", f"{loop}: u_FF cannot be read: {note}")
-        return value
-
-    def _taken(self, loop: str, feed: _Feed, text: str) -> NoReturn:
-        feed.state = "taken"
-        self._event("other_writer", loop, f"{loop}: {text}; nothing is written any more")
-        raise WriteRefused("other_writer", f"{loop}: {text}")
-
     # ----------------------------------------------------------------- one connection
 
     async def _connected(self, take: Take) -> None:
@@ -384,20 +234,16 @@ class OpcUa:
             await self._resolve(link)
             await self._catch_up(link, take)
             await self._subscribe(link, range(len(self._tags)))
-            self._link, self._was_connected = link, True
-            self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
+            self._link, self._u_ff.client, self._was_connected = link, client, True
+            self._events.event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
             await self._backfill(link, take, self._clock.now())
             self._summary(link)
             link.caught_up = True
-            self._quiet = time.monotonic() + _AGAIN
+            self._quiet = time.monotonic() + REPEATED
             await self._hand_on(link, take)
         finally:
             self._link = None
-            for loop, feed in self._feeds.items():
-                if feed.state == "enabled":
-                    self._event("withdrawn", loop, f"{loop}: u_FF may not be written any more: no connection")
-                feed.state = "taken" if feed.state == "taken" else "off"
-                feed.written, feed.node = None, None
+            self._u_ff.disconnected()
             await _disconnect(client, connection)
 
     async def _resolve(self, link: _Link) -> None:
@@ -408,21 +254,21 @@ class OpcUa:
             if (node := self._node(tag.path, uris, tag, tag.name)) is not None:
                 link.nodes[handle] = node
         written: dict[ua.NodeId, str] = {}
-        for loop, feed in self._feeds.items():
+        for loop, feed in self._u_ff.nodes.items():
             feed.node = self._node(feed.path, uris, None, None)
             if feed.node is not None:
                 written[feed.node] = loop
         for handle, node in link.nodes.items():
             tag = self._tags[handle]
             if written.get(node, tag.loop) != tag.loop or (node in written and tag.signal is not Signal.U_FF):
-                raise _LostError(f"{tag.name} and u_FF of {written[node]} are one node, {tag.path}")
-        await self._types(link)
+                raise LostError(f"{tag.name} and u_FF of {written[node]} are one node, {tag.path}")
+        await self._u_ff.check(link.client, link.reads)
         if self._connection.watchdog is not None:
             node_id = self._node(self._connection.watchdog, uris, None, "opcua.watchdog")
             if node_id is not None:
                 [seen] = await link.client.uaclient.read_attributes([node_id], ua.AttributeIds.Value)
                 if seen.Value is None or not isinstance(seen.Value.Value, _NUMBERS):
-                    self._event("tag_missing", None, f"opcua.watchdog: {self._connection.watchdog} is no number")
+                    self._events.event("tag_missing", None, f"opcua.watchdog: {self._connection.watchdog} is no number")
                 else:
                     link.heartbeat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
 
@@ -435,27 +281,6 @@ class OpcUa:
             most = None if seen.Value is None else seen.Value.Value
             if isinstance(most, int) and most > 0:
                 setattr(link, name, min(getattr(link, name), most))
-
-    async def _types(self, link: _Link) -> None:
-        """A u_FF that is no real number or cannot be written is not named at all."""
-        named = [(loop, feed) for loop, feed in self._feeds.items() if feed.node is not None]
-        for first in range(0, len(named), link.reads):
-            some = named[first : first + link.reads]
-            nodes = [feed.node for _, feed in some]
-            values = await link.client.uaclient.read_attributes(nodes, ua.AttributeIds.Value)
-            levels = await link.client.uaclient.read_attributes(nodes, ua.AttributeIds.UserAccessLevel)
-            for (loop, feed), seen, access in zip(some, values, levels, strict=True):
-                kind = None if seen.Value is None else seen.Value.VariantType
-                bits = 0 if access.Value is None or access.Value.Value is None else int(access.Value.Value)
-                if kind not in (ua.VariantType.Double, ua.VariantType.Float):
-                    text = f"{loop} U_FF: {feed.path} is no Double or Float; nothing is written"
-                    self._event("tag_missing", loop, text)
-                    feed.node = None
-                elif not bits & 1 << ua.AccessLevel.CurrentWrite.value:
-                    self._event("not_writable", loop, f"{loop} U_FF: the server does not let us write {feed.path}")
-                    feed.node = None
-                else:
-                    feed.kind = kind
 
     def _node(self, path: str, uris: Sequence[str], about: _Tag | None, what: str | None) -> ua.NodeId | None:
         """The node in this connection; None, and told where `what` names it, where its namespace is not there."""
@@ -471,11 +296,11 @@ class OpcUa:
             uri, rest = uris[0], path
         if uri not in uris:
             if what is not None:
-                self._often("tag_missing", about, f"{what}: the server has no namespace {uri}")
+                self._events.often("tag_missing", f"{what}: the server has no namespace {uri}", tag=about)
             return None
         if head.startswith("ns=") and uris.index(uri) != int(head.removeprefix("ns=")):
             moved = f"namespace {uri} has moved from index {head.removeprefix('ns=')} to {uris.index(uri)}"
-            self._often("namespace_moved", None, f"{moved}; the tags follow it")
+            self._events.often("namespace_moved", f"{moved}; the tags follow it")
         return ua.NodeId.from_string(f"ns={uris.index(uri)};{rest}")
 
     async def _subscribe(self, link: _Link, handles: Sequence[int]) -> None:
@@ -499,7 +324,7 @@ class OpcUa:
             bare = [h for h, r in zip(some, results, strict=True) if r.StatusCode.value in _NO_FILTER]
             if bare:
                 text = "the server takes no filter: a value that comes again unchanged is not told"
-                self._often("no_filter", None, text, "tags", len(bare))
+                self._events.often("no_filter", text, many="tags", count=len(bare))
                 again = await session.create_monitored_items(self._items(link, bare, filtered=False))
                 results = [r for r in results if r.StatusCode.value not in _NO_FILTER] + list(again)
                 some = [h for h in some if h not in bare] + bare
@@ -511,10 +336,10 @@ class OpcUa:
                 else:
                     link.missing.add(handle)
                     text = f"{tag.name}: {tag.path}: {result.StatusCode.name}"
-                    self._often("tag_missing", tag, text)
+                    self._events.often("tag_missing", text, tag=tag)
         if slower > 1.01 * connection.interval:
             text = f"the server takes samples every {slower:g} s at best, not every {connection.interval:g} s"
-            self._often("slower", None, text)
+            self._events.often("slower", text)
 
     def _items(self, link: _Link, handles: Sequence[int], *, filtered: bool) -> ua.CreateMonitoredItemsParameters:
         asked = ua.CreateMonitoredItemsParameters()
@@ -552,19 +377,21 @@ class OpcUa:
                 await asyncio.sleep(0)
             if link.lost is not None:
                 if link.overflow:
-                    self._event("overflow", None, f"{link.lost}; they are read from the history where there is one")
-                raise _LostError(link.lost)
+                    self._events.event(
+                        "overflow", None, f"{link.lost}; they are read from the history where there is one"
+                    )
+                raise LostError(link.lost)
             now = time.monotonic()
             if now - checked >= 1.0:
                 checked = now
                 link.silent = 0 if now - link.last <= link.longest else link.silent + 1
                 if link.silent > 1:  # at first it may be we who were not listening
-                    raise _LostError(f"the server has said nothing for {now - link.last:.0f} s")
-                self._flush(due=True)
+                    raise LostError(f"the server has said nothing for {now - link.last:.0f} s")
+                self._events.flush(due=True)
                 if back := self._clock.set_back():
                     text = f"this computer's clock was set back by {back:.0f} s; what is ahead is judged as before"
-                    self._event("clock_back", None, text)
-                if link.missing and now - link.retried > _AGAIN:
+                    self._events.event("clock_back", None, text)
+                if link.missing and now - link.retried > REPEATED:
                     link.retried = now
                     await self._subscribe(link, sorted(link.missing))
 
@@ -584,7 +411,7 @@ class OpcUa:
             stamp = seen.ServerTimestamp
             if tag.signal is not Signal.U_FF:  # which we write, without one
                 text = f"{tag.name} has no source time stamp; the server's is taken"
-                self._often("no_time", tag, text)
+                self._events.often("no_time", text, tag=tag)
         t = self._clock.now() if stamp is None else stamp.timestamp()
         code = seen.StatusCode.value if seen.StatusCode is not None else 0
         variant = seen.Value
@@ -598,26 +425,26 @@ class OpcUa:
                 self._new_type(tag, variant.VariantType)
             try:
                 value = tag.number(variant.Value)
-            except _NotANumberError as error:
+            except NotANumberError as error:
                 note = str(error)
             except ValueError as error:  # a word for a mode that is not known: not automatic
                 value = 0.0
                 text = f"{tag.name}: {variant.Value!r} {'; '.join(str(a) for a in error.args)}"
-                self._often("unknown_mode", tag, text)
+                self._events.often("unknown_mode", text, tag=tag)
             if code & _OVERFLOW == _OVERFLOW:
                 text = f"{tag.name}: the server has thrown values away: its queue was full"
-                self._often("overflow", tag, text, "times")
+                self._events.often("overflow", text, tag=tag, many="times")
         if t > ahead:
             text = (
                 f"{tag.name}: a time stamp is {t - ahead + self._connection.ahead:.0f} s ahead of this computer's clock"
             )
-            self._often("future", tag, f"{text}; it is left out", "values in all")
+            self._events.often("future", f"{text}; it is left out", tag=tag, many="values in all")
             return None
         source = t
         if t <= tag.last:
             if not (live and t == tag.stamp and tag.good == bool(note)):
                 if live and not (tag.first and time.monotonic() < self._quiet):
-                    self._again(tag, t, value)
+                    self._tell_not_newer(tag, t, value)
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
         tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
@@ -626,26 +453,27 @@ class OpcUa:
             self._newest[tag.loop] = t
         return Value(tag.loop, tag.signal, t, value, not note, note)
 
-    def _again(self, tag: _Tag, t: float, value: float) -> None:
+    def _tell_not_newer(self, tag: _Tag, t: float, value: float) -> None:
         """Tell of a value that is left out, since it is not newer than the last one."""
         if t == tag.stamp:
             same = value == tag.value or value != value
             what = "comes twice" if same else "comes twice, with another value; the first one holds"
-            self._often("duplicate", tag, f"{tag.name}: the value of {_clock_time(t)} {what}", "values in all")
+            text = f"{tag.name}: the value of {_clock_time(t)} {what}"
+            self._events.often("duplicate", text, tag=tag, many="values in all")
             return
         tag.run = tag.run + 1 if t > tag.late else 1
         tag.late = t
         if tag.run >= 3 and tag.last - t > 3.0 * self._connection.interval:
             text = f"{tag.name}: its clock went back by {tag.last - t:.0f} s; values are left out until it has passed"
-            self._often("clock_back", tag, f"{text} {_clock_time(tag.last)}", "values in all")
+            self._events.often("clock_back", f"{text} {_clock_time(tag.last)}", tag=tag, many="values in all")
         else:
             text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
-            self._often("late", tag, f"{text}; it is left out", "values in all")
+            self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
 
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
-            self._say("type_changed", _EventCount(tag.loop, text))
+            self._events.once("type_changed", tag.loop, text)
         tag.kind = kind
 
     # ----------------------------------------------------------------- history
@@ -681,7 +509,7 @@ class OpcUa:
             begins[loop] = max(newest - _MARGIN - 2.0 * interval, until - self._connection.history)
             if begins[loop] > newest:
                 text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
-                self._say("not_backfilled", _EventCount(loop, text))
+                self._events.once("not_backfilled", loop, text)
         waiting = deque(sorted(begins, key=lambda loop: begins[loop]))
         while waiting and not link.no_history:
             begin = begins[waiting[0]]
@@ -706,7 +534,7 @@ class OpcUa:
                 _hand(take, values)
             begin = end
             if link.lost is not None:
-                raise _LostError(link.lost)
+                raise LostError(link.lost)
 
     async def _history(self, link: _Link, handles: Sequence[int], begin: float, end: float) -> list[Value]:
         """Values of some tags from `begin` to `end`."""
@@ -745,7 +573,7 @@ class OpcUa:
                     left[handle] = result.ContinuationPoint
         if outside:
             text = "the history gave values outside of what was asked"
-            self._often("outside", None, f"{text}; they are left out", "values", outside)
+            self._events.often("outside", f"{text}; they are left out", many="values", count=outside)
         values: list[Value] = []
         for handle, some_seen in found.items():
             some_seen.sort(key=lambda seen: seen.SourceTimestamp)
@@ -761,60 +589,16 @@ class OpcUa:
             self._no_history(link, status.name)
         elif self._tags[handle].signal is Signal.PV:
             text = f"{self._tags[handle].name} has no history: {status.name}; a break in it stays a gap"
-            self._often("no_history", self._tags[handle], text)
+            self._events.often("no_history", text, tag=self._tags[handle])
 
     def _no_history(self, link: _Link, why: str) -> None:
         link.no_history = True
-        self._event("no_history", None, f"the server has no history ({why}): the break stays a gap")
+        self._events.event("no_history", None, f"the server has no history ({why}): the break stays a gap")
 
     def _summary(self, link: _Link) -> None:
         if link.filled:
             between = f"from {_clock_time(link.filled_from)} to {_clock_time(link.filled_to)}"
-            self._event("backfilled", None, f"{link.filled} values {between} were read from the history")
-
-    # ----------------------------------------------------------------- what is told
-
-    def _event(self, kind: str, loop: str | None, text: str) -> None:
-        if self._tell_to is not None:
-            self._tell_to(Event(time.time(), loop, kind, text))
-
-    def _often(self, kind: str, about: _Tag | None, text: str, many: str = "", count: int = 1) -> None:
-        """Tell at once, and then at most once in `_AGAIN` seconds, with how many it were meanwhile."""
-        key = (kind, None if about is None else about.name)
-        told = self._told.get(key)
-        if told is None:
-            told = self._told[key] = _EventCount(None if about is None else about.loop)
-        told.text, told.many = text, many
-        told.count += count
-        if time.monotonic() - told.at >= _AGAIN:
-            self._say(kind, told)
-
-    def _say(self, kind: str, told: _EventCount) -> None:
-        """Tell it, but for what is one of very many: they are counted together."""
-        now = time.monotonic()
-        more = f" ({told.count} {told.many})" if told.count > 1 and told.many else ""
-        text = told.text + more
-        told.at, told.count = now, 0
-        rush = self._rushes.setdefault(kind, _Rush(now))
-        if now - rush.since >= _AGAIN:
-            rush.since, rush.told = now, 0
-        if rush.told < _RUSH:
-            rush.told += 1
-            self._event(kind, told.loop, text)
-        else:
-            rush.more += 1
-            rush.text = text
-
-    def _flush(self, *, due: bool = False) -> None:
-        """Tell what was only counted: all of it, or what is due."""
-        now = time.monotonic()
-        for (kind, _), told in self._told.items():
-            if told.count and (not due or now - told.at >= _AGAIN):
-                self._say(kind, told)
-        for kind, rush in self._rushes.items():
-            if rush.more:
-                self._event(kind, None, f"{rush.more} more tags, such as {rush.text}")
-                rush.more = 0
+            self._events.event("backfilled", None, f"{link.filled} values {between} were read from the history")
 
 
 class _Link:
@@ -874,11 +658,11 @@ class _Link:
                 self.end(f"messages {self._sequence + 1} to {number - 1} of the server are missing")
             self._sequence = number
         if message.PublishTime is not None:
-            told = message.PublishTime.timestamp()
+            published = message.PublishTime.timestamp()
             if newest > -math.inf:
-                self._behind = max(told - newest, 0.0)
+                self._behind = max(published - newest, 0.0)
             if self._behind < math.inf and not result.MoreNotifications:
-                self.heard = max(self.heard, told - self._behind)
+                self.heard = max(self.heard, published - self._behind)
 
     def _queued(self, items: list[Any]) -> float:
         if self.waiting + len(items) > self._most and self.queue:
@@ -911,77 +695,12 @@ class _Clock:
         return new if new > 1.0 else 0.0
 
 
-class _NotANumberError(Exception):
-    """A value that is no number, and what it is."""
-
-
-def _reader(loop: Loop, key: str) -> Callable[[Any], float]:
-    """How the value of a tag is read as a number."""
-    if key in ("low", "high"):
-        return lambda raw: float(_real(raw) != 0.0)
-    if key != "mode":
-        return _real
-    decide = mode_flag(loop.auto_values, frozenset())
-    known: dict[Any, float] = {}
-
-    def mode(raw: Any) -> float:
-        if isinstance(raw, ua.LocalizedText):
-            raw = raw.Text
-        if not isinstance(raw, str | int | float) or raw is None:
-            raise _NotANumberError(f"is a {type(raw).__name__}")
-        if raw not in known:
-            known[raw] = 0.0 if decide(text_of(raw)) else 1.0
-        return known[raw]
-
-    return mode
-
-
-def _real(raw: Any) -> float:
-    if type(raw) is float or isinstance(raw, _NUMBERS):
-        value = float(raw)
-        if math.isfinite(value):
-            return value
-        raise _NotANumberError("not a finite number")
-    raise _NotANumberError(f"is a {type(raw).__name__}")
-
-
-def _number(seen: ua.DataValue) -> tuple[float, str]:
-    """Value, and why it is not good, of what was read."""
-    if seen.StatusCode is not None and seen.StatusCode.value & 0xC000_0000:
-        return math.nan, seen.StatusCode.name
-    try:
-        return _real(None if seen.Value is None else seen.Value.Value), ""
-    except _NotANumberError as error:
-        return math.nan, str(error)
-
-
-def _as_written(value: float, kind: ua.VariantType) -> float:
-    """The value as the node will hold it."""
-    if kind is ua.VariantType.Float:
-        return float(struct.unpack("<f", struct.pack("<f", value))[0])
-    return value
-
-
 def _time_of(value: Value) -> float:
     return value.time
 
 
 def _clock_time(t: float) -> str:
     return f"{datetime.fromtimestamp(t, UTC):%Y-%m-%d %H:%M:%S}Z"
-
-
-def reason(error: BaseException) -> str:
-    """What went wrong with a connection, for a person."""
-    if isinstance(error, ua.UaStatusCodeError):
-        return str(ua.StatusCode(error.code).name)
-    if isinstance(error, TimeoutError):
-        return "no answer in time"
-    if isinstance(error, ConnectionRefusedError):
-        return "nobody listens there"
-    if isinstance(error, AssertionError):  # asyncua's, where a server refuses the channel that it asks for
-        return "the server's answer cannot be read; it may not trust our certificate"
-    text = str(error)
-    return text if isinstance(error, _LostError | InputError) else f"{type(error).__name__}: {text}"
 
 
 def _hand(take: Take, values: list[Value]) -> None:
@@ -1044,12 +763,12 @@ async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
         await client.connect()
     try:
         uris = await client.get_namespace_array()
-        return [found async for found in _below(client, uris, most)]
+        return [found async for found in _variables_below(client, uris, most)]
     finally:
         await _disconnect(client, connection)
 
 
-async def _below(client: Client, uris: Sequence[str], most: int) -> Any:
+async def _variables_below(client: Client, uris: Sequence[str], most: int) -> Any:
     seen: set[ua.NodeId] = set()
     waiting: deque[tuple[ua.NodeId, str]] = deque([(client.nodes.objects.nodeid, "")])
     while waiting and len(seen) < most:

@@ -679,13 +679,13 @@ class SimPlant:
             t -= _HOUR
         for signal, value in values.items():
             key = (loop.name, signal)
-            _, told = self._last.get(key, (t, None))
+            _, last = self._last.get(key, (t, None))
             if signal is Signal.PV:
-                if "stuck" in faults and told is not None:
-                    value = told
+                if "stuck" in faults and last is not None:
+                    value = last
                 if "bad" in faults:
                     value = math.nan
-            elif signal in _STEADY and value == told and not self._fresh:
+            elif signal in _STEADY and value == last and not self._fresh:
                 continue
             self._last[key] = (t, value)
             if self._keep > 0 and "back" not in faults:

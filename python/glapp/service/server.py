@@ -135,21 +135,21 @@ def node_values(loop: Mapping[str, Any]) -> dict[str, NodeValue]:
     """
     codes = ua.StatusCodes
     answer, made, seen = loop["answer"], loop.get("compensation"), loop["seen"]
-    said: dict[str, NodeValue] = {}
+    values: dict[str, NodeValue] = {}
     for name, key in _OF_ANSWER.items():
         if answer is None:
-            said[name] = NodeValue(None, codes.BadWaitingForInitialData)
+            values[name] = NodeValue(None, codes.BadWaitingForInitialData)
         else:
-            said[name] = _node_value(answer[key], codes.BadNoData, answer["time"])
+            values[name] = _node_value(answer[key], codes.BadNoData, answer["time"])
     if made is None:
-        said["Standing"] = said["UFf"] = NodeValue(None, codes.BadNotSupported)
+        values["Standing"] = values["UFf"] = NodeValue(None, codes.BadNotSupported)
     else:
-        said["Standing"] = NodeValue(made["standing"], codes.Good)
-        said["UFf"] = _node_value(None if loop["lost"] else made["u_ff"], codes.BadNoCommunication)
-    said["Detections"] = NodeValue(loop["accepted"], codes.Good)
-    said["LastSeen"] = _node_value(None if seen is None else _moment(seen), codes.BadWaitingForInitialData, seen)
-    said["DeviceHealth"] = NodeValue(int(Health[loop["health"]]), codes.Good)
-    return said
+        values["Standing"] = NodeValue(made["standing"], codes.Good)
+        values["UFf"] = _node_value(None if loop["lost"] else made["u_ff"], codes.BadNoCommunication)
+    values["Detections"] = NodeValue(loop["accepted"], codes.Good)
+    values["LastSeen"] = _node_value(None if seen is None else _moment(seen), codes.BadWaitingForInitialData, seen)
+    values["DeviceHealth"] = NodeValue(int(Health[loop["health"]]), codes.Good)
+    return values
 
 
 def _node_value(value: Any, otherwise: int, at: float | None = None) -> NodeValue:
@@ -305,14 +305,14 @@ class AnswerServer:
         assert self._server is not None
         aspace = self._server.iserver.aspace
         for loop, status in self._status()["loops"].items():
-            for name, said in node_values(status).items():
-                if self._last.get((loop, name)) == said:
+            for name, node in node_values(status).items():
+                if self._last.get((loop, name)) == node:
                     continue
-                self._last[loop, name] = said
+                self._last[loop, name] = node
                 now = datetime.now(UTC)
-                kind = ua.VariantType.Null if said.value is None else NODES[name].kind
-                source = now if said.time is None else _moment(said.time)
-                value = ua.DataValue(ua.Variant(said.value, kind), ua.StatusCode(said.status), source, now)
+                kind = ua.VariantType.Null if node.value is None else NODES[name].kind
+                source = now if node.time is None else _moment(node.time)
+                value = ua.DataValue(ua.Variant(node.value, kind), ua.StatusCode(node.status), source, now)
                 await aspace.write_attribute_value(self._ids[loop, name], ua.AttributeIds.Value, value)
 
     async def _build(self, server: Server) -> None:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from .. import _glapp
 from ..errors import InputError
-from ..estimate import op_range
 from ..loop import Loop
 
 __all__ = [
@@ -108,7 +107,7 @@ def usual_of(most: tuple[float, float]) -> dict[str, float]:
 
 def of_plant(loop: Loop) -> tuple[Bound, Bound]:
     """The bounds of `u_ff_limit` and `u_ff_rate` in a loops.toml: OP's range, and ten times that in a second."""
-    low, high = op_range(loop) or (0.0, _GREATEST)
+    low, high = loop.op_range() or (0.0, _GREATEST)
     limit = Bound("OP unit", 0.0, high - low, zero=False)
     return limit, limit._replace(unit="OP unit/s", high=10.0 * limit.high)
 
@@ -154,7 +153,7 @@ def bounds_of(loop: Loop, settings: Mapping[str, Any], most: tuple[float, float]
         limit = 2.0 * most[0]
     if not 0.0 <= size <= of_plant(loop)[0].high:
         size = 0.0
-    rows = _glapp.compensation_bounds(ideal.ti, size=size, share=share, limit=limit, limits=op_range(loop))
+    rows = _glapp.compensation_bounds(ideal.ti, size=size, share=share, limit=limit, limits=loop.op_range())
     core = {name: Bound(unit, low, high, zero=not above) for name, unit, low, high, above in rows}
     widest = core["size"].high
     # Only the width that counts is bounded by the limit, too.

@@ -12,9 +12,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import socket
 import sqlite3
-import sys
 import threading
 import time
 import zlib
@@ -28,10 +26,11 @@ from typing import Any, Self
 import numpy as np
 
 from ..errors import InputError
+from ..folder_lock import FolderLock
 from ..loop import Loop
 from .signal import Event
 
-__all__ = ["COLUMNS", "SCHEMA", "Entry", "Half", "Lock", "Reader", "Store", "StoreFull", "backup", "restore"]
+__all__ = ["COLUMNS", "SCHEMA", "Entry", "Half", "Reader", "Store", "StoreFull", "backup", "restore"]
 
 NAME = "glapp.db"
 
@@ -189,97 +188,6 @@ class Entry:
         )
 
 
-class Lock:
-    """The right to write a data folder: one process has it, and it ends with that process, however that ends.
-
-    Raises
-    ------
-    InputError
-        Where another process has it: which one, on which computer and since when.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> lock = Lock(Path(folder.name))
-    >>> Lock.holder(Path(folder.name))["pid"] == os.getpid()
-    True
-    >>> lock.release()
-    >>> Lock.holder(Path(folder.name)) is None
-    True
-    """
-
-    def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self._path = folder / "lock"
-        self._file = self._path.open("a+", encoding="utf-8")
-        if not _locked(self._file.fileno()):
-            self._file.close()
-            other = _owner_of(self._path)
-            raise InputError(
-                "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
-                file=str(folder),
-                hint="one process writes a data folder: stop that one, or name another folder",
-            )
-        since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
-        said = {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
-        self._file.truncate(0)
-        self._file.write(json.dumps(said))
-        self._file.flush()
-
-    def release(self) -> None:
-        """Give it back."""
-        self._file.truncate(0)
-        self._file.close()
-
-    @staticmethod
-    def holder(folder: Path) -> dict[str, Any] | None:
-        """Who has it: `pid`, `host`, `since`; None where nobody has."""
-        path = folder / "lock"
-        if not path.is_file():
-            return None
-        with path.open("a+", encoding="utf-8") as file:
-            if _locked(file.fileno()):
-                return None
-        return _owner_of(path)
-
-
-_NOBODY = {"pid": "?", "host": "?", "since": "?"}
-
-
-def _owner_of(path: Path) -> dict[str, Any]:
-    """What the holder of a lock wrote into it."""
-    try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return said if isinstance(said, dict) else {}
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _locked(handle: int) -> bool:
-        os.lseek(handle, 1 << 20, os.SEEK_SET)  # behind the text, which others may read
-        try:
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        finally:
-            os.lseek(handle, 0, os.SEEK_SET)
-        return True
-
-else:
-    import fcntl
-
-    def _locked(handle: int) -> bool:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return False
-        return True
-
-
 class Reader:
     """The database, read by anybody at any time.
 
@@ -377,6 +285,60 @@ class Reader:
             *(id, loop),
         )
 
+    def document(self, id: int) -> dict[str, Any] | None:
+        """The document of an answer, as `glapp analyze --json` writes it; None where there is no such answer."""
+        found = self.one("SELECT document FROM answers WHERE id = ?", id)
+        return None if found is None else json.loads(found["document"])["analysis"]
+
+    def answers_shown(self, ids: Sequence[int]) -> list[dict[str, Any]]:
+        """What the station shows of answers: answer, recordings and process as JSON, and when each was made."""
+        return self.rows(
+            "SELECT answers.id, name, "
+            "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
+            "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings, "
+            "json_extract(document, '$.analysis.loops[0].fit.process') AS process, "
+            "json_extract(document, '$.analysis.loops[0].file') AS file, "
+            "t_begin, t_end, time, asked_by FROM answers "
+            f"JOIN loops ON loops.id = answers.loop WHERE answers.id IN ({', '.join('?' * len(ids))})",
+            *ids,
+        )
+
+    def detections(self, loop: str, begin: float, most: int) -> list[dict[str, Any]]:
+        """End, width, estimate and compensation of a loop's accepted half-periods since `begin`; the newest `most`."""
+        found = self.rows(
+            "SELECT t_end, d, median_mean, compensated FROM half_periods WHERE loop = "
+            "(SELECT id FROM loops WHERE name = ?) AND reason = 0 AND t_end >= ? ORDER BY t_end DESC LIMIT ?",
+            *(loop, begin, most),
+        )
+        return found[::-1]
+
+    def reason_counts(self, loop: str, begin: float) -> dict[int, int]:
+        """How many half-periods of a loop ended after `begin` with each code of `HalfPeriods.reason`."""
+        found = self.rows(
+            "SELECT reason, COUNT(*) AS n FROM half_periods WHERE loop = (SELECT id FROM loops WHERE name = ?) "
+            "AND t_end > ? GROUP BY reason",
+            *(loop, begin),
+        )
+        return {row["reason"]: row["n"] for row in found}
+
+    def daily_detections(self, begin: float) -> list[dict[str, Any]]:
+        """Mean width of each loop's detections by day since `begin`, those under compensation left out."""
+        return self.rows(
+            "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d, NULL AS low, NULL AS high FROM "
+            "half_periods JOIN loops ON loops.id = half_periods.loop "
+            "WHERE reason = 0 AND compensated = 0 AND t_end > ? GROUP BY name, day",
+            begin,
+        )
+
+    def daily_widths(self, begin: float) -> list[dict[str, Any]]:
+        """Mean width and limits of each loop's fits that found backlash, by day since `begin`."""
+        return self.rows(
+            "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d, AVG(low) AS low, AVG(high) AS high "
+            "FROM answers JOIN loops ON loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? "
+            "GROUP BY name, day",
+            begin,
+        )
+
     def events(self, loop: str | None = None, most: int = 200, before: int | None = None) -> list[dict[str, Any]]:
         """What happened, the newest first; of one loop where it is named."""
         return self.rows(
@@ -401,12 +363,58 @@ class Reader:
         )
         return {row["name"]: json.loads(row["value"]) for row in found}
 
+    def loops_given(self) -> dict[str, dict[str, Any]]:
+        """Of every loop what loops.toml says, by name."""
+        return {row["name"]: json.loads(row["settings"]) for row in self.rows("SELECT name, settings FROM loops")}
+
+    def all_settings(self) -> dict[str, dict[str, Any]]:
+        """What persons have set of each loop, by the loop's name."""
+        found: dict[str, dict[str, Any]] = {}
+        for row in self.rows(
+            "SELECT loops.name AS loop, settings.name, value FROM settings JOIN loops ON loops.id = settings.loop"
+        ):
+            found.setdefault(row["loop"], {})[row["name"]] = json.loads(row["value"])
+        return found
+
+    def users(self) -> list[dict[str, str]]:
+        """Name and role of every user."""
+        return self.rows("SELECT name, role FROM users ORDER BY name")
+
+    def user(self, name: str) -> dict[str, str] | None:
+        """Role and hashed password of a user; None where there is no such user."""
+        return self.one("SELECT role, password FROM users WHERE name = ?", name)
+
+    def logins(self) -> list[dict[str, Any]]:
+        """Who is logged in: digest of the token, name, role and when the token expires."""
+        return self.rows("SELECT digest, name, role, expires FROM tokens JOIN users ON name = person")
+
+    def login(self, digest: str, now: float) -> tuple[str, str] | None:
+        """Name and role of the user whose token has this digest; None where it has expired or there is none."""
+        row = self.one(
+            "SELECT name, role FROM tokens JOIN users ON name = person WHERE digest = ? AND expires > ?", digest, now
+        )
+        return None if row is None else (row["name"], row["role"])
+
+    def known_addresses(self) -> dict[str, list[str]] | None:
+        """Addresses from which each user has logged in, the newest last; None where nothing is kept of that."""
+        row = self.one("SELECT value FROM meta WHERE name = 'known_addresses'")
+        return None if row is None else json.loads(row["value"])
+
+    def wait_at_most(self, milliseconds: int) -> None:
+        """Wait no longer than this where another process writes [ms]."""
+        self._db.execute(f"PRAGMA busy_timeout = {milliseconds:d}")
+
     @property
     def damaged(self) -> str | None:
         """What was wrong with the database that was set aside, as long as that lies in the folder."""
         known = dict(self._db.execute("SELECT name, value FROM meta WHERE name LIKE 'damaged%'").fetchall())
         there = "damaged_file" in known and (self.folder / known["damaged_file"]).exists()
         return known["damaged"] if there else None
+
+    def shown_at(self) -> float | None:
+        """When the service last wrote what it shows [s since 1970 UTC]; None where it never did."""
+        row = self.one("SELECT time FROM shown")
+        return None if row is None else row["time"]
 
     def shown(self) -> tuple[float, dict[str, Any]] | None:
         """When the service last wrote what it shows, and that."""
@@ -415,7 +423,7 @@ class Reader:
 
 
 class Store(Reader):
-    """The database, to be written by the one process that has the folder's `Lock`.
+    """The database, to be written by the one process that has the folder's `FolderLock`.
 
     A database that is damaged is renamed to `glapp.db.damaged-TIME` with all that belongs to it, and a new one begun:
     nothing is written into it. Damaged is what SQLite finds damaged, an empty file, and what has not the tables of
@@ -437,7 +445,7 @@ class Store(Reader):
 
     def __init__(self, folder: Path, now: float | None = None) -> None:
         self.folder = folder
-        self.lock = Lock(folder)
+        self.lock = FolderLock(folder)
         self.found: str | None = None
         self._one_at_a_time = threading.Lock()
         try:
@@ -453,8 +461,8 @@ class Store(Reader):
         why = "has 0 bytes" if empty else None
         try:
             self._db = _connected(path)
-            if (said := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
-                why = why or f"is damaged: {said}"
+            if (fault := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+                why = why or f"is damaged: {fault}"
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
             there = there and (empty or bool(self._db.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()))
             if there and why is None and version <= SCHEMA and (lacks := _missing(self._db, max(version, 1))):
@@ -468,7 +476,7 @@ class Store(Reader):
             raise InputError(
                 f"has schema {version}, and this glapp writes {SCHEMA}", file=str(path), hint="use the newer version"
             )
-        told: list[tuple[str, str]] = []
+        damage: list[tuple[str, str]] = []
         if why is not None:
             self._db.close()
             aside = _set_aside(path, now)
@@ -476,7 +484,7 @@ class Store(Reader):
                 f"the database {why}; it was set aside as {aside.name}, and a new one begun without the users, "
                 f"settings, answers and events of before: restore a copy of it, or take {aside.name} away to go on"
             )
-            told = [("damaged", self.found), ("damaged_file", aside.name)]
+            damage = [("damaged", self.found), ("damaged_file", aside.name)]
             self._db, version = _connected(path), 0
         elif not there and any(self.folder.glob("signals/*")):
             self.found = (
@@ -484,7 +492,7 @@ class Store(Reader):
                 "answers and events of before; restore a copy of it"
             )
         try:
-            _ours(self._db)
+            _configure(self._db)
         except sqlite3.OperationalError as error:
             self._db.close()
             raise InputError(f"cannot be opened: {error}", file=str(path)) from None
@@ -493,7 +501,7 @@ class Store(Reader):
                 for step in _MIGRATIONS[version:]:
                     for statement in step.split(";\n"):
                         self._db.execute(statement)
-                self._db.executemany("INSERT INTO meta VALUES (?, ?)", told)
+                self._db.executemany("INSERT INTO meta VALUES (?, ?)", damage)
                 self._db.execute(f"PRAGMA user_version = {SCHEMA}")
 
     def close(self) -> None:
@@ -539,9 +547,9 @@ class Store(Reader):
             self._db.executemany(
                 "INSERT INTO entries VALUES (?, ?, ?)", [(entry.id, entry.now, entry.packed()) for entry in entries]
             )
-            self._put(halves, events)
+            self._insert(halves, events)
 
-    def _put(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
+    def _insert(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
         self._db.executemany(_INSERT_HALF, halves)
         self._db.executemany(
             "INSERT INTO events (time, loop, kind, text) VALUES (?, ?, ?, ?)",
@@ -560,7 +568,7 @@ class Store(Reader):
             self._db.execute("DELETE FROM entries WHERE id <= ?", (position,))
             self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", states.items())
             self._db.execute("INSERT OR REPLACE INTO meta VALUES ('position', ?)", (str(position),))
-            self._put((), events)
+            self._insert((), events)
 
     def position(self) -> int:
         """Number of the last entry in the saved states; 0 before the first."""
@@ -584,7 +592,7 @@ class Store(Reader):
     def tell(self, events: Iterable[Event]) -> None:
         """Store events."""
         with self._writing():
-            self._put((), list(events))
+            self._insert((), list(events))
 
     def forget(self, before: float) -> int:
         """Take out the rejected half-periods that ended before a time; gives how many. The accepted ones stay.
@@ -635,10 +643,36 @@ class Store(Reader):
             )
             self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", (states or {}).items())
 
-    def write(self, statement: str, *values: Any) -> int:
-        """One statement that changes something; gives how many rows it did."""
+    def put_user(self, name: str, role: str, password: str, now: float) -> None:
+        """Store a user, with a password that is hashed, and end all logins of that name."""
         with self._writing():
-            return self._db.execute(statement, values).rowcount
+            self._db.execute("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", (name, role, password, now))
+            self._db.execute("DELETE FROM tokens WHERE person = ?", (name,))
+
+    def remove_user(self, name: str) -> bool:
+        """Delete a user with all logins; whether there was one of that name."""
+        with self._writing():
+            return self._db.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount > 0
+
+    def add_login(self, digest: str, name: str, expires: float) -> None:
+        """Store a login by the digest of its token."""
+        with self._writing():
+            self._db.execute("INSERT INTO tokens VALUES (?, ?, ?)", (digest, name, expires))
+
+    def end_login(self, digest: str) -> None:
+        """Delete a login."""
+        with self._writing():
+            self._db.execute("DELETE FROM tokens WHERE digest = ?", (digest,))
+
+    def end_logins(self, now: float) -> None:
+        """Delete the logins that have expired."""
+        with self._writing():
+            self._db.execute("DELETE FROM tokens WHERE expires <= ?", (now,))
+
+    def put_known_addresses(self, addresses: Mapping[str, Sequence[str]]) -> None:
+        """Store the addresses from which each user has logged in."""
+        with self._writing():
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('known_addresses', ?)", (json.dumps(addresses),))
 
 
 def _private(path: Path) -> None:
@@ -661,7 +695,7 @@ def _connected(path: Path) -> sqlite3.Connection:
     return db
 
 
-def _ours(db: sqlite3.Connection) -> None:
+def _configure(db: sqlite3.Connection) -> None:
     """What is asked of a database that is written: not before it was checked, for the first of it changes the file."""
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too
@@ -759,7 +793,7 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
         raise InputError(f"is no database of glapp: it has no {lacks}", file=str(file))
     if not sound or not 1 <= version <= SCHEMA:
         raise InputError(f"is damaged, or of schema {version}, where this glapp reads 1 to {SCHEMA}", file=str(file))
-    lock = Lock(folder)
+    lock = FolderLock(folder)
     try:
         path = folder / NAME
         part = path.with_name(f".{NAME}.part")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-import json
 import secrets
 import threading
 from collections import Counter, deque
@@ -17,7 +16,7 @@ from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerifyMismatchError
 
 from ..errors import InputError
-from .store import Reader, Store
+from .store import Store
 
 __all__ = ["Attempt", "Person", "Role", "Tries", "Users", "first_user", "station_key"]
 
@@ -246,13 +245,11 @@ class Users:
         self._nobody = self._hasher.hash(secrets.token_hex())
         self._writing = threading.Lock()
         self._counting = threading.Lock()  # held for no write, so that who counts a try waits for no disk
-        self._names = {row["name"] for row in listed(store)}
-        known = store.one("SELECT value FROM meta WHERE name = 'known_addresses'")
-        self._tries = Tries(None if known is None else json.loads(known["value"]))
+        self._names = {row["name"] for row in store.users()}
+        self._tries = Tries(store.known_addresses())
         # Here and not only in the database: whom a token stands for is known though no disk answers.
         self._logins = {
-            row["digest"]: (Person(row["name"], Role.named(row["role"])), row["expires"])
-            for row in store.rows("SELECT digest, name, role, expires FROM tokens JOIN users ON name = person")
+            row["digest"]: (Person(row["name"], Role.named(row["role"])), row["expires"]) for row in store.logins()
         }
 
     def put(self, name: str, role: str, password: str | None, now: float) -> None:
@@ -268,7 +265,7 @@ class Users:
                 "must have 1 to 64 printable characters", parameter="name", value=name, bound="1 to 64 characters"
             )
         rank = Role.named(role)
-        old = self._store.one("SELECT role, password FROM users WHERE name = ?", name)
+        old = self._store.user(name)
         if password is None and old is None:
             raise InputError("is required for a new user", parameter="password", bound="required")
         if password is not None and not SHORTEST <= len(password) <= 1000:
@@ -277,8 +274,7 @@ class Users:
             self._not_the_last(name)
         digest = old["password"] if password is None and old is not None else self._hasher.hash(password or "")
         with self._writing:
-            self._store.write("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", name, role, digest, now)
-            self._store.write("DELETE FROM tokens WHERE person = ?", name)
+            self._store.put_user(name, role, digest, now)
             self._end(name)
             self._names.add(name)
 
@@ -292,7 +288,7 @@ class Users:
         """
         self._not_the_last(name)
         with self._writing:
-            if not self._store.write("DELETE FROM users WHERE name = ?", name):  # and with it the tokens
+            if not self._store.remove_user(name):
                 raise InputError("no such user", parameter="name", value=name)
             self._end(name)
             self._names.discard(name)
@@ -303,9 +299,7 @@ class Users:
         self._logins = {digest: login for digest, login in self._logins.items() if login[0].name != name}
 
     def _not_the_last(self, name: str) -> None:
-        others = self._store.one("SELECT 1 FROM users WHERE role = 'engineer' AND name <> ?", name)
-        own = self._store.one("SELECT 1 FROM users WHERE role = 'engineer' AND name = ?", name)
-        if own and not others:
+        if [user["name"] for user in self._store.users() if user["role"] == "engineer"] == [name]:
             raise InputError("is the last engineer", parameter="name", value=name, hint="make another one first")
 
     def attempt(self, name: str, address: str, now: float) -> Attempt:
@@ -343,33 +337,32 @@ class Users:
         Refused
             For a wrong name or password, with the same message.
         """
-        query = "SELECT role, password FROM users WHERE name = ?"
-        known = self._store.one(query, attempt.name)
+        known = self._store.user(attempt.name)
         try:
             self._hasher.verify(known["password"] if known else self._nobody, password)
         except (VerifyMismatchError, InvalidHashError):
             known = None
         token = secrets.token_urlsafe(32)
         with self._writing:
-            if known is None or self._store.one(query, attempt.name) != known:  # it was changed meanwhile
+            if known is None or self._store.user(attempt.name) != known:  # it was changed meanwhile
                 raise Refused("wrong name or password")
             person = Person(attempt.name, Role.named(known["role"]))
             if any(until <= now for _, until in self._logins.values()):
-                self._store.write("DELETE FROM tokens WHERE expires <= ?", now)
-            self._store.write("INSERT INTO tokens VALUES (?, ?, ?)", digest_of(token), person.name, now + LOGIN_LASTS)
+                self._store.end_logins(now)
+            self._store.add_login(digest_of(token), person.name, now + LOGIN_LASTS)
             self._logins = {digest: login for digest, login in self._logins.items() if login[1] > now}
             self._logins[digest_of(token)] = person, now + LOGIN_LASTS
             with self._counting:
-                known_now = json.dumps(self._tries.known) if self._tries.succeeded(attempt) else None
-            if known_now is not None:
-                self._store.write("INSERT OR REPLACE INTO meta VALUES ('known_addresses', ?)", known_now)
+                addresses = dict(self._tries.known) if self._tries.succeeded(attempt) else None
+            if addresses is not None:
+                self._store.put_known_addresses(addresses)
         return token, person
 
     def log_out(self, token: str) -> None:
         """The token is good for nothing any more."""
         with self._writing:
             self._logins.pop(digest_of(token), None)
-            self._store.write("DELETE FROM tokens WHERE digest = ?", digest_of(token))
+            self._store.end_login(digest_of(token))
 
     def of(self, token: str, now: float) -> Person | None:
         """Who a token stands for; None where it does not, or no longer."""
@@ -431,14 +424,9 @@ class RefusedLogins:
         )
 
 
-def listed(store: Reader) -> list[dict[str, str]]:
-    """Name and role of every user."""
-    return store.rows("SELECT name, role FROM users ORDER BY name")
-
-
 def first_user(store: Store, now: float) -> None:
     """Make `engineer` where there is no user yet; its password is written to `first-login.txt` of the folder."""
-    if listed(store):
+    if store.users():
         return
     password = secrets.token_urlsafe(12)
     _written(store.folder / "first-login.txt", f"user engineer\npassword {password}\n")

@@ -88,7 +88,7 @@ class Watchdog:
             compensator = watched.compensator
             if compensator is None or watched.watchdog_tested:
                 continue
-            value = compensator.stands(now)
+            value = compensator.stuck_u_ff(now)
             if value is None and watched.u_ff_stuck:
                 text = "u_FF is 0, and the watchdog is counted up again"
                 self._journal.add_event(Event(self._clock(), name, "taken_away", text))

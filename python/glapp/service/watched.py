@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..estimate import Estimator
 from ..loop import Loop
 from .compensation import Compensator
-from .rows import CODES, Resampler, Sample
+from .resampler import CODES, Resampler, Sample
 from .settable import bounds_of, check, compensation_settings, with_settings
 from .signal import Signal, Value
 

@@ -220,13 +220,7 @@ def _overview(station: Station, since: int) -> bytes:
 
 
 def _detections(station: Station, name: str, begin: float, most: int) -> bytes:
-    rows = station.view.read(
-        lambda reader: reader.rows(
-            "SELECT t_end, d, median_mean, compensated FROM half_periods WHERE loop = "
-            "(SELECT id FROM loops WHERE name = ?) AND reason = 0 AND t_end >= ? ORDER BY t_end DESC LIMIT ?",
-            *(name, begin, most),
-        )
-    )[::-1]
+    rows = station.view.read(lambda reader: reader.detections(name, begin, most))
     body = {
         "unit": station.view.unit(name),
         "percent": station.view.percent(name, 1.0),

@@ -33,11 +33,11 @@ HERE = Path(__file__).parent
 WHY = {"expired": "Your login is over. Log in again.", "": ""}
 
 
-def _login(said: str, status: int = 401, *, loop: str = "", known: tuple[str, str] = ("", "")) -> HTMLResponse:
+def _login(message: str, status: int = 401, *, loop: str = "", known: tuple[str, str] = ("", "")) -> HTMLResponse:
     """The login page; it needs no script but to tell whether the person's screen is dark."""
     user, password = (escape(text) for text in known)
     demo = "<p>A demonstration: name and password are filled in.</p>" if user else ""
-    text = f'<p role="alert" class="medium">{escape(said)}</p>' if said else ""
+    text = f'<p role="alert" class="medium">{escape(message)}</p>' if message else ""
     return HTMLResponse(
         f"""<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Log in – glapp</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -59,8 +59,8 @@ def _first_login(path: Path | None) -> tuple[str, str]:
     """Name and password of a demonstration's first user; two empty texts without one."""
     if path is None or not path.is_file():
         return "", ""
-    said = dict(line.split(" ", 1) for line in path.read_text(encoding="utf-8").splitlines() if " " in line)
-    return said.get("user", ""), said.get("password", "")
+    login = dict(line.split(" ", 1) for line in path.read_text(encoding="utf-8").splitlines() if " " in line)
+    return login.get("user", ""), login.get("password", "")
 
 
 def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login: Path | None = None) -> FastAPI:
@@ -101,8 +101,8 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
         try:
             found = await station.api.log_in(user, password, address)
         except (Gone, Refused) as error:
-            said = str(error)
-            return _login(said[:1].upper() + said[1:], loop=loop)
+            message = str(error)
+            return _login(message[:1].upper() + message[1:], loop=loop)
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
         logged_in(request.scope)
         # A link to a loop that was sent on leads there after the login; never anywhere else.
@@ -122,7 +122,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
 
     @app.post("/theme")
     async def theme(request: Request, system: str = "") -> Response:
-        """Light or dark: as the person chooses, and until then as the person's system is."""
+        """Switch between light and dark. Until a person has chosen, the page follows the system of the computer."""
         session = station.who(request)
         if not system:
             session.dark, session.chosen = not session.dark, True

@@ -136,12 +136,12 @@ class ApiClient:
             why = str(error) or type(error).__name__
             raise Gone(f"the service does not answer: {why}") from None
         try:
-            said = reply.json()
+            answer = reply.json()
         except ValueError:
-            said = None
+            answer = None
         if reply.is_success:
-            return said
-        detail = said.get("detail") if isinstance(said, dict) else None
+            return answer
+        detail = answer.get("detail") if isinstance(answer, dict) else None
         raise Refused(
             detail if isinstance(detail, str) else f"the service answers {reply.status_code}", reply.status_code
         )

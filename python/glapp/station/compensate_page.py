@@ -101,11 +101,11 @@ class CompensationPage:
         if (known := await self.known()) is not None:
             await self._fill(*known)
 
-    async def _go(self, what: str, body: dict[str, Any], said: str) -> bool:
+    async def _go(self, what: str, body: dict[str, Any], message: str) -> bool:
         """A command; whatever comes of it, the dialog shows what is so afterwards."""
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
-        return await command(self.station, self.session, asking, said) is not None
+        return await command(self.station, self.session, asking, message) is not None
 
     async def _look(self) -> None:
         """What has changed by itself: the effect goes on, a test is over, the compensation was withdrawn."""

@@ -56,7 +56,7 @@ class Bench:
         return lab
 
     def put(self, id: str, lab: Lab) -> None:
-        """A laboratory at which somebody looks now."""
+        """Keep the laboratory of a session as the one used last; too many drop the one unused for longest."""
         self._labs[id] = (lab, time.monotonic())
         while len(self._labs) > MOST:
             del self._labs[min(self._labs, key=lambda one: self._labs[one][1])]
@@ -199,7 +199,7 @@ class _Page:
         return {self.lab.label(name): points for name, points in self.lab.drawn(self.window).items()}
 
     def _detected(self) -> None:
-        """What the detector of the loop says, and what its compensation does."""
+        """Show the estimate of the detector, the true gap, and the state of the compensation."""
         lab, name = self.lab, self.lab.detector
         true = lab.gap
         self.true.set_text("" if true is None else f"true: {number(true)} %")

@@ -269,7 +269,7 @@ class _Page:
         return found
 
     async def shade(self) -> None:
-        """The half-periods of the window anew; the signals are there."""
+        """Redraw the shading of the half-periods over the signals."""
         halves = await self._halves(self.station.view.now - self.window) if self.crossings_open else []
         areas = charts.shades(halves, self.window, dark=self.session.dark)
         ui.run_javascript(f"glapp.shade({self.chart.id}, {json.dumps(areas)})")
@@ -457,16 +457,9 @@ class _Page:
         return [(label, n, meaning) for label, n, meaning, _ in found if label != "accepted"]
 
     async def _counts(self) -> dict[str, int]:
-        rows = await asyncio.to_thread(
-            self.read,
-            lambda r: r.rows(
-                "SELECT reason, COUNT(*) AS n FROM half_periods WHERE loop = (SELECT id FROM loops WHERE name = ?) "
-                "AND t_end > ? GROUP BY reason",
-                self.name,
-                self.station.view.now - REASON_DAYS * 86400.0,
-            ),
-        )
-        return {NAMES[row["reason"]]: row["n"] for row in rows}
+        begin = self.station.view.now - REASON_DAYS * 86400.0
+        found = await asyncio.to_thread(self.read, lambda reader: reader.reason_counts(self.name, begin))
+        return {NAMES[code]: n for code, n in found.items()}
 
     async def _count(self) -> None:
         counts = charts.reasons(await self._counts())
@@ -521,7 +514,7 @@ class _Page:
             ).classes("small muted")
 
     async def _why_none(self) -> str:
-        """Why there is no detection."""
+        """Sentence that explains why there is no detection."""
         counts = {name: n for label, n, name in await self._reasons_of() if label}
         if not counts:
             return "No detection: PV has not crossed SP and come back yet."

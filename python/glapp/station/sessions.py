@@ -129,15 +129,11 @@ class Tokens:
             if self._reader is None or self._opened != found:  # the service has set the old one aside
                 self._close()
                 self._reader, self._opened = Reader(self._folder), found
-                self._reader.rows("PRAGMA busy_timeout = 200")  # all requests wait for this one
-            row = self._reader.one(
-                "SELECT name, role FROM tokens JOIN users ON name = person WHERE digest = ? AND expires > ?",
-                *(digest_of(token), now),
-            )
+                self._reader.wait_at_most(200)  # all requests wait for this one
+            return self._reader.login(digest_of(token), now)
         except sqlite3.Error as error:
             self._close()
             raise InputError(f"cannot be read: {error}", file=str(self._folder / NAME)) from None
-        return None if row is None else (row["name"], row["role"])
 
     def _close(self) -> None:
         if self._reader is not None:

@@ -230,8 +230,7 @@ class View:
             self.why = str(error)
 
     def _take(self, reader: Reader) -> None:
-        written = reader.one("SELECT time FROM shown")
-        if written is not None and written["time"] == self.at and self.loops:
+        if self.loops and reader.shown_at() == self.at:
             return
         shown = reader.shown()
         if shown is None:
@@ -239,34 +238,23 @@ class View:
         self.at, self.shown = shown
         names = self.shown["loops"].keys()
         if not names <= self.loops.keys():
-            for row in reader.rows("SELECT name, settings FROM loops"):
-                self._given[row["name"]] = self.loops[row["name"]] = Loop(**json.loads(row["settings"]))
+            for name, given in reader.loops_given().items():
+                self._given[name] = self.loops[name] = Loop(**given)
             self._set.clear()
-        by_loop: dict[str, dict[str, Any]] = {}
-        for row in reader.rows(
-            "SELECT loops.name AS loop, settings.name, value FROM settings JOIN loops ON loops.id = settings.loop"
-        ):
-            by_loop.setdefault(row["loop"], {})[row["name"]] = json.loads(row["value"])
-        for name, settings in by_loop.items():
+        for name, settings in reader.all_settings().items():
             if name in self._given and self._set.get(name) != settings:
                 self._set[name] = settings
                 self.loops[name] = with_settings(self._given[name], settings)
         ids = {name: loop["answer"]["id"] for name, loop in self.shown["loops"].items() if loop["answer"] is not None}
         new = [id for name, id in ids.items() if name not in self._answers or self._answers[name][0] != id]
         for i in range(0, len(new), 500):
-            some = new[i : i + 500]
-            for row in reader.rows(
-                "SELECT answers.id, name, "
-                "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
-                "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings, "
-                "json_extract(document, '$.analysis.loops[0].fit.process') AS process, "
-                "json_extract(document, '$.analysis.loops[0].file') AS file, "
-                "t_begin, t_end, time, asked_by FROM answers "
-                f"JOIN loops ON loops.id = answers.loop WHERE answers.id IN ({', '.join('?' * len(some))})",
-                *some,
-            ):
+            for row in reader.answers_shown(new[i : i + 500]):
                 if row["answer"] is not None:
-                    self._answers[row["name"]] = (row["id"], json.loads(row["answer"]), _own(row["recordings"]))
+                    self._answers[row["name"]] = (
+                        row["id"],
+                        json.loads(row["answer"]),
+                        _trend_within(row["recordings"]),
+                    )
                     self._believed[row["name"]] = {
                         "recordings": json.loads(row["recordings"] or "[]"),
                         "process": json.loads(row["process"] or "null"),
@@ -485,10 +473,10 @@ def summary(rows: Sequence[LoopRow], when: str = "tonight") -> str:
     swings = VERDICTS["oscillation"]
     needs = ["tuning" if row.urgency == "medium" and row.verdict == swings else row.urgency for row in rows]
     counted = [(key, needs.count(key)) for key in ("high", "signal", "tuning", "medium")]
-    told = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
+    sentences = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
     if unjudged := sum(row.urgency == "unjudged" for row in rows):
-        told.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")
-    return " ".join([f"{count(len(rows), 'loop')}.", *(told or [to_text("answer.run calm")])])
+        sentences.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")
+    return " ".join([f"{count(len(rows), 'loop')}.", *(sentences or [to_text("answer.run calm")])])
 
 
 def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
@@ -514,7 +502,7 @@ def _compensation(status: Mapping[str, Any]) -> str:
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 
-def _own(recordings: str | None) -> Trend | None:
+def _trend_within(recordings: str | None) -> Trend | None:
     """The trend within one answer: of the widths that its recordings gave each by itself, where they did."""
     return _through(
         [
@@ -539,16 +527,9 @@ def _trends(reader: Reader, now: float) -> dict[str, Trend]:
     """
     found: dict[str, Trend] = {}
     since = now - TREND_DAYS * DAY
-    for query in (
-        "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d, NULL AS low, NULL AS high FROM half_periods "
-        "JOIN loops ON loops.id = half_periods.loop WHERE reason = 0 AND compensated = 0 AND t_end > ? "
-        "GROUP BY name, day",
-        "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d, AVG(low) AS low, AVG(high) AS high "
-        "FROM answers JOIN loops ON loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? "
-        "GROUP BY name, day",
-    ):
+    for daily in (reader.daily_detections(since), reader.daily_widths(since)):
         by_loop: dict[str, list[tuple[float, float, float | None, float | None]]] = {}
-        for row in reader.rows(query, since):
+        for row in daily:
             by_loop.setdefault(row["name"], []).append((row["day"], row["d"], row["low"], row["high"]))
         for name, rows in by_loop.items():
             if (one := _through(rows)) is not None:

@@ -22,7 +22,7 @@ APC: Åström and Hägglund, *Advanced PID Control*, 2006.
 
 from .assess import Tuning, assess, open_loop
 from .design import design
-from .fotd import Fotd, fotd, fotd_from_step
+from .fotd import Character, Fotd, character, fotd, fotd_from_step
 from .half_rule import half_rule
 from .integrating import Integrating, integrating
 from .migo import migo
@@ -40,6 +40,7 @@ from .rules import (
 from .ultimate import Ultimate, ultimate
 
 __all__ = [
+    "Character",
     "Fotd",
     "Integrating",
     "Kind",
@@ -49,6 +50,7 @@ __all__ = [
     "amigo_frequency",
     "amigo_step",
     "assess",
+    "character",
     "design",
     "fotd",
     "fotd_from_step",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,11 @@ import numpy.typing as npt
 from ..errors import InputError
 from ..plant import Plant
 from .process import Array, Process
+
+Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
+"""What limits the control of a process (thesis 4.1)."""
+
+_LAG_DOMINATED, _DELAY_DOMINATED = 0.3, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +75,48 @@ def fotd(plant: Process) -> Fotd:
     (1.425, 2.927)
     """
     return _read(Plant.of(plant))[0]
+
+
+def character(process: Process) -> Character:
+    """What limits the control of a process (thesis 4.1), by τ = L/(L + T) of its FOTD model.
+
+    Delay-dominated where L > T, τ > 0.5, as the thesis has it. Lag-dominated is what has "a much larger" T than L. The
+    thesis leaves open how much, and calls P2 (τ = 0.33, T = 2.1 L) balanced. Here it is τ < 0.3, T > 2.3 L; any border
+    between 0.25 and 0.33 gives the same classes for the test batch. Balanced is the rest.
+
+    Parameters
+    ----------
+    process : process
+        With at most one integrator.
+
+    Returns
+    -------
+    Character
+
+    Raises
+    ------
+    InputError
+        For a process without an FOTD model (`fotd`).
+
+    Examples
+    --------
+    >>> from glapp.plant import PLANTS
+    >>> for name, plant in PLANTS.items():
+    ...     print(name, character(plant))
+    P1 integrating
+    P2 balanced
+    P3 balanced
+    P4 delay-dominated
+    P5 lag-dominated
+    P6 balanced
+    P7 balanced
+    P8 delay-dominated
+    """
+    plant = Plant.of(process)
+    if plant.integrators == 1:
+        return "integrating"
+    tau = fotd(plant).tau
+    return "lag-dominated" if tau < _LAG_DOMINATED else "delay-dominated" if tau > _DELAY_DOMINATED else "balanced"
 
 
 def tangent(plant: Plant) -> tuple[float, float]:

@@ -47,7 +47,7 @@ def ziegler_nichols_step(
     plant = plant_of(process)
     rule = f"Ziegler-Nichols step ({_table(table)}) {kind_of(kind)}"
     a, l = _tangent(process)  # noqa: E741
-    return _by(rule, _ZN, plant, _glapp.ziegler_nichols_step, a, l, kind == "PID", _TABLES[table])
+    return _tuned(rule, _ZN, plant, _glapp.ziegler_nichols_step, a, l, kind == "PID", _TABLES[table])
 
 
 def _tangent(process: Process) -> tuple[float, float]:
@@ -83,7 +83,7 @@ def ziegler_nichols_frequency(
     plant = plant_of(process)
     ku, tu = ultimate(plant)
     rule = f"Ziegler-Nichols frequency ({_table(table)}) {kind_of(kind)}"
-    return _by(rule, _ZN, plant, _glapp.ziegler_nichols_frequency, ku, tu, kind == "PID", _TABLES[table])
+    return _tuned(rule, _ZN, plant, _glapp.ziegler_nichols_frequency, ku, tu, kind == "PID", _TABLES[table])
 
 
 def lambda_tuning(process: Process, kind: Kind = "PI", *, lam: float) -> Tuning:
@@ -109,10 +109,10 @@ def lambda_tuning(process: Process, kind: Kind = "PI", *, lam: float) -> Tuning:
     model, plant = _model(process)
     rule, source = f"Lambda (λ = {lam:g} s) {kind_of(kind)}", "Dahlin (1968), as internal model control"
     if isinstance(model, Fotd):
-        return _by(rule, source, plant, _glapp.lambda_tuning, model.kp_process, model.t, model.l, lam, kind == "PID")
+        return _tuned(rule, source, plant, _glapp.lambda_tuning, model.kp_process, model.t, model.l, lam, kind == "PID")
     if kind == "PID":
         raise InputError("Lambda PID is for processes without integrator", parameter="process", hint="take kind='PI'")
-    return _by(rule, source, plant, _glapp.lambda_integrating, model.kv, model.l, lam)
+    return _tuned(rule, source, plant, _glapp.lambda_integrating, model.kv, model.l, lam)
 
 
 def amigo_step(process: Process, kind: Kind = "PID") -> Tuning:
@@ -136,8 +136,8 @@ def amigo_step(process: Process, kind: Kind = "PID") -> Tuning:
     model, plant = _model(process)
     rule = f"AMIGO step {kind_of(kind)}"
     if isinstance(model, Integrating):
-        return _by(rule, _APC, plant, _glapp.amigo_integrating, model.kv, model.l, kind == "PID")
-    return _by(rule, _APC, plant, _glapp.amigo_step, model.kp_process, model.t, model.l, kind == "PID")
+        return _tuned(rule, _APC, plant, _glapp.amigo_integrating, model.kv, model.l, kind == "PID")
+    return _tuned(rule, _APC, plant, _glapp.amigo_step, model.kp_process, model.t, model.l, kind == "PID")
 
 
 def amigo_frequency(process: Process, kind: Kind = "PID") -> Tuning:
@@ -164,7 +164,7 @@ def amigo_frequency(process: Process, kind: Kind = "PID") -> Tuning:
     plant = plant_of(process)
     ku, tu = ultimate(plant)
     kappa = 0.0 if plant.gain is None else 1 / (plant.gain * ku) if plant.gain else math.inf
-    return _by(f"AMIGO frequency {kind_of(kind)}", _APC, plant, _glapp.amigo_frequency, ku, tu, kappa, kind == "PID")
+    return _tuned(f"AMIGO frequency {kind_of(kind)}", _APC, plant, _glapp.amigo_frequency, ku, tu, kappa, kind == "PID")
 
 
 def point_placement(process: Process) -> Tuning:
@@ -186,7 +186,7 @@ def point_placement(process: Process) -> Tuning:
     plant = plant_of(process)
     ku, tu = ultimate(plant)
     source = "Åström & Hägglund, Automatica 20 (1984); Ti = 6.25Td: thesis 7.5"
-    return _by("point placement PID", source, plant, _glapp.point_placement, ku, tu)
+    return _tuned("point placement PID", source, plant, _glapp.point_placement, ku, tu)
 
 
 def simc(process: Process, kind: Kind = "PI", *, tau_c: float | None = None) -> Tuning:
@@ -219,13 +219,15 @@ def simc(process: Process, kind: Kind = "PI", *, tau_c: float | None = None) -> 
         raise InputError("is required for a process without dead time", parameter="tau_c", bound="> 0 s")
     rule, source = f"SIMC (τc = {wished:g} s) {kind}", "Skogestad, J. Process Control 13 (2003)"
     if math.isinf(t):
-        return _by(rule, source, plant, _glapp.simc_integrating, gain, t2, l, wished)
+        return _tuned(rule, source, plant, _glapp.simc_integrating, gain, t2, l, wished)
     # The half rule may leave the second lag the longer one.
-    return _by(rule, source, plant, _glapp.simc, gain, max(t, t2), min(t, t2), l, wished)
+    return _tuned(rule, source, plant, _glapp.simc, gain, max(t, t2), min(t, t2), l, wished)
 
 
-def _by(rule: str, source: str, plant: Plant, closed_form: Callable[..., tuple[float, ...]], *numbers: Any) -> Tuning:
-    """Ask the core, and look at what it makes of the loop."""
+def _tuned(
+    rule: str, source: str, plant: Plant, closed_form: Callable[..., tuple[float, ...]], *numbers: Any
+) -> Tuning:
+    """Compute K, Ti and Td by a closed formula of the core, and assess the loop with them."""
     try:
         k, ti, td = closed_form(*numbers)
     except ValueError as error:

@@ -87,9 +87,9 @@ impl History {
 
     /// What the detector says whose filter time serves best ([`Ladder::choose`]).
     pub fn heard(&self) -> Heard {
-        let place = self.ladder.choose();
-        let rung = &self.ladder.rungs()[place];
-        let (crossings, why) = verdict_of(rung, || middle(&self.lengths[place]));
+        let chosen = self.ladder.choose();
+        let rung = &self.ladder.rungs()[chosen];
+        let (crossings, why) = verdict_of(rung, || middle(&self.lengths[chosen]));
         let told = matches!(crossings, Verdict::Estimate | Verdict::Provisional);
         let rejected = Reason::ALL.iter().zip(rung.reasons()).skip(1).filter(|(_, count)| **count > 0);
         Heard {
@@ -134,11 +134,11 @@ impl History {
 /// Median of the samples, where it is below what is enough.
 fn middle(lengths: &Lengths) -> f64 {
     let count: u64 = lengths.iter().sum();
-    let at = |place: u64| {
+    let at = |rank: u64| {
         let mut below = 0;
         let found = lengths.iter().position(|n| {
             below += n;
-            below > place
+            below > rank
         });
         found.map_or(SAMPLES, |n| n as f64)
     };
@@ -213,7 +213,7 @@ mod tests {
             }
             history.take(columns(&recorded, &sp, 0..sp.len()));
             let (_, crossings) = ladder.chosen();
-            let known = Known { place: None, sp: true, op: true, findings: &[] };
+            let known = Known { exclusion: None, sp: true, op: true, findings: &[] };
             let heard = history.heard();
             assert_eq!((heard.crossings, heard.why), judge(&known, Some(&crossings)));
             assert_eq!((heard.detections, heard.tf), (crossings.accepted(), crossings.settings().tf));

@@ -59,10 +59,10 @@ impl Ladder {
         found.or_else(|| self.rungs.iter().position(|rung| rung.accepted() == most)).unwrap_or(0)
     }
 
-    /// The place of the chosen filter time, and the detector with it.
+    /// The index of the chosen filter time, and the crossings found with it.
     pub fn chosen(mut self) -> (usize, Crossings) {
-        let place = self.choose();
-        (place, self.rungs.swap_remove(place))
+        let chosen = self.choose();
+        (chosen, self.rungs.swap_remove(chosen))
     }
 }
 

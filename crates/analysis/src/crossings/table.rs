@@ -4,8 +4,8 @@ mod together;
 
 use glapp_core::status::{BAD, GAP, NOT_AUTO};
 use glapp_core::{
-    Columns, Detector, DetectorSettings, DetectorState, ParameterError, Reason, Record, Span, Swing, SwingParts,
-    SwingState,
+    Columns, Detector, DetectorSettings, DetectorState, HalfPeriodResult, ParameterError, Reason, Span, Swing,
+    SwingParts, SwingState,
 };
 use serde_json::{Value, json};
 use std::cell::Cell;
@@ -24,7 +24,7 @@ pub struct Row {
     /// From when to when.
     pub span: Span,
     /// What the signals did, the width and the verdict.
-    pub record: Record<f64>,
+    pub record: HalfPeriodResult<f64>,
     /// Travel of OP and plateau of PV.
     pub swing: Option<SwingParts<f64>>,
     /// Time of the half-periods since the row before that the table does not keep \[s\], but those in a break or not in
@@ -112,7 +112,7 @@ impl Crossings {
         std::mem::take(&mut self.rows)
     }
 
-    /// How many half-periods ended with each first reason, by its code; 0: accepted.
+    /// Number of half-periods by the code of their first reason; code 0 is accepted.
     pub fn reasons(&self) -> &[u64] {
         &self.reasons
     }
@@ -128,7 +128,7 @@ impl Crossings {
         let columns = Columns { t: &[t], sp: &[sp], pv: &[pv], op, flags: Some(&[flags]) };
         let Self { detector, state, reasons, .. } = self;
         let mut row = None;
-        let ended = |span: Span, record: &Record<f64>| {
+        let ended = |span: Span, record: &HalfPeriodResult<f64>| {
             reasons[record.reason() as usize] += 1;
             row = Some(Row { span, record: *record, swing: None, passed: 0.0 });
         };
@@ -139,7 +139,7 @@ impl Crossings {
     /// Takes many samples; their half-periods go to the table, without their swing.
     pub fn take(&mut self, columns: Columns<'_, f64>) {
         let Self { detector, state, rows, short, reasons, .. } = self;
-        let ended = |span: Span, record: &Record<f64>| {
+        let ended = |span: Span, record: &HalfPeriodResult<f64>| {
             short.keep(rows, reasons, Row { span, record: *record, swing: None, passed: 0.0 });
         };
         detector.run(state, columns, ended, |_, _| ());
@@ -248,7 +248,7 @@ struct Swinging {
 }
 
 impl Swinging {
-    /// Takes the samples of one half-period; a filtered PV that is not a number is passed over.
+    /// Adds the samples of one half-period to the swing.
     fn add(&mut self, swing: &Swing<f64>, columns: &Columns<'_, f64>, filtered: &[f64], samples: Range<usize>) {
         let Self { mut state, mut t } = *self;
         for k in samples {

@@ -39,10 +39,10 @@ impl Verdict {
     }
 }
 
-/// A place of the detector where its estimate would be wrong (thesis 8.3.2).
+/// Why the width of this OP is not that of one valve, so that no estimate can be right (thesis 8.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Place {
+pub enum Exclusion {
     /// Primary loop of a cascade: its OP is a setpoint, not a valve signal.
     Primary,
     /// OP works on several valves.
@@ -51,7 +51,7 @@ pub enum Place {
     SharedValve,
 }
 
-impl Place {
+impl Exclusion {
     /// The name used in every face of glapp.
     pub const fn name(self) -> &'static str {
         match self {
@@ -67,7 +67,8 @@ impl Place {
 #[serde(tag = "code", content = "of", rename_all = "snake_case")]
 pub enum Why {
     /// Where the detector stands.
-    Place(Place),
+    #[serde(rename = "place")]
+    Exclusion(Exclusion),
     /// SP is not recorded.
     NoSp,
     /// What the finding of this place in the list says.
@@ -106,8 +107,8 @@ pub enum Why {
 /// What is known of a loop before its crossings are judged.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// A place where no estimate can be right.
-    pub place: Option<Place>,
+    /// Why no estimate can be right, where that is known.
+    pub exclusion: Option<Exclusion>,
     /// Whether SP is recorded.
     pub sp: bool,
     /// Whether OP is recorded.
@@ -119,12 +120,12 @@ pub struct Known<'a> {
 /// What may be said by `crossings`, none where K and Ti are not known; and why not more.
 pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Option<Why>) {
     use Verdict::{NoEstimate, Refused};
-    let Known { place, sp, op, findings } = *known;
+    let Known { exclusion, sp, op, findings } = *known;
     let find = |wanted: &dyn Fn(Fault, Severity) -> bool| {
         findings.iter().position(|found| wanted(found.fault, found.severity))
     };
-    if let Some(place) = place {
-        return (Refused, Some(Why::Place(place)));
+    if let Some(exclusion) = exclusion {
+        return (Refused, Some(Why::Exclusion(exclusion)));
     }
     if !sp {
         return (Refused, Some(Why::NoSp));
@@ -188,7 +189,7 @@ mod tests {
         crossings
     }
 
-    const HEALTHY: Known<'static> = Known { place: None, sp: true, op: true, findings: &[] };
+    const HEALTHY: Known<'static> = Known { exclusion: None, sp: true, op: true, findings: &[] };
 
     #[test]
     fn what_is_wrong_with_the_loop_comes_before_what_its_crossings_say() {
@@ -205,8 +206,8 @@ mod tests {
         assert_eq!(judge(&known(&wrong), Some(&good)), (Verdict::NoEstimate, Some(Why::Finding(2))));
         let blind = Known { sp: false, ..known(&wrong) };
         assert_eq!(judge(&blind, Some(&good)), (Verdict::Refused, Some(Why::NoSp)));
-        let primary = Known { place: Some(Place::Primary), ..blind };
-        assert_eq!(judge(&primary, Some(&good)), (Verdict::Refused, Some(Why::Place(Place::Primary))));
+        let primary = Known { exclusion: Some(Exclusion::Primary), ..blind };
+        assert_eq!(judge(&primary, Some(&good)), (Verdict::Refused, Some(Why::Exclusion(Exclusion::Primary))));
     }
 
     #[test]

@@ -149,7 +149,7 @@ impl Band<'_> {
         self.without_noise(law, op_noise).unwrap_or_else(|| law.beta.clone())
     }
 
-    /// None where nothing is left unexplained.
+    /// Solves the law with the noise of PV and of OP subtracted from the moments; None where the equations become singular.
     fn without_noise(&self, law: &Law, op_noise: f64) -> Option<DVector<f64>> {
         let weight = 2.0 / self.m as f64 * self.weight.iter().sum::<f64>();
         let mut moments = law.moments.clone();

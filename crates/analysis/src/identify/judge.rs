@@ -116,7 +116,7 @@ fn insane(bands: &mut [Band<'_>], samples: usize) -> Identification {
     Identification { samples, values: Some(values), settings: None, reason: Some(reason) }
 }
 
-/// The best length of the means, and the interval of all that are to be believed.
+/// The identification at the best averaging length; its intervals cover every averaging length that fits the law.
 fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f64>) -> Identification {
     let poor = |one: &Found| one.r2 < R2_USABLE;
     // A coarse OP hides the law in short means; a wrong law is not mended by longer ones.

@@ -155,7 +155,7 @@ pub(super) fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
-/// Parts of as equal length as can be, the longer ones first.
+/// Splits rows into parts whose lengths differ by one at most, the longer ones first.
 fn split(rows: &[usize], parts: usize) -> impl Iterator<Item = &[usize]> {
     let (least, longer) = (rows.len() / parts, rows.len() % parts);
     let start = move |i: usize| i * least + i.min(longer);

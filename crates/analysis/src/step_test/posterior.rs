@@ -176,7 +176,7 @@ impl Posterior {
         Limits { median, low, high }
     }
 
-    /// Mean and standard deviation, over all ratios.
+    /// Posterior mean of the projection on `over`, and the mean of its standard deviation, weighted over all ratios.
     fn rough(&self, over: &[f64]) -> (f64, f64) {
         let of = self.project(over, None);
         let weighed =

@@ -186,7 +186,7 @@ fn mean(y: &[f64]) -> f64 {
     y.iter().sum::<f64>() / y.len() as f64
 }
 
-/// Standard deviation about a straight line; 0 of fewer than four values.
+/// Standard deviation of the residuals of a straight-line fit; 0 for fewer than four values.
 fn scatter(y: &[f64]) -> f64 {
     let n = y.len();
     if n < 4 {

@@ -643,7 +643,7 @@ impl Headline {
     }
 }
 
-/// All loops in short: how many need what.
+/// Summary of a run: how many loops need which next step.
 ///
 /// # Errors
 /// None but a fault of the catalogue.

@@ -4,7 +4,7 @@ const DASH: &str = "–";
 /// A wider number needs an exponent; a narrower one too.
 const PLAIN: std::ops::Range<i32> = -4..6;
 
-/// A number with so many places behind the point.
+/// A number with a fixed number of decimals.
 pub(super) fn fixed(x: f64, places: usize) -> String {
     named(x).unwrap_or_else(|| format!("{x:.places$}"))
 }

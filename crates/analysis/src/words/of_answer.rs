@@ -2,7 +2,7 @@
 
 use super::facts::{Corrected, Crossings, Fit};
 use super::{AnswerFacts, Message, Reader, TextError, Value, of_fit, text};
-use crate::answer::{Answer, CorrectedAnswer};
+use crate::answer::{AnalysisResult, CorrectedAnswer};
 use crate::crossings::{NotCorrected, Travel, Why};
 use crate::fitted::{FitWhy, Fitted, Position};
 use crate::identify::{self, Identification};
@@ -71,10 +71,10 @@ fn of_rejected(reasons: &[(&'static str, u64)]) -> Message {
 }
 
 /// Why the crossings say no more; none where nothing is against their estimate.
-pub fn of_crossings(answer: &Answer) -> Option<Message> {
+pub fn of_crossings(answer: &AnalysisResult) -> Option<Message> {
     let told = |code: &str| Message::new(format!("crossings.{code}"));
     Some(match answer.why? {
-        Why::Place(place) => told("place").with("place", place.name()).with("partner", "another loop"),
+        Why::Exclusion(exclusion) => told("place").with("place", exclusion.name()).with("partner", "another loop"),
         Why::NoSp => told("no_sp"),
         Why::Finding(i) => of_finding(&answer.quality[i]),
         Why::NoLaw => told("no_law"),
@@ -108,10 +108,10 @@ pub fn of_correction(of: &CorrectedAnswer) -> Option<Message> {
 }
 
 /// What the fit says with its evidence; none where nothing was asked.
-pub fn of_fitted(answer: &Answer, fitted: &Fitted) -> Option<Message> {
+pub fn of_fitted(answer: &AnalysisResult, fitted: &Fitted) -> Option<Message> {
     let through_pv = match (&fitted.answer.why, &fitted.pv) {
-        (FitWhy::Place(place), _) => {
-            Message::new("crossings.place").with("place", place.name()).with("partner", "another loop")
+        (FitWhy::Exclusion(exclusion), _) => {
+            Message::new("crossings.place").with("place", exclusion.name()).with("partner", "another loop")
         }
         (FitWhy::Finding(i), _) => of_finding(answer.quality.get(*i)?),
         (_, None) => Message::new("fit.op_rests"),
@@ -148,7 +148,12 @@ impl AnswerFacts {
     ///
     /// # Errors
     /// Where a reason has no sentence.
-    pub fn of(answer: &Answer, fitted: Option<&Fitted>, span: Option<f64>, reader: &Reader) -> Result<Self, TextError> {
+    pub fn of(
+        answer: &AnalysisResult,
+        fitted: Option<&Fitted>,
+        span: Option<f64>,
+        reader: &Reader,
+    ) -> Result<Self, TextError> {
         let tell = |told: Option<Message>| told.map(|told| text(&told.code, &told.numbers, reader)).transpose();
         // The document and the sentences made of it have one set of names.
         let document: Self = serde_json::from_value(json!(answer.answer)).unwrap_or_default();

@@ -1,18 +1,18 @@
 //! What the fit found, as messages.
 
 use super::{Message, Value};
-use crate::LostMotion;
+use crate::FitVerdict;
 use crate::trend::DAY;
-use glapp_fit::{Answer, PositionAnswer, RecordAnswer, Recorder, Together, Trend, Unfit};
+use glapp_fit::{PositionAnswer, Recorder, SegmentAnswer, SegmentFit, Together, Trend, Unfit};
 
 fn times(n: impl TryInto<i64>) -> Value {
     Value::Count(n.try_into().unwrap_or(i64::MAX))
 }
 
 /// What PV says: `whole` of all records, `best` the one that shows it. `shared`: of several recordings that share a width.
-pub fn of_pv(whole: &Together, best: &RecordAnswer<Answer>, shared: bool) -> Message {
+pub fn of_pv(whole: &Together, best: &SegmentAnswer<SegmentFit>, shared: bool) -> Message {
     let (h, best) = (best.h, &best.answer);
-    Message::new(format!("fit.{}", LostMotion::from(whole.verdict).name()))
+    Message::new(format!("fit.{}", FitVerdict::from(whole.verdict).name()))
         .with("reason", whole.reason)
         .with("shared", Value::Flag(shared))
         .with("d", whole.d)
@@ -26,7 +26,7 @@ pub fn of_pv(whole: &Together, best: &RecordAnswer<Answer>, shared: bool) -> Mes
         .with("jump", best.jump)
         .with("lr_no_jump", best.lr_no_jump)
         .with("lr_no_answer", best.lr_no_answer)
-        .with("echo", best.echo)
+        .with("echo", best.autocorrelation)
         .with("h", h)
         .with("settles", best.settles)
         .with("lag", best.lag)
@@ -41,7 +41,7 @@ pub fn of_position(joint: &PositionAnswer) -> Message {
         Recorder::Rounded(step) => ("rounded", step),
         Recorder::Kept(band) => ("kept", band),
     };
-    Message::new(format!("position.{}", LostMotion::from(joint.verdict).name()))
+    Message::new(format!("position.{}", FitVerdict::from(joint.verdict).name()))
         .with("reason", best.reason)
         .with("d", joint.d)
         .with("low", joint.low)

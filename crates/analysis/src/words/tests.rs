@@ -219,8 +219,8 @@ fn a_run_is_told_by_what_is_to_be_done() {
 #[test]
 fn every_verdict_and_every_next_step_has_its_sentence() {
     use crate::crossings::Verdict;
-    use crate::fitted::LostMotion;
-    let verdicts = LostMotion::ALL.map(LostMotion::name).into_iter().chain(Verdict::ALL.map(Verdict::name));
+    use crate::fitted::FitVerdict;
+    let verdicts = FitVerdict::ALL.map(FitVerdict::name).into_iter().chain(Verdict::ALL.map(Verdict::name));
     let steps = ["correct", "inspect", "further", "record_more", "tuning", "nothing", "review", "confirm", "compare"];
     let steps = steps.into_iter().chain(["record_longer", "probably_too_wide", "step_test", "remedy"]);
     for (verdict, step) in verdicts.flat_map(|verdict| steps.clone().map(move |step| (verdict, step))) {

@@ -182,7 +182,7 @@ pub struct StictionState<R: Real> {
 }
 
 impl<R: Real> Stiction<R> {
-    /// Checks the settings.
+    /// A block with these settings; an error names the first that is out of its bounds.
     pub fn new(settings: StictionSettings<R>) -> Result<Self, ParameterError> {
         let s = &settings;
         let (zero, two, ten) = (R::ZERO, R::of(2.0), R::of(10.0));

@@ -89,7 +89,7 @@ pub struct WrongSignState<R: Real> {
 }
 
 impl<R: Real> WrongSign<R> {
-    /// The watch for a controller with gain `k` ≠ 0, whose sign counts, and integral time `ti` > 0 \[s\]; `limits` of its output.
+    /// A block for a controller with gain `k` ≠ 0 (its sign matters), integral time `ti` > 0 \[s\] and the `limits` of its output.
     pub fn new(k: R, ti: R, limits: Saturation<R>) -> Result<Self, ParameterError> {
         require("k", k, k != R::ZERO, "a number other than 0")?;
         let ti = require("ti", ti, ti > R::ZERO, "greater than 0 s")?;

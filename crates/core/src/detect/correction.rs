@@ -1,7 +1,7 @@
 //! The width with the bias of (2.4) taken out, on line.
 
 use super::corrected::{Corrected, Doubt, Half, Pair, corrected, pairs};
-use crate::{NoiseLevel, ParameterError, Real, Record, Span, Swing, SwingParts, SwingState};
+use crate::{HalfPeriodResult, NoiseLevel, ParameterError, Real, Span, Swing, SwingParts, SwingState};
 
 /// Number of the last pairs of half-periods that make the width on line.
 pub const PAIRS: usize = 9;
@@ -21,7 +21,7 @@ pub const NOISE_SPAN: f64 = 6.0;
 /// by. A Kp that is a default counts as not known.
 ///
 /// ```
-/// use glapp_core::{Correction, CorrectionState, Doubt, HalfPeriod, Record};
+/// use glapp_core::{Correction, CorrectionState, Doubt, HalfPeriod, HalfPeriodResult};
 /// let correction = Correction::new(1.0, 10.0, 1.0, Some(2.0), false)?;
 /// let mut state = CorrectionState::default();
 /// for half in 0..12 {
@@ -31,7 +31,7 @@ pub const NOISE_SPAN: f64 = 6.0;
 ///         correction.add(&mut state, 1.0, 0.0, -0.5 * f64::from(sign), f64::from(sign) * op);
 ///     }
 ///     let ended = HalfPeriod { sign, delta_t: 3.0, delta_y: 0.5, ..HalfPeriod::default() };
-///     correction.end(&mut state, &Record { half: ended, ..Record::default() });
+///     correction.end(&mut state, &HalfPeriodResult { half: ended, ..HalfPeriodResult::default() });
 /// }
 /// assert_eq!(correction.width(&state, true).unwrap().d, 5.5); // 6 from turn to turn, of which (0.5 + 0.5)/2 moves PV
 /// assert_eq!(correction.width(&state, false), Err(Doubt::NoEstimate));
@@ -118,8 +118,8 @@ impl<R: Real> Correction<R> {
     }
 
     /// Takes the half-period that has ended before the next sample.
-    pub fn end(&self, s: &mut CorrectionState<R>, record: &Record<R>) {
-        let Record { half, mask, .. } = *record;
+    pub fn end(&self, s: &mut CorrectionState<R>, record: &HalfPeriodResult<R>) {
+        let HalfPeriodResult { half, mask, .. } = *record;
         let swing = self.swing.end(&mut s.swing, half.sign, half.flags);
         let here = Past { sign: half.sign, mask, delta_y: half.delta_y, swing };
         let [first, second] = s.before;

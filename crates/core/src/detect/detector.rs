@@ -29,7 +29,7 @@ pub struct Sample<R> {
 /// One half-period with everything that was concluded from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Record<R> {
+pub struct HalfPeriodResult<R> {
     /// What the signals did.
     pub half: HalfPeriod<R>,
     /// The width and its parts; a detection where `mask` is 0.
@@ -51,7 +51,7 @@ pub struct Record<R> {
     pub kp_defaulted: bool,
 }
 
-impl<R: Real> Record<R> {
+impl<R: Real> HalfPeriodResult<R> {
     /// The estimate after this half-period, if it is above the noise limit.
     pub fn shown(&self) -> Option<Estimate<R>> {
         shown(self.estimate, self.noise_floor)
@@ -66,7 +66,7 @@ impl<R: Real> Record<R> {
 /// Detects half-periods with backlash and estimates the width of the gap, on line (thesis 2.1, chapters 5 and 7).
 ///
 /// samples → [`SecondOrderFilter`] → [`ZeroCrossing`] → [`HalfPeriod`] → [`Width`] → [`SafetyNet`] → [`MedianMean`].
-/// O(1) per sample. Every sample belongs to exactly one half-period, and every half-period ends in one [`Record`].
+/// O(1) per sample. Every sample belongs to exactly one half-period, and every half-period ends in one [`HalfPeriodResult`].
 ///
 /// What breaks the signal:
 /// - the first sample, a step h that is negative or longer than `max_h`: a *gap*. The half-period under way ends with
@@ -287,19 +287,24 @@ impl<R: Real> Detector<R> {
 
     /// What would be put on record if the half-period under way ended now, with setpoint `sp`; the slope of PV there counts as that
     /// at its beginning. Nothing of the state changes.
-    pub fn under_way(&self, state: &DetectorState<R>, sp: R) -> Record<R> {
+    pub fn under_way(&self, state: &DetectorState<R>, sp: R) -> HalfPeriodResult<R> {
         let DetectorState { signal, mut memory, .. } = *state;
         let half = signal.half.so_far(signal.crossing.sign, sp, signal.op.y2.value());
         self.judge(&mut memory, half, signal.op.started, &signal.noise)
     }
 
     /// Takes one sample; gives the record of the half-period that it ended, if it did.
-    pub fn update(&self, state: &mut DetectorState<R>, sample: &Sample<R>) -> Option<Record<R>> {
+    pub fn update(&self, state: &mut DetectorState<R>, sample: &Sample<R>) -> Option<HalfPeriodResult<R>> {
         self.update_filtered(state, sample, sample.pv)
     }
 
     /// Takes one sample whose PV comes filtered: `raw` is PV as measured, of which the noise is estimated.
-    pub fn update_filtered(&self, state: &mut DetectorState<R>, sample: &Sample<R>, raw: R) -> Option<Record<R>> {
+    pub fn update_filtered(
+        &self,
+        state: &mut DetectorState<R>,
+        sample: &Sample<R>,
+        raw: R,
+    ) -> Option<HalfPeriodResult<R>> {
         let &Sample { h, sp, pv, op, flags } = sample;
         let ended = match op {
             Some(op) => self.observe::<true>(&mut state.signal, h, sp, pv, op, flags, raw),
@@ -314,7 +319,12 @@ impl<R: Real> Detector<R> {
     ///
     /// It gives the bits of a pass over the samples, with two exceptions: time that was passed over enters as one sum, and a
     /// half-period in which numbers overflowed with the other Kp stays bad.
-    pub fn judge_again(&self, state: &mut DetectorState<R>, record: &Record<R>, passed: R) -> Record<R> {
+    pub fn judge_again(
+        &self,
+        state: &mut DetectorState<R>,
+        record: &HalfPeriodResult<R>,
+        passed: R,
+    ) -> HalfPeriodResult<R> {
         let m = &mut state.memory;
         let last = core::mem::replace(&mut m.previous_delta_y, record.previous_delta_y);
         if passed > R::ZERO {
@@ -463,7 +473,13 @@ impl<R: Real> Detector<R> {
 
     /// Width, safety net and filter of detections for one half-period.
     #[inline(always)]
-    fn judge(&self, m: &mut Memory<R>, half: HalfPeriod<R>, op_known: bool, noise: &NoiseLevel<R>) -> Record<R> {
+    fn judge(
+        &self,
+        m: &mut Memory<R>,
+        half: HalfPeriod<R>,
+        op_known: bool,
+        noise: &NoiseLevel<R>,
+    ) -> HalfPeriodResult<R> {
         self.conclude(m, half, self.width.with_kp(m.kp).of(&half, op_known), || noise.sigma())
     }
 
@@ -475,7 +491,7 @@ impl<R: Real> Detector<R> {
         mut half: HalfPeriod<R>,
         mut parts: WidthParts<R>,
         sigma: impl FnOnce() -> Option<R>,
-    ) -> Record<R> {
+    ) -> HalfPeriodResult<R> {
         if !parts.are_numbers() {
             half.flags |= BAD;
             parts = WidthParts::default();
@@ -501,7 +517,17 @@ impl<R: Real> Detector<R> {
         }
         m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
         let &mut Memory { estimate, noise_floor, kp_defaulted, .. } = m;
-        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate, noise_floor, sigma, kp_defaulted }
+        HalfPeriodResult {
+            half,
+            parts,
+            mask,
+            previous_delta_y,
+            d_hat_before,
+            estimate,
+            noise_floor,
+            sigma,
+            kp_defaulted,
+        }
     }
 
     #[inline(never)]

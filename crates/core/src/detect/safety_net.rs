@@ -70,7 +70,7 @@ impl Reason {
         }
     }
 
-    /// The first reason in a mask.
+    /// The reason of the lowest bit set in a mask; `Accepted` for an empty mask.
     #[inline(always)]
     pub const fn first(mask: u16) -> Self {
         let index = mask.trailing_zeros() as usize + 1;

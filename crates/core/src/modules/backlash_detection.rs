@@ -4,9 +4,9 @@ use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Correction, CorrectionState, Detector,
-    DetectorSettings, DetectorState, Estimate, MedianMean, MedianMeanState, OverCompensation, OverCompensationState,
-    OverWarning, ParameterError, Real, Reason, Record, Sample, Saturation, Source, Standing, Sum, WrongSign,
-    WrongSignState,
+    DetectorSettings, DetectorState, Estimate, HalfPeriodResult, MedianMean, MedianMeanState, OverCompensation,
+    OverCompensationState, OverWarning, ParameterError, Real, Reason, Sample, Saturation, Source, Standing, Sum,
+    WrongSign, WrongSignState,
 };
 
 /// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
@@ -112,7 +112,7 @@ pub struct BacklashDetectionState<R: Real> {
     /// The detector; it holds the estimate of what is left of the gap.
     pub detector: DetectorState<R>,
     /// The last half-period that ended, with what was concluded from it.
-    pub last: Option<Record<R>>,
+    pub last: Option<HalfPeriodResult<R>>,
     /// The compensation: u_FF, the size in force, and what stands in its way.
     pub compensation: CompensationState<R>,
     /// The warnings of over-compensation.

@@ -168,7 +168,7 @@ impl<R: Real> PidAdvancedState<R> {
         }
     }
 
-    /// What is wrong: what the controller says, and [`WRONG_SIGN`](crate::status::WRONG_SIGN).
+    /// Error flags of the controller, and [`WRONG_SIGN`](crate::status::WRONG_SIGN) of the detector.
     pub fn error(&self) -> Status {
         self.pid.error | self.detection.error()
     }

@@ -1,7 +1,7 @@
 //! What can be read inside a detection while it runs, by name (thesis 3.4: the online editor).
 
 use super::backlash_detection::{BacklashDetection, BacklashDetectionState};
-use crate::{Corrected, Doubt, Real, Record};
+use crate::{Corrected, Doubt, HalfPeriodResult, Real};
 
 /// A variable that can be read in every scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +93,7 @@ impl<R: Real> BacklashDetection<R> {
     }
 
     /// What would be put on record if the half-period under way ended now.
-    pub fn under_way(&self, state: &BacklashDetectionState<R>) -> Record<R> {
+    pub fn under_way(&self, state: &BacklashDetectionState<R>) -> HalfPeriodResult<R> {
         self.detector.under_way(&state.detector, state.sp.value)
     }
 
@@ -108,8 +108,8 @@ impl<R: Real> BacklashDetection<R> {
     }
 }
 
-fn of_record<R: Real>(record: &Record<R>, name: &str) -> f64 {
-    let Record { half, parts, mask, previous_delta_y, .. } = record;
+fn of_record<R: Real>(record: &HalfPeriodResult<R>, name: &str) -> f64 {
+    let HalfPeriodResult { half, parts, mask, previous_delta_y, .. } = record;
     let value = match name {
         "delta_t" => half.delta_t,
         "delta_y" => half.delta_y,

@@ -2,7 +2,7 @@
 
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::{
-    Columns, Detector, DetectorState, LANES, Lanes, MedianMean, Real, Reason, Record, SafetyNet, Sample,
+    Columns, Detector, DetectorState, HalfPeriodResult, LANES, Lanes, MedianMean, Real, Reason, SafetyNet, Sample,
     SecondOrderFilter, Span, Width,
 };
 use glapp_lanes::{Instructions, Sided};
@@ -175,7 +175,7 @@ fn interrupted() -> impl Strategy<Value = Rows> {
     })
 }
 
-type Found = (Span, Record<f64>);
+type Found = (Span, HalfPeriodResult<f64>);
 
 fn run(settings: &Settings, state: &mut DetectorState<f64>, columns: Columns<'_, f64>) -> Vec<Found> {
     let mut found = Vec::new();
@@ -222,7 +222,7 @@ fn bits(value: &impl std::fmt::Debug) -> String {
     format!("{value:?}")
 }
 
-fn numbers(record: &Record<f64>) -> Vec<f64> {
+fn numbers(record: &HalfPeriodResult<f64>) -> Vec<f64> {
     let (half, parts) = (&record.half, &record.parts);
     let mut all = vec![
         half.delta_t,

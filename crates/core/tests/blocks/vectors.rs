@@ -9,9 +9,9 @@ use glapp_core::modules::{
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
     CompensationSettings, CompensationState, Conditions, Correction, CorrectionState, Derivative, Detector,
-    DetectorSettings, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel,
-    NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState, Push,
-    RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
+    DetectorSettings, DetectorState, HalfPeriod, HalfPeriodResult, HalfPeriodState, MedianMean, MedianMeanState, Noise,
+    NoiseLevel, NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid,
+    PidState, Push, RateLimit, RateLimitState, Real, Reason, SafetyNet, Sample, Saturation, SecondOrderFilter,
     SecondOrderFilterState, Source, Standing, Stiction, StictionSample, StictionSettings, StictionState, Sum, Swing,
     SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
@@ -740,7 +740,7 @@ fn correction() {
             if x[3] != 0.0 {
                 let (sign, flags, mask) = (x[3] as i8, x[4] as u16, x[5] as u16);
                 let half = HalfPeriod { sign, flags, delta_y: x[6], ..HalfPeriod::default() };
-                block.end(&mut state, &Record { half, mask, ..Record::default() });
+                block.end(&mut state, &HalfPeriodResult { half, mask, ..HalfPeriodResult::default() });
             }
             block.add(&mut state, h, x[0], x[1], x[2]);
             Some(match block.width(&state, true) {
@@ -777,7 +777,7 @@ fn detector_of<R: Real>(case: &Case) -> Detector<R> {
     .unwrap()
 }
 
-fn record_as_row<R: Real>(record: &Record<R>) -> Vec<f64> {
+fn record_as_row<R: Real>(record: &HalfPeriodResult<R>) -> Vec<f64> {
     let half = &record.half;
     let or_nan = |x: Option<R>| x.map_or(f64::NAN, Real::as_f64);
     let mut row = vec![f64::from(half.sign), f64::from(half.n)];

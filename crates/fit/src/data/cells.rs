@@ -1,10 +1,10 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
-use crate::data::record::spread;
+use crate::data::segment::spread;
 use crate::decide::thresholds::FEWEST_SWINGS;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::START;
 use crate::model::lanes::{LANES, Lanes};
-use crate::model::lost_motion::LostMotion;
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Real};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -131,7 +131,7 @@ impl Cells {
     }
 
     /// Position of the valve, a mean for each cell.
-    pub(crate) fn positions(&self, lost: &LostMotion) -> Positions {
+    pub(crate) fn positions(&self, lost: &BacklashModel) -> Positions {
         let at = |(stretch, start): (&Strip, &f64)| stretch.positions(lost, *start, self.cell, stretch.y.len());
         self.stretches.iter().zip(&lost.start).map(at).collect()
     }
@@ -163,7 +163,7 @@ impl Cells {
     }
 
     /// How far the valve moves at most within a stretch [OP unit].
-    pub(crate) fn reach(&self, lost: &LostMotion) -> f64 {
+    pub(crate) fn reach(&self, lost: &BacklashModel) -> f64 {
         self.positions(lost).iter().map(|v| span(v)).fold(0.0, f64::max)
     }
 
@@ -188,7 +188,7 @@ impl Cells {
 
 impl Strip {
     /// The same for the first `cells` of one stretch, whose start in the gap is `start`.
-    pub(crate) fn positions(&self, lost: &LostMotion, start: f64, cell: usize, cells: usize) -> Vec<f64> {
+    pub(crate) fn positions(&self, lost: &BacklashModel, start: f64, cell: usize, cells: usize) -> Vec<f64> {
         let (d, jump) = (lost.d, lost.jump());
         // The start is told by where the lower end of the gap lies.
         let first = self.u[0] + (start - 0.5) * d;
@@ -216,7 +216,12 @@ impl Strip {
     }
 
     /// The same from any eight starts at once.
-    pub(crate) fn positions_from(&self, lost: &LostMotion, cell: usize, cells: usize) -> impl Fn(&Lanes) -> Vec<Lanes> {
+    pub(crate) fn positions_from(
+        &self,
+        lost: &BacklashModel,
+        cell: usize,
+        cells: usize,
+    ) -> impl Fn(&Lanes) -> Vec<Lanes> {
         let (mut low, mut high) = (Vec::new(), Vec::new());
         if lost.jump() == 0.0 {
             // A gap holds what it is given between two limits, and so does one sample after the other: between the paths from its
@@ -309,7 +314,7 @@ mod tests {
         let stretch = &record.stretches[0];
         let places = Lanes::each(|l| l as f64 / 7.0);
         for (d, share) in [(0.0, 0.0), (0.3, 0.0), (1.7, 0.0), (5.0, 0.0), (0.4, 0.5)] {
-            let lost = LostMotion { d, share, model: Model::Kano, start: vec![0.5] };
+            let lost = BacklashModel { d, share, model: Model::Kano, start: vec![0.5] };
             let all = stretch.positions_from(&lost, 3, 40)(&places);
             for (l, place) in places.iter().enumerate() {
                 let alone = stretch.positions(&lost, *place, 3, 40);

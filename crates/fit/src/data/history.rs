@@ -1,7 +1,7 @@
 //! The windows of a long history that tell most of the gap, chosen while it is read and in bounded memory.
 
-use crate::data::record::{COARSE_STEPS, travel};
 use crate::data::samples::{AT_LIMIT, BAD, Samples};
+use crate::data::segment::{COARSE_STEPS, travel};
 use crate::search::decimation::window;
 
 /// A recording with fewer rows is fitted as a whole; of a longer one windows are chosen.

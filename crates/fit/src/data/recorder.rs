@@ -1,6 +1,6 @@
 //! How a position was recorded, which can look like a gap by itself.
 
-use crate::data::record::Signals;
+use crate::data::segment::Signals;
 
 /// How the position was recorded.
 #[derive(Clone, Copy, Debug, PartialEq)]

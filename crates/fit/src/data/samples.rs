@@ -1,6 +1,6 @@
 //! Rows as they were recorded, and the even steps that are made of them.
 
-use crate::data::record::{Record, Stretch};
+use crate::data::segment::{Segment, Stretch};
 
 /// Bits of a row's flags, as in `glapp.recording`: of bad quality, OP at its low and at its high limit.
 pub(crate) const BAD: u8 = 2;
@@ -109,7 +109,7 @@ impl Samples<'_> {
     /// # Errors
     ///
     /// Where there is nothing to fit.
-    pub fn record(&self) -> Result<Record<'static>, Unfit> {
+    pub fn record(&self) -> Result<Segment<'static>, Unfit> {
         let op = self.op.ok_or(Unfit::NoOp)?;
         let h = self.step().ok_or(Unfit::FewRows(self.t.len()))?;
         if op.iter().filter(|u| u.is_finite()).count() < FEWEST {
@@ -132,7 +132,7 @@ impl Samples<'_> {
             return Err(Unfit::Coarse(levels));
         }
         let stretches = self.stretches(op, h);
-        if stretches.is_empty() { Err(Unfit::Broken) } else { Ok(Record { h, stretches }) }
+        if stretches.is_empty() { Err(Unfit::Broken) } else { Ok(Segment { h, stretches }) }
     }
 
     fn stretches(&self, op: &[f64], h: f64) -> Vec<Stretch<'static>> {
@@ -197,11 +197,11 @@ mod tests {
         (t.clone(), of(3.0), of(5.0))
     }
 
-    fn record(t: &[f64], pv: &[f64], op: &[f64]) -> Result<Record<'static>, Unfit> {
+    fn record(t: &[f64], pv: &[f64], op: &[f64]) -> Result<Segment<'static>, Unfit> {
         Samples { t, sp: None, pv, op: Some(op), flags: None }.record()
     }
 
-    fn lengths(record: &Record) -> Vec<usize> {
+    fn lengths(record: &Segment) -> Vec<usize> {
         record.stretches.iter().map(|s| s.pv.len()).collect()
     }
 

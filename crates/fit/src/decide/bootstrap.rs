@@ -1,29 +1,43 @@
 //! How large the likelihood ratio of no gap gets by chance.
 
-use crate::model::lost_motion::LostMotion;
-use crate::model::structure::Theta;
-use crate::search::likelihood::{Point, Search};
-use crate::search::screen::FINE_TOLERANCE;
+use crate::model::backlash_model::BacklashModel;
+use crate::model::structure::{MOST, Theta};
+use crate::search::likelihood::{Point, Search, dot, solve};
 use rayon::prelude::*;
 
 /// Where the numbers by chance begin: the same record gets the same answer, in any unit.
 const SEED: u64 = 1;
-/// Records that are invented at first, and at each further turn.
+/// Draws at first, and at each further turn.
 const INVENTED: usize = 100;
 
-/// The threshold of the likelihood ratio from records that the best model without a gap invents: innovations drawn
-/// from its own, OP as recorded. So many that chance does not decide on which side of it `ratio` lies, at most
-/// `most`.
+/// Widths that are tried against none, parts of OP's range.
+const WIDTHS: [f64; 9] = [0.03, 0.08, 0.15, 0.25, 0.35, 0.5, 0.65, 0.8, 0.95];
+/// Steps by which the process at a width comes to that of the model without a gap.
+const STEPS: usize = 4;
+
+/// The threshold of the likelihood ratio when there is no gap: innovations drawn from those of the best model without one, OP as
+/// recorded (parametric bootstrap). So many draws that chance does not decide on which side of it `ratio` lies, at most `most`.
+///
+/// No record is fitted again (score test). The model without a gap foresees a PV. A model with the width d_j, at the process θ_j
+/// that comes nearest, misses it by D_j in whitened PV. Near θ_j its residual is linear in the process:
+///
+/// ```text
+/// r = ε + D_j + J_j·δ        ε: innovations, J_j: slopes of the residual by gain, process and load, δ: their change
+/// min r² = |ε + D_j|² − |P_j·(ε + D_j)|²        P_j: projection on the columns of J_j
+/// ratio = n·ln(min r² without a gap / least min r² of all widths)
+/// ```
+///
+/// The dead time is among the columns.
 pub(crate) fn bootstrap_threshold(search: &Search, without: &Point, ratio: f64, most: usize) -> f64 {
-    let here = search.at(&without.theta, &search.record.positions(&without.lost));
-    // Innovations over √S: the record's own, in units of which S is told.
-    let scale = 1.0 / here.scale[0];
-    let innovations: Vec<f64> = here.lane(0).iter().map(|r| r * scale).collect();
+    let (innovations, score) = Score::new(search, without);
+    let lr = |mut draws: Draws| {
+        let draw = |_| innovations[(draws.next() % innovations.len() as u64) as usize];
+        score.lr(&(0..innovations.len()).map(draw).collect::<Vec<f64>>())
+    };
     let mut ratios: Vec<f64> = Vec::new();
     loop {
         let turn = ratios.len()..(ratios.len() + INVENTED).min(most);
-        let draw = |i: usize| simulated_lr(search, without, &innovations, Draws::new(SEED, i as u64));
-        ratios.par_extend(turn.into_par_iter().map(draw));
+        ratios.par_extend(turn.into_par_iter().map(|i| lr(Draws::new(SEED, i as u64))));
         let (threshold, error) = upper_percentile(&mut ratios);
         if ratios.len() >= most || (ratio - threshold).abs() > 3.0 * error {
             return threshold;
@@ -31,39 +45,102 @@ pub(crate) fn bootstrap_threshold(search: &Search, without: &Point, ratio: f64, 
     }
 }
 
-/// The likelihood ratio of no gap in one record that the model without a gap invents.
-fn simulated_lr(search: &Search, without: &Point, innovations: &[f64], mut draws: Draws) -> f64 {
-    let positions = search.record.positions(&without.lost);
-    let mut draw = || innovations[(draws.next() % innovations.len() as u64) as usize];
-    let ys = search.record.stretches.iter().zip(&positions).map(|(s, v)| {
-        let kp_v: Vec<f64> = v.iter().map(|v| v * without.kp).collect();
-        search.structure.simulate(&without.theta, &s.y, &s.changes, &kp_v, &mut draw)
-    });
-    let record = search.record.with(ys.collect());
-    let search = Search { record: &record, ..*search };
-    let with = |theta: Theta, part: f64, unless: f64| {
-        let lost = LostMotion { d: part * record.range, ..without.lost.clone() };
-        search.from(&[(theta, lost)], 6, FINE_TOLERANCE, unless)
-    };
-    // The model that made the record is near the best for each width, and most widths are soon plainly worse.
-    let mut none = with(without.theta, 0.0, f64::INFINITY);
-    loop {
-        let mut best = none.clone();
-        for part in [0.03, 0.08, 0.15, 0.25, 0.35, 0.5, 0.65, 0.8, 0.95] {
-            let point = with(none.theta, part, best.cost);
-            if point.cost < best.cost {
-                best = point;
+/// The model without a gap and those with the widths that are tried.
+struct Score {
+    none: Tangent,
+    some: Vec<Tangent>,
+    freedom: f64,
+}
+
+impl Score {
+    /// With the innovations of the record under the model `without` a gap.
+    fn new(search: &Search, without: &Point) -> (Vec<f64>, Self) {
+        let positions = search.record.positions(&without.lost);
+        let (innovations, slopes) = search.slopes(&without.theta, &positions);
+        let of_noise = &slopes[search.structure.dead_time_at() + 1..];
+        let record = search.record.with(search.predicted(without, &positions));
+        let made = Search { record: &record, ..*search };
+        let tangent = |part: f64| Tangent::new(&made, without, part * record.range, of_noise);
+        let some = WIDTHS.into_par_iter().map(tangent).collect();
+        (innovations, Self { none: tangent(0.0), some, freedom: search.record.freedom() })
+    }
+
+    /// The likelihood ratio of no gap with these innovations.
+    fn lr(&self, innovations: &[f64]) -> f64 {
+        let squares = dot(innovations, innovations);
+        let least = self.some.iter().map(|tangent| tangent.least(innovations, squares)).fold(f64::INFINITY, f64::min);
+        self.freedom * (self.none.least(innovations, squares) / least).ln().max(0.0)
+    }
+}
+
+/// A width beside the model without a gap: what it leaves unexplained, and an orthonormal basis of what another process can explain.
+struct Tangent {
+    /// D less its part in the basis, and the sum of its squares.
+    left: Vec<f64>,
+    energy: f64,
+    basis: Vec<Vec<f64>>,
+}
+
+impl Tangent {
+    /// `made`: PV that the model `without` a gap foresees.
+    fn new(made: &Search, without: &Point, d: f64, of_noise: &[Vec<f64>]) -> Self {
+        let lost = BacklashModel { d, ..without.lost.clone() };
+        let positions = made.record.positions(&lost);
+        let process = made.structure.dead_time_at() + 1;
+        let (mut theta, mut best) = (without.theta, None::<(f64, Theta, Vec<f64>, Vec<Vec<f64>>)>);
+        for _ in 0..STEPS {
+            let (left, mut slopes) = made.slopes(&theta, &positions);
+            slopes.truncate(process);
+            let sum = dot(&left, &left);
+            if best.as_ref().is_some_and(|(least, ..)| sum > 0.99 * least) {
+                break;
+            }
+            let mut normal = [[0.0; MOST]; MOST];
+            let mut by = [0.0; MOST];
+            for i in 0..process {
+                for j in 0..process {
+                    normal[i][j] = dot(&slopes[i], &slopes[j]);
+                }
+                normal[i][i] = normal[i][i] * 1.001 + 1e-300;
+                by[i] = -dot(&slopes[i], &left);
+            }
+            let step = solve(normal, by, process);
+            best = Some((sum, theta, left, slopes));
+            for i in 0..process {
+                theta[i] += step[i].clamp(-1.0, 1.0);
+            }
+            theta = made.structure.bounded(theta, made.record.count as f64);
+        }
+        let (_, theta, left, slopes) = best.expect("a step at least");
+        let (_, gain) = made.answers(&theta, &[&positions]);
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for mut column in gain.into_iter().chain(slopes).chain(of_noise.iter().cloned()) {
+            let before = dot(&column, &column);
+            project(&mut column, &basis);
+            let size = dot(&column, &column);
+            if size > 1e-10 * before && size > 1e-300 {
+                column.iter_mut().for_each(|c| *c /= size.sqrt());
+                basis.push(column);
             }
         }
-        if best.lost.d == 0.0 {
-            return 0.0;
-        }
-        // A better process found with a gap may be the better without one, too.
-        let again = with(best.theta, 0.0, none.cost);
-        if again.cost > none.cost - FINE_TOLERANCE {
-            return none.cost - best.cost;
-        }
-        none = again;
+        let mut left = left;
+        project(&mut left, &basis);
+        Self { energy: dot(&left, &left), left, basis }
+    }
+
+    /// The least sum of squares beside innovations of so many squares.
+    fn least(&self, innovations: &[f64], squares: f64) -> f64 {
+        let explained: f64 = self.basis.iter().map(|column| dot(column, innovations).powi(2)).sum();
+        self.energy + 2.0 * dot(&self.left, innovations) + squares - explained
+    }
+}
+
+/// Takes out of a column what those of an orthonormal basis hold of it.
+fn project(column: &mut [f64], basis: &[Vec<f64>]) {
+    // Twice: once loses digits where columns are nearly alike.
+    for other in basis.iter().chain(basis) {
+        let part = dot(column, other);
+        column.iter_mut().zip(other).for_each(|(c, o)| *c -= part * o);
     }
 }
 
@@ -115,6 +192,40 @@ impl Draws {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::cells::Cells;
+    use crate::model::structure::{Noise, Structure};
+
+    #[test]
+    fn the_score_gives_the_ratio_that_fits_give() {
+        let (mut draws, mut op) = (Draws::new(3, 0), 0.0);
+        let u: Vec<f64> = (0..600)
+            .map(|k| {
+                op += 0.2 * draws.normal() - 0.02 * op;
+                op + (0.05 * f64::from(k)).sin()
+            })
+            .collect();
+        let structure = Structure { lags: 2, integrating: false, noise: Noise::Still };
+        let silent = Cells::new(&[(&u, &u)], 1);
+        let theta = structure.beginning(8.0, 2.0);
+        let made = Search { record: &silent, structure, sign: 1.0 };
+        let lost = BacklashModel::gap(0.0, 1);
+        let mut truth = made.descend(theta, &lost, 0, 0.1, f64::INFINITY);
+        (truth.theta, truth.kp) = (theta, 1.0);
+        let foreseen = made.predicted(&truth, &silent.positions(&lost));
+        let mut off = Vec::new();
+        for _ in 0..6 {
+            let y: Vec<f64> = foreseen[0].iter().map(|y| y + 0.3 * draws.normal()).collect();
+            let record = silent.with(vec![y]);
+            let search = Search { record: &record, structure, sign: 1.0 };
+            let at = |part: f64| BacklashModel::gap(part * record.range, 1);
+            let without = search.from(&[(theta, at(0.0))], 20, 1e-4, f64::INFINITY);
+            let fitted = |part: f64| search.from(&[(without.theta, at(part))], 20, 1e-4, f64::INFINITY).cost;
+            let best = WIDTHS.map(fitted).into_iter().fold(f64::INFINITY, f64::min);
+            let (innovations, score) = Score::new(&search, &without);
+            off.push(score.lr(&innovations) - (without.cost - best).max(0.0));
+        }
+        assert!(off.iter().all(|off| off.abs() < 1.0), "{off:?}");
+    }
 
     #[test]
     fn invented_records_share_no_noise() {

@@ -1,10 +1,10 @@
 //! One answer from all records: one width, everything else free in each.
 
-use crate::data::record::Record;
+use crate::data::segment::Segment;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
 use crate::decide::judgement::Judgement;
-use crate::decide::record::{Answer, Fitted};
+use crate::decide::segment::{Fitted, SegmentFit};
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
 use crate::decide::verdict::{Evidence, Verdict, judge, lr_asked, lr_asked_of_changes, often};
@@ -48,14 +48,14 @@ pub struct JointAnswer {
     /// What all say.
     pub whole: Together,
     /// The records, in the order of time.
-    pub records: Vec<RecordAnswer<Answer>>,
+    pub records: Vec<SegmentAnswer<SegmentFit>>,
     /// Place of the record that shows best what all say.
     pub shown: usize,
 }
 
 /// What one record says, and when that was.
 #[derive(Clone, Debug)]
-pub struct RecordAnswer<A> {
+pub struct SegmentAnswer<A> {
     /// When its first step is [s].
     pub start: f64,
     /// When its last step is [s].
@@ -68,15 +68,15 @@ pub struct RecordAnswer<A> {
     pub answer: A,
 }
 
-impl<A> RecordAnswer<A> {
-    pub(crate) fn of(record: &Record, answer: A) -> Self {
+impl<A> SegmentAnswer<A> {
+    pub(crate) fn of(record: &Segment, answer: A) -> Self {
         let (start, end) = record.span();
         Self { start, end, starts: record.starts(), h: record.h, answer }
     }
 
     /// What else is said of the same record.
-    fn with<B>(&self, answer: B) -> RecordAnswer<B> {
-        RecordAnswer { start: self.start, end: self.end, starts: self.starts.clone(), h: self.h, answer }
+    fn with<B>(&self, answer: B) -> SegmentAnswer<B> {
+        SegmentAnswer { start: self.start, end: self.end, starts: self.starts.clone(), h: self.h, answer }
     }
 
     /// The middle of its time [s].
@@ -85,9 +85,9 @@ impl<A> RecordAnswer<A> {
     }
 }
 
-impl RecordAnswer<Answer> {
+impl SegmentAnswer<SegmentFit> {
     pub(crate) fn reading(&self) -> Reading {
-        let Answer { verdict, d, low, high, lr_no_gap, .. } = self.answer;
+        let SegmentFit { verdict, d, low, high, lr_no_gap, .. } = self.answer;
         Reading { verdict, d, low, high, lr_no_gap, t: self.middle() }
     }
 }
@@ -95,7 +95,7 @@ impl RecordAnswer<Answer> {
 /// One record, and all that the likelihood says there of another width.
 pub(crate) struct Curve {
     /// When the record is.
-    when: RecordAnswer<()>,
+    when: SegmentAnswer<()>,
     pub(crate) fitted: Fitted,
     pub(crate) sign: f64,
     /// What a unit of its likelihood is worth: the innovations' trust over what chance makes of records without a gap.
@@ -103,12 +103,12 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    pub(crate) fn new(record: &Record, fitted: Fitted, sign: f64) -> Self {
-        let worth = fitted.answer.trust / fitted.by_chance;
-        Self { when: RecordAnswer::of(record, ()), fitted, sign, worth }
+    pub(crate) fn new(record: &Segment, fitted: Fitted, sign: f64) -> Self {
+        let worth = fitted.answer.information_ratio / fitted.by_chance;
+        Self { when: SegmentAnswer::of(record, ()), fitted, sign, worth }
     }
 
-    fn answered(&self) -> RecordAnswer<Answer> {
+    fn answered(&self) -> SegmentAnswer<SegmentFit> {
         self.when.with(self.fitted.answer.clone())
     }
 
@@ -128,10 +128,10 @@ impl Curve {
     }
 
     /// The same from the widths that were looked at, on a line between each two.
-    pub(crate) fn foreseen(&self, d: f64) -> Vec<f64> {
+    pub(crate) fn interpolated_cost(&self, d: f64) -> Vec<f64> {
         let Fitted { profiles, sticking, .. } = &self.fitted;
-        let gaps = profiles.iter().map(|p| p.foreseen(d.min(p.points[p.points.len() - 1].lost.d)));
-        let sticks = sticking.iter().map(|p| p.foreseen(d));
+        let gaps = profiles.iter().map(|p| p.interpolated_cost(d.min(p.points[p.points.len() - 1].lost.d)));
+        let sticks = sticking.iter().map(|p| p.interpolated_cost(d));
         gaps.chain(sticks).map(|cost| cost.unwrap_or(f64::INFINITY)).collect()
     }
 
@@ -140,11 +140,11 @@ impl Curve {
         self.fitted.profiles[0].points.iter().map(|p| p.lost.d)
     }
 
-    /// The least that the likelihood lies above its best between two widths.
+    /// Smallest rise of −2·ln L over its minimum between two widths.
     pub(crate) fn least_off(&self, low: f64, high: f64) -> f64 {
         let between = self.widths().filter(|d| (low..=high).contains(d));
         let high = high.min(self.fitted.record.range);
-        between.chain([low, high]).map(|d| self.off(&self.foreseen(d))).fold(f64::INFINITY, f64::min)
+        between.chain([low, high]).map(|d| self.off(&self.interpolated_cost(d))).fold(f64::INFINITY, f64::min)
     }
 
     /// What a slip jump brings; less than 0 where it costs more than it brings.
@@ -212,8 +212,8 @@ pub(crate) fn joint(curves: &mut [Curve], op: Unit, pv: Unit) -> Option<JointAns
         JointAnswer { whole, records: curves.iter().map(Curve::answered).collect(), shown: 0 }
     } else {
         // One record, or none but one that can be used: where most cannot, neither does that.
-        let records: Vec<RecordAnswer<Answer>> = curves.iter().map(Curve::answered).collect();
-        let usable = |r: &RecordAnswer<Answer>| 2 * sound > all || !r.answer.usable();
+        let records: Vec<SegmentAnswer<SegmentFit>> = curves.iter().map(Curve::answered).collect();
+        let usable = |r: &SegmentAnswer<SegmentFit>| 2 * sound > all || !r.answer.usable();
         let best =
             records.iter().filter(|r| usable(r)).max_by(|a, b| a.answer.lr_no_gap.total_cmp(&b.answer.lr_no_gap))?;
         JointAnswer { whole: Together::from(&best.answer), records, shown: 0 }
@@ -224,7 +224,7 @@ pub(crate) fn joint(curves: &mut [Curve], op: Unit, pv: Unit) -> Option<JointAns
     let start = joint.records[joint.shown].start;
     joint.records.sort_by(|a, b| a.start.total_cmp(&b.start));
     joint.shown = joint.records.iter().position(|r| r.start == start)?;
-    let readings: Vec<Reading> = joint.records.iter().map(RecordAnswer::reading).collect();
+    let readings: Vec<Reading> = joint.records.iter().map(SegmentAnswer::reading).collect();
     let trend = Trend::of_readings(&readings);
     if let Some(newest) = newest(trend, &readings) {
         joint.whole = Together::from(&joint.records[newest].answer);
@@ -264,8 +264,8 @@ impl Together {
     }
 
     /// What one record says.
-    fn from(answer: &Answer) -> Self {
-        let Answer { judgement, verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
+    fn from(answer: &SegmentFit) -> Self {
+        let SegmentFit { judgement, verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
         let evidence = answer.evidence.clone();
         let dispersion = 1.0;
         Self {
@@ -289,14 +289,14 @@ impl JointAnswer {
     /// The record that shows best what all say.
     fn clearest(&self) -> usize {
         let rank = |i: &usize| {
-            let Answer { verdict, lr_no_gap, .. } = self.records[*i].answer;
+            let SegmentFit { verdict, lr_no_gap, .. } = self.records[*i].answer;
             (verdict == self.whole.verdict, lr_no_gap)
         };
         let order = |a: &usize, b: &usize| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1));
         (0..self.records.len()).max_by(order).unwrap_or(0)
     }
 
-    /// See [`Answer::in_units`].
+    /// See [`SegmentFit::in_units`].
     fn in_units(&mut self, op: Unit, pv: Unit) {
         self.records.iter_mut().for_each(|r| r.answer.in_units(op, pv));
         for width in [&mut self.whole.d, &mut self.whole.low] {
@@ -358,7 +358,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
         let jumps = (answer.lr_no_jump - JUMP).max(0.0);
         *lr += curve.worth * jumps;
-        lr_aperiodic += lr.min(curve.worth / answer.trust * answer.evidence.lr_aperiodic);
+        lr_aperiodic += lr.min(curve.worth / answer.information_ratio * answer.evidence.lr_aperiodic);
         *lr = lr.min(curve.worth * lr_of_loads);
     }
     let lr_no_gap: f64 = against.iter().sum();
@@ -383,7 +383,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let clearest = clearest(curves.iter().map(|c| &c.fitted.answer.evidence));
     let agree = curves.iter().filter(|c| (c.fitted.answer.d - d).abs() <= AGREES_WITH * d).count();
     let evidence = Evidence {
-        echo: mean(|e| e.echo),
+        autocorrelation: mean(|e| e.autocorrelation),
         d,
         changes_known: known,
         lr_no_gap,
@@ -399,13 +399,13 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         coarse: many(|e| e.coarse),
         at_once: many(|e| e.at_once),
         noisy_below: median(|e| e.noisy_below),
-        strays: many(|e| e.strays),
+        misfit_at_turns: many(|e| e.misfit_at_turns),
         slips: lr_no_jump > JUMP && 2 * jumping > curves.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: many(|e| e.even_swing),
-        shaken: median(|e| e.shaken),
-        drawn: median(|e| e.drawn),
+        unsampled_below: median(|e| e.unsampled_below),
+        lined_below: median(|e| e.lined_below),
         hidden: curves.iter().find_map(|c| c.fitted.answer.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
         dissent: 3 * curves.iter().filter(|c| c.fitted.answer.evidence.dissent).count() > curves.len(),
         passes: traversals,

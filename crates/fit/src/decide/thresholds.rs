@@ -52,7 +52,7 @@ thresholds! {
     GAP_JOINT: f64 = 32.0, "−2·ln L";
     /// What must be left of it without the record that gives most: what one alone would need.
     GAP_WITHOUT_ONE: f64 = GAP, "−2·ln L";
-    /// LR of no gap from which on no bootstrap is made: it takes most of a fit's time. No bench of its own.
+    /// LR of no gap from which on no bootstrap is made. No bench of its own.
     GAP_PLAIN: f64 = 100.0, "−2·ln L";
     /// LR of no gap above which a family that predicts nearly as well as the best sees one, and no valve is sound. Simulations
     /// and real loops.
@@ -86,10 +86,10 @@ thresholds! {
     /// by 0.2 to 4 % (ADR 20).
     MISSED_TURNS: f64 = 5.0, "1";
     /// Less trust than this is not believed: it rests on the few cells that matter for d. Simulations and real loops.
-    LEAST_TRUST: f64 = 0.4, "1";
+    LEAST_INFORMATION_RATIO: f64 = 0.4, "1";
     /// Trust below which PV strays from the model where the valve turns: it may stick as well. FIC46005 has 0.4; the 76 gaps that are
     /// found in numbers 100 to 114 of eight rows of loads have 0.57 or more.
-    STRAYS: f64 = 0.5, "1";
+    MISFIT_AT_TURNS: f64 = 0.5, "1";
     /// Families no further behind the best than this, and [`AS_GOOD`], are believed: a gap must show in all of them, and the
     /// interval holds all of theirs. Simulations and real loops.
     BELIEVED: f64 = 6.0, "−2·ln L";
@@ -101,7 +101,7 @@ thresholds! {
     SOUND_BELOW: f64 = 0.25, "1";
     /// Mean moves of OP from one sample to the next that may hide a gap: OP moves as far between them, unseen, and shakes the valve
     /// through it. `bench.lengths --times`, number 2 (ADR 0020).
-    SHAKEN: f64 = 3.0, "1";
+    UNSAMPLED_BELOW: f64 = 3.0, "1";
     /// Part of OP's range below which a gap is none, however plain: models are off by as much. The same (ADR 0020).
     TRIFLE: f64 = 0.01, "1";
 
@@ -112,7 +112,7 @@ thresholds! {
 
     /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
     /// Simulations and real loops.
-    ECHO: f64 = 0.25, "1";
+    MAX_AUTOCORRELATION: f64 = 0.25, "1";
     /// Mean sizes of an innovation that it counts as at most there: outliers are no echo. Loads, outliers 18 and 209.
     ECHO_OF_ONE: f64 = 3.0, "1";
     /// Samples that a process must take to settle: what OP did between fewer explains as much as a gap. Truth: without it and
@@ -149,7 +149,7 @@ thresholds! {
     /// Fewest of these times. Loads.
     FEWEST_SWINGS: usize = 6, "swings";
     /// How much more than the bow of its lines a gap must make of a PV that a historian drew. Loads, swinging door.
-    DRAWN: f64 = 10.0, "1";
+    LINED_BELOW: f64 = 10.0, "1";
     /// Greatest share of corners between lines among the moving samples of such a PV. Loads, swinging door.
     CORNERS: f64 = 0.4, "1";
 

@@ -12,12 +12,12 @@ use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
 use crate::decide::joint::{Curve, JointAnswer, Together, clearest, middle, newest};
 use crate::decide::judgement::{Confidence, Judgement};
-use crate::decide::record::swings_evenly;
+use crate::decide::segment::swings_evenly;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
 use crate::decide::verdict::{Evidence, Verdict, lr_asked_of_changes, lr_asked_of_passes};
 use crate::loads::cycle::lr_beside_cycle;
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
@@ -104,14 +104,14 @@ impl Member<'_> {
     }
 
     /// The same from the widths that were looked at.
-    fn foreseen(&self, d: f64) -> Vec<f64> {
-        self.curve.foreseen(d / self.size)
+    fn interpolated_cost(&self, d: f64) -> Vec<f64> {
+        self.curve.interpolated_cost(d / self.size)
     }
 
     /// Why it must not speak for a gap of this width; `agreed`: whether enough of all have this width by themselves.
     fn refused(&self, d: f64, lr_no_gap: f64, agreed: bool) -> Option<&'static str> {
         let fitted = &self.curve.fitted;
-        let Evidence { coarse, drawn, .. } = fitted.answer.evidence;
+        let Evidence { coarse, lined_below, .. } = fitted.answer.evidence;
         let d = d / self.size;
         if d <= 0.0 {
             return None;
@@ -121,7 +121,7 @@ impl Member<'_> {
             Some("coarse")
         } else if lr_no_gap < GAP_IF_EVEN_SWING && !fitted.explained && swings_evenly(&fitted.record, d, fitted.lag) {
             Some("swings")
-        } else if d < drawn {
+        } else if d < lined_below {
             Some("lined")
         } else if fitted.record.reach(lost) < MOVES * d {
             Some("still")
@@ -136,8 +136,8 @@ fn costs_at(members: &mut [Member], d: f64) -> Vec<Vec<f64>> {
     members.par_iter_mut().map(|member| member.costs(d)).collect()
 }
 
-fn foreseen_at(members: &[Member], d: f64) -> Vec<Vec<f64>> {
-    members.iter().map(|member| member.foreseen(d)).collect()
+fn interpolated_costs(members: &[Member], d: f64) -> Vec<Vec<f64>> {
+    members.iter().map(|member| member.interpolated_cost(d)).collect()
 }
 
 fn total_cost(members: &[Member], costs: &[Vec<f64>]) -> f64 {
@@ -162,7 +162,7 @@ fn widths(members: &[Member]) -> Vec<f64> {
 fn most_likely(members: &mut [Member]) -> (f64, Vec<Vec<f64>>) {
     let range = range(members);
     let least = |members: &[Member]| {
-        let foreseen = widths(members).into_iter().map(|d| (total_cost(members, &foreseen_at(members, d)), d));
+        let foreseen = widths(members).into_iter().map(|d| (total_cost(members, &interpolated_costs(members, d)), d));
         foreseen.min_by(|a, b| a.0.total_cmp(&b.0)).expect("0 at least").1
     };
     let exactly = |members: &mut [Member], d: f64| {
@@ -268,7 +268,7 @@ fn who_counts<'a>(
     }
     while !members.is_empty() {
         let (d, here) = most_likely(&mut members);
-        let mut against = rises(&members, &here, &foreseen_at(&members, 0.0)).into_iter();
+        let mut against = rises(&members, &here, &interpolated_costs(&members, 0.0)).into_iter();
         let mut refused = Vec::new();
         let agreed = agreeing(&members, d);
         let agreed = agreed >= FEWEST_RECORDINGS && agreed as f64 >= AGREE * members.len() as f64;
@@ -312,7 +312,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
     let limit = RISE * dispersion;
     let rise = |members: &[Member], costs: &[Vec<f64>]| rises(members, here, costs).iter().sum::<f64>();
-    let foreseen = |members: &[Member], d: f64| rise(members, &foreseen_at(members, d));
+    let foreseen = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
     let widths: Vec<f64> = widths(members);
     let inside: Vec<bool> = widths.iter().map(|w| *w == d || foreseen(members, *w) <= limit).collect();
     let (first, last) = (inside.iter().position(|i| *i), inside.iter().rposition(|i| *i));
@@ -363,7 +363,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let clearest = clearest(members.iter().map(|m| &m.curve.fitted.answer.evidence));
     let agree = agreeing(members, d);
     let evidence = Evidence {
-        echo: mean(|e| e.echo),
+        autocorrelation: mean(|e| e.autocorrelation),
         d,
         changes_known: many(|e| e.changes_known),
         lr_no_gap,
@@ -380,13 +380,13 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         coarse: many(|e| e.coarse),
         at_once: many(|e| e.at_once),
         noisy_below: median(|e| e.noisy_below),
-        strays: many(|e| e.strays),
+        misfit_at_turns: many(|e| e.misfit_at_turns),
         slips: lr_no_jump > JUMP && 2 * jumping > members.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: false,
-        shaken: median(|e| e.shaken),
-        drawn: median(|e| e.drawn),
+        unsampled_below: median(|e| e.unsampled_below),
+        lined_below: median(|e| e.lined_below),
         hidden: members
             .iter()
             .find_map(|m| m.curve.fitted.answer.evidence.hidden)
@@ -410,7 +410,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
 /// What each member leaves of the likelihood ratio of no gap, the loads that were looked for counted in. Where all of it would
 /// show a gap, a load that repeats itself is looked for as well.
 fn against(members: &mut [Member], d: f64, here: &[Vec<f64>], dispersion: f64) -> Vec<f64> {
-    let none = foreseen_at(members, 0.0);
+    let none = interpolated_costs(members, 0.0);
     let mut against = rises(members, here, &none);
     for (member, lr) in members.iter().zip(&mut against) {
         let fitted = &member.curve.fitted;
@@ -427,7 +427,7 @@ fn against(members: &mut [Member], d: f64, here: &[Vec<f64>], dispersion: f64) -
             let family = &fitted.profiles[0];
             let near = family.near(d / member.size);
             let points = [(family.structure, near), (family.structure, &family.points[0])];
-            let lost = LostMotion { d: d / member.size, ..near.lost.clone() };
+            let lost = BacklashModel { d: d / member.size, ..near.lost.clone() };
             let beside = lr_beside_cycle(&fitted.record, member.curve.sign, &points, &lost, fitted.without);
             *lr = lr.min(beside.map_or(f64::INFINITY, |beside| member.worth * beside.max(0.0)));
         });

@@ -57,7 +57,7 @@ impl Hidden {
 /// What the judgement rests on. It says enough to judge again without a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Evidence {
-    pub(crate) echo: f64,
+    pub(crate) autocorrelation: f64,
     pub(crate) d: f64,
     /// Likelihood ratio of no gap, and the same without a load that repeats itself.
     pub(crate) lr_no_gap: f64,
@@ -82,7 +82,7 @@ pub struct Evidence {
     /// Width below which PV's noise hides what a gap makes.
     pub(crate) noisy_below: f64,
     /// Whether PV strays from the model where d matters, as where the valve turns.
-    pub(crate) strays: bool,
+    pub(crate) misfit_at_turns: bool,
     /// Whether a slip jump shows, and whether it may be all of the width.
     pub(crate) slips: bool,
     pub(crate) slips_wholly: bool,
@@ -91,9 +91,9 @@ pub struct Evidence {
     /// Whether OP swings to and fro in almost even time, though no gap makes this process do that.
     pub(crate) even_swing: bool,
     /// Width that makes too little of PV for how coarsely the lines bend that PV is recorded as.
-    pub(crate) drawn: f64,
+    pub(crate) lined_below: f64,
     /// Width through which OP may shake the valve between two samples.
-    pub(crate) shaken: f64,
+    pub(crate) unsampled_below: f64,
     /// Whether a family that predicts nearly as well as the best sees a gap.
     pub(crate) dissent: bool,
     /// Why a PV that answers each turn of OP is no evidence of a sound valve, where it is none.
@@ -179,15 +179,21 @@ impl Evidence {
     pub(crate) fn limits(&self, verdict: Verdict, high: Option<f64>) -> (f64, Option<f64>) {
         match verdict {
             Verdict::AtLeast => (self.low, None),
-            Verdict::Sound => (0.0, high.map(|high| high.max(self.shaken))),
+            Verdict::Sound => (0.0, high.map(|high| high.max(self.unsampled_below))),
             _ => (self.low, high),
         }
     }
 
     /// The same where OP's unit was `op`.
     pub(crate) fn in_units(&mut self, op: Unit) {
-        let widths =
-            [&mut self.d, &mut self.low, &mut self.range, &mut self.noisy_below, &mut self.drawn, &mut self.shaken];
+        let widths = [
+            &mut self.d,
+            &mut self.low,
+            &mut self.range,
+            &mut self.noisy_below,
+            &mut self.lined_below,
+            &mut self.unsampled_below,
+        ];
         widths.into_iter().for_each(|width| *width *= op.size);
         self.high = self.high.map(|high| high * op.size);
     }
@@ -199,8 +205,8 @@ impl Evidence {
         let high = self.high.filter(|high| *high < below)?;
         let silent = |why| Some((Judgement::without(Confidence::CannotTell, self.oscillates), why));
         match self.hidden {
-            _ if high < self.drawn => silent("lined"),
-            _ if self.shaken >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
+            _ if high < self.lined_below => silent("lined"),
+            _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < TURNS_IF_SOUND) => silent("may_be_a_gap"),
             _ if self.cancels > CANCELS || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
@@ -220,7 +226,7 @@ impl Evidence {
         let vetoes = [
             (self.immobile, "still"),
             ((self.coarse || self.at_once) && !self.all_agree(), "coarse"),
-            (self.d < self.drawn, "lined"),
+            (self.d < self.lined_below, "lined"),
             (self.one_way, "once"),
             (self.low < LEAST_LOW * self.d, "families_disagree"),
         ];
@@ -283,7 +289,7 @@ fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
         let (cause, width_kind) = (Some(e.cause()), Some(kind));
         (Judgement { confidence, cause, width_kind, oscillates: e.oscillates }, why)
     };
-    if e.echo.abs() > ECHO {
+    if e.autocorrelation.abs() > MAX_AUTOCORRELATION {
         return silent("misfit");
     }
     if e.lr_no_answer < ANSWERS {
@@ -327,7 +333,7 @@ fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
             }
         }
         _ => {
-            if e.strays {
+            if e.misfit_at_turns {
                 "gap_and_more"
             } else {
                 "gap"
@@ -386,7 +392,7 @@ mod tests {
     /// A plain gap of 1 in a range of 10.
     fn plain() -> Evidence {
         Evidence {
-            echo: 0.0,
+            autocorrelation: 0.0,
             d: 1.0,
             lr_no_gap: 200.0,
             lr_aperiodic: 200.0,
@@ -402,13 +408,13 @@ mod tests {
             coarse: false,
             at_once: false,
             noisy_below: 0.0,
-            strays: false,
+            misfit_at_turns: false,
             slips: false,
             slips_wholly: false,
             periodic_load: false,
             even_swing: false,
-            drawn: 0.0,
-            shaken: 0.0,
+            lined_below: 0.0,
+            unsampled_below: 0.0,
             dissent: false,
             hidden: None,
             passes: [10; 2],
@@ -440,10 +446,10 @@ mod tests {
 
     #[test]
     fn no_valve_is_sound_below_what_op_may_shake_it_through() {
-        let sound = Evidence { d: 0.0, lr_no_gap: 0.0, low: 0.0, shaken: 1.5, ..plain() };
+        let sound = Evidence { d: 0.0, lr_no_gap: 0.0, low: 0.0, unsampled_below: 1.5, ..plain() };
         assert_eq!(verdict(&sound), Verdict::Sound);
         assert_eq!(sound.limits(Verdict::Sound, Some(1.1)), (0.0, Some(1.5)));
-        let shaken = Evidence { shaken: 2.5, ..sound };
+        let shaken = Evidence { unsampled_below: 2.5, ..sound };
         assert_eq!((verdict(&shaken), judge(&shaken).1), (Verdict::CannotTell, "may_be_a_gap"));
     }
 

@@ -15,8 +15,8 @@
 //! The rungs of the ladder do not hang on it; the rung is one of the quantities.
 
 use crate::decide::judgement::Confidence;
-use crate::decide::record::Answer;
-use crate::decide::thresholds::{ANSWERS, ECHO, LAW, RISE_OF_PROCESS};
+use crate::decide::segment::SegmentFit;
+use crate::decide::thresholds::{ANSWERS, LAW, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
 use crate::decide::verdict::{Evidence, Hidden, judge};
 use crate::decide::weights::{BASE, CURVES};
 use crate::decide::witness::cycle::Cycle;
@@ -106,13 +106,13 @@ quantities! {
     "none_above" false width: none_above;
     "d_of_noise" true noise: |e| ratio(e.d, e.noisy_below).ln();
     "settles" true sampling: |e| e.settles.max(LEAST).ln();
-    "rows_in_gap" true sampling: |e| ratio(e.d, e.shaken).ln();
+    "rows_in_gap" true sampling: |e| ratio(e.d, e.unsampled_below).ln();
     "coarse" false sampling: |e| flag(e.coarse || e.at_once);
-    "drawn" false sampling: |e| ratio(e.drawn, e.d).ln();
+    "lined_below" false sampling: |e| ratio(e.lined_below, e.d).ln();
     "even_swing" false evenness: |e| flag(e.even_swing);
     "periodic_load" false evenness: |e| flag(e.periodic_load);
     "hidden_by_changes" false load_changes: |e| flag(matches!(e.hidden, Some(Hidden::Changes)));
-    "echo" false model: |e| e.echo.abs();
+    "autocorrelation" false model: |e| e.autocorrelation.abs();
     "lr_no_answer" true model: |e| e.lr_no_answer.max(0.0).ln_1p();
     "low_of_d" true families: |e| if e.d > 0.0 { e.low / e.d } else { 0.0 };
     "dissent" false families: |e| flag(e.dissent);
@@ -203,7 +203,7 @@ impl Evidence {
 
     /// Logarithm of the Bayes factor and what adds to it; None where no model of the loop explains PV, or PV does not answer OP.
     pub fn weighed(&self) -> Option<(f64, Terms)> {
-        if self.echo.abs() > ECHO || self.lr_no_answer < ANSWERS {
+        if self.autocorrelation.abs() > MAX_AUTOCORRELATION || self.lr_no_answer < ANSWERS {
             return None;
         }
         let mut terms = Terms::default();
@@ -218,7 +218,7 @@ impl Evidence {
 
 impl Weighed {
     /// Of what all say, and the record that shows it best; None where that cannot be read.
-    pub fn of(all: &Evidence, shown: &Answer) -> Option<Self> {
+    pub fn of(all: &Evidence, shown: &SegmentFit) -> Option<Self> {
         let (log_bayes_factor, terms) = all.weighed()?;
         let wider = match all.high {
             Some(high) if all.low > 0.0 && high > all.d => wider_by_limits(all.d, all.low, high),
@@ -252,7 +252,7 @@ fn wider_by_limits(d: f64, low: f64, high: f64) -> Vec<(f64, f64)> {
 
 /// By the likelihood over the width of all families, each as likely as it explains PV; ln L is stretched as much as the limits are moved
 /// out against those of a chi-square, and widths are as likely beforehand as their logarithms.
-fn wider_by_profile(shown: &Answer) -> Vec<(f64, f64)> {
+fn wider_by_profile(shown: &SegmentFit) -> Vec<(f64, f64)> {
     let stretch = RISE_OF_PROCESS / shown.rise.max(RISE_OF_PROCESS);
     let mut mass: Vec<(f64, f64)> = Vec::new();
     for candidate in &shown.candidates {

@@ -3,8 +3,8 @@
 
 use crate::data::cells::{Cells, Strip};
 use crate::decide::thresholds::*;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::lanes::{LANES, Wide, Work, widest};
-use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Elsewhere, Point, Search};
 use crate::search::screen::{PILOT, theta_for};
@@ -106,8 +106,10 @@ pub(crate) fn detect_changes(
 ) -> Option<(Marked, Marked)> {
     let pilot = Structure { noise: load.noises()[1], ..PILOT };
     let n = record.count as f64;
-    let lost =
-        |part: f64, share: f64| LostMotion { share, ..LostMotion::gap(part * record.range, record.stretches.len()) };
+    let lost = |part: f64, share: f64| BacklashModel {
+        share,
+        ..BacklashModel::gap(part * record.range, record.stretches.len())
+    };
     let from = |theta: Theta, part: f64, share: f64| detect(record, pilot, sign, theta, &lost(part, share));
     let grid = [(4.0, 0.5), (10.0, 2.0), (20.0, 2.0), (20.0, 8.0), (40.0, 10.0)];
     let grid = grid.into_iter().filter(|(t, dead)| *t < n / 8.0 && *dead < n / 12.0);
@@ -157,9 +159,9 @@ pub(crate) fn detect_changes(
 fn nearer(structure: Structure, sign: f64, marked: Marked, by: [f64; 3]) -> Marked {
     let mut best = marked;
     for by in by {
-        let LostMotion { d, share, .. } = best.point.lost;
+        let BacklashModel { d, share, .. } = best.point.lost;
         let nearer = [(1.0 - by, 1.0), (1.0 + by, 1.0), (1.0, 0.75), (1.0, 1.3)].map(|(wider, more)| {
-            let lost = LostMotion { d: d * wider, share: (share * more).min(1.0), ..best.point.lost.clone() };
+            let lost = BacklashModel { d: d * wider, share: (share * more).min(1.0), ..best.point.lost.clone() };
             let search = Search { record: &best.record, structure, sign };
             let point = search.descend(best.point.theta, &lost, 6, 0.1, f64::INFINITY);
             Marked::new(best.record.clone(), structure, sign, point)
@@ -179,7 +181,7 @@ pub(crate) fn marked_anew(record: &Cells, structure: Structure, sign: f64, point
     let mut tried: Vec<Marked> = beside
         .into_par_iter()
         .map(|part| {
-            let lost = LostMotion { d: part * point.lost.d, ..point.lost.clone() };
+            let lost = BacklashModel { d: part * point.lost.d, ..point.lost.clone() };
             detect(record, family, sign, theta, &lost)
         })
         .collect();
@@ -216,7 +218,7 @@ fn shortlist(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Mar
 
 /// Steps found with two lags, for the family that goes with them best.
 pub(crate) fn choose_family(record: &Cells, marked: Marked, sign: f64, load: Load) -> (Marked, Structure) {
-    let of = |record: &Cells, structure: Structure, theta: Theta, lost: &LostMotion| {
+    let of = |record: &Cells, structure: Structure, theta: Theta, lost: &BacklashModel| {
         let point = Search { record, structure, sign }.descend(theta, lost, 12, 1e-2, f64::INFINITY);
         Marked::new(record.clone(), structure, sign, point)
     };
@@ -260,7 +262,7 @@ pub(crate) fn few(record: &Cells, load: Load) -> bool {
     (load.fewest()..=record.count / CELLS_A_CHANGE).contains(&record.changes())
 }
 
-/// Whether the marked steps may be those of a load: few, and not where OP goes more often than chance would have it (5 %).
+/// Whether the marked steps may be load steps: they are few, and follow OP no more often than by chance (5 %).
 /// A load knows nothing of OP; a valve that breaks loose goes where OP has gone.
 pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> bool {
     let load = Load::of(structure);
@@ -339,7 +341,7 @@ fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
 }
 
 /// From a beginning to a process whose load stands still between steps: steps and process in turns.
-fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &LostMotion) -> Marked {
+fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &BacklashModel) -> Marked {
     let plain = record.unmarked();
     let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
     let watch = Search { record: &plain, structure: walks, sign };
@@ -497,7 +499,7 @@ fn prune(search: &Search, point: &Point) -> Cells {
 
 /// The record with the steps that the innovations at θ tell, largest first: of a likelihood ratio above `clear`, larger than
 /// `least` [PV unit].
-fn mark(search: &Search, theta: &Theta, lost: &LostMotion, clear: f64, least: f64) -> Cells {
+fn mark(search: &Search, theta: &Theta, lost: &BacklashModel, clear: f64, least: f64) -> Cells {
     let mut record = search.record.clone();
     let [apart, _] = Load::of(search.structure).apart();
     let answer = search.answer(theta, ANSWER);
@@ -626,7 +628,7 @@ mod tests {
         let plain = Search { record: &record, structure, sign: 1.0 };
         let mut theta = structure.beginning(6.0, 0.0);
         (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
-        let point = plain.descend(theta, &LostMotion::gap(0.0, 1), 0, 0.1, f64::INFINITY);
+        let point = plain.descend(theta, &BacklashModel::gap(0.0, 1), 0, 0.1, f64::INFINITY);
         (record, point)
     }
 
@@ -699,7 +701,8 @@ mod tests {
         let mut theta = structure.beginning(6.0, 0.0);
         (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
         let found =
-            prune_and_relocate(structure, 1.0, detect(&record, structure, 1.0, theta, &LostMotion::gap(0.0, 1))).record;
+            prune_and_relocate(structure, 1.0, detect(&record, structure, 1.0, theta, &BacklashModel::gap(0.0, 1)))
+                .record;
         let mut times = found.stretches[0].changes.clone();
         times.sort_by(f64::total_cmp);
         assert_eq!(times.len(), TIMES.len(), "{times:?}");

@@ -5,7 +5,7 @@
 //! whatever its form: both get the harmonics of that period, and what the gap still brings is its own.
 
 use crate::data::cells::{Cells, Positions};
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search, dot};
 use crate::search::screen::theta_for;
@@ -34,7 +34,7 @@ pub(crate) fn lr_beside_cycle(
     record: &Cells,
     sign: f64,
     points: &[(Structure, &Point)],
-    lost: &LostMotion,
+    lost: &BacklashModel,
     without: f64,
 ) -> Option<f64> {
     let record = &record.unmarked();
@@ -47,10 +47,10 @@ pub(crate) fn lr_beside_cycle(
         false => theta_for(structure, &of.as_pilot(&point.theta)),
     };
     let seeds: Vec<Theta> = points.iter().map(seed).collect();
-    let none = LostMotion::gap(0.0, record.stretches.len());
+    let none = BacklashModel::gap(0.0, record.stretches.len());
     let frequency = frequency(&search, seeds.first()?, &none)?;
     let waves = waves(record, frequency, HARMONICS);
-    let best = |lost: &LostMotion| {
+    let best = |lost: &BacklashModel| {
         let ends = seeds
             .par_iter()
             .map(|theta| alternate(&search, search.with_best_load_variance(*theta, lost), lost, &waves));
@@ -73,7 +73,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn new(search: &Search, theta: &Theta, lost: &LostMotion, more: &[Positions]) -> Self {
+    fn new(search: &Search, theta: &Theta, lost: &BacklashModel, more: &[Positions]) -> Self {
         let valve = search.record.positions(lost);
         let inputs: Vec<&Positions> = [&valve].into_iter().chain(more).collect();
         let (mut left, columns) = search.answers(theta, &inputs);
@@ -100,7 +100,7 @@ fn waves(record: &Cells, frequency: f64, harmonics: usize) -> Vec<Positions> {
 }
 
 /// Process and a load of these waves in turns, from θ.
-fn alternate(search: &Search, mut theta: Theta, lost: &LostMotion, waves: &[Positions]) -> Point {
+fn alternate(search: &Search, mut theta: Theta, lost: &BacklashModel, waves: &[Positions]) -> Point {
     let mut best: Option<Point> = None;
     for _ in 0..TURNS {
         let Columns { x, .. } = Columns::new(search, &theta, lost, waves);
@@ -126,7 +126,7 @@ fn alternate(search: &Search, mut theta: Theta, lost: &LostMotion, waves: &[Posi
 }
 
 /// The frequency whose harmonics explain most of what the valve does not [rad/cell].
-fn frequency(search: &Search, theta: &Theta, lost: &LostMotion) -> Option<f64> {
+fn frequency(search: &Search, theta: &Theta, lost: &BacklashModel) -> Option<f64> {
     let record = search.record;
     let mut calm = *theta;
     calm[search.structure.lags + 1] = CALM;

@@ -5,7 +5,7 @@ use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
 use crate::loads::changes::{
     Load, Marked, all_large, choose_family, detect_changes, few, marked_anew, plausible, with_large_steps,
 };
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::profile::Profile;
@@ -220,7 +220,13 @@ fn sticking_profiles(search: &Search, gap: &Profile, clue: Option<&(Structure, P
         .filter_map(|(model, share)| {
             let probe = |d: f64| {
                 let near = clue.map_or_else(|| gap.near(d), |(_, point)| point);
-                search.descend(near.theta, &LostMotion { d, share, model, ..near.lost.clone() }, 1, 0.1, f64::INFINITY)
+                search.descend(
+                    near.theta,
+                    &BacklashModel { d, share, model, ..near.lost.clone() },
+                    1,
+                    0.1,
+                    f64::INFINITY,
+                )
             };
             widths.iter().map(|d| probe(*d)).min_by(|a, b| a.cost.total_cmp(&b.cost))
         })

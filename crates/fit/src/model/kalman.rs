@@ -132,7 +132,7 @@ pub(crate) struct Whitened {
     gains: Vec<Lanes>,
     gains_kept: usize,
     runs: Vec<Run>,
-    stretches: Vec<Place>,
+    stretches: Vec<Checkpoint>,
     /// The transition of the process, row by row, and the pole.
     process: Vec<Lanes>,
 }
@@ -164,7 +164,7 @@ enum Kind {
 
 /// Where a stretch begins among innovations, gains and runs.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Checkpoint {
     count: usize,
     gains: usize,
     runs: usize,
@@ -196,7 +196,7 @@ impl Whitened {
 
     /// Notes where a stretch of so many cells begins, and makes room for it with models of so many states.
     fn begin(&mut self, cells: usize, states: usize) {
-        self.stretches.push(Place { count: self.count, gains: self.gains_kept, runs: self.runs.len() });
+        self.stretches.push(Checkpoint { count: self.count, gains: self.gains_kept, runs: self.runs.len() });
         let (count, gains) = (self.count + cells, self.gains_kept + cells * (states + 1));
         if self.of_y.len() < count {
             self.of_y.resize(count, Lanes::default());
@@ -468,7 +468,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let load = |lanes: &Lanes| if ONE { Wide::all(self.simd, lanes[0]) } else { Wide::load(self.simd, lanes) };
         let minus = Wide::all(self.simd, -1.0);
         let mut x = [Wide::all(self.simd, 0.0); N];
-        let Place { count, gains, runs } = white.stretches[stretch];
+        let Checkpoint { count, gains, runs } = white.stretches[stretch];
         let last = white.stretches.get(stretch + 1).map_or(white.runs.len(), |next| next.runs);
         let mut sums = Adding::of(self.simd, &white.sums);
         let (mut k, mut count, mut gains) = (0, count, gains);
@@ -534,46 +534,16 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
     }
 
-    /// A record that the first model itself could have made: `y` up to the sample at which the start is forgotten, from
-    /// there on the model's foresight plus `draw()` standard deviations.
+    /// PV of the first process from rest, without load and noise, at these positions.
     #[inline(always)]
-    pub(crate) fn simulate(
-        &self,
-        y: &[f64],
-        changes: &[f64],
-        kp_v: &[f64],
-        draw: &mut impl FnMut() -> f64,
-    ) -> Vec<f64> {
-        let mut gain = self.start();
+    pub(crate) fn response(&self, v: &[f64]) -> Vec<f64> {
         let mut x = [Wide::all(self.simd, 0.0); N];
-        let mut made = Vec::with_capacity(y.len());
-        let mut seen = 0;
-        // The load and the drift are told by as many samples as the process.
-        let told = 2 * (Self::ORDER + 2);
-        let all = LoadChange::alike(changes);
-        for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
-            let mut unforeseen = None;
-            if y.is_nan() {
-                made.push(y);
-                gain.thaw();
-            } else {
-                let foresight = -self.unforeseen(&x, 0.0).lanes()[0];
-                // After a change PV itself has to tell the load.
-                let known =
-                    seen >= told && !changes.iter().any(|j| (j.ceil() as usize..j.ceil() as usize + told).contains(&k));
-                let value = if !known { y } else { foresight + draw() / gain.scale.lanes()[0] };
-                seen += 1;
-                made.push(value);
-                unforeseen = Some(Wide::all(self.simd, value - foresight));
-            }
-            self.advance(&mut gain, y.is_nan(), all.iter().find(|change| change.cell == k + 1));
-            let v = Some(Wide::all(self.simd, v));
-            match unforeseen {
-                Some(unforeseen) => self.step(&mut x, &gain.l, unforeseen, v),
-                None => self.pass(&mut x, v),
-            }
-        }
-        made
+        let step = |v: &f64| {
+            let now = x[0].lanes()[0];
+            self.pass(&mut x, Some(Wide::all(self.simd, *v)));
+            now
+        };
+        v.iter().map(step).collect()
     }
 
     /// What the states `x` did not foresee of `y`.

@@ -334,20 +334,12 @@ impl Structure {
         self.lags + usize::from(self.integrating)
     }
 
-    /// See [`Models::simulate`].
-    pub(crate) fn simulate(
-        self,
-        theta: &Theta,
-        y: &[f64],
-        changes: &[f64],
-        kp_v: &[f64],
-        draw: &mut impl FnMut() -> f64,
-    ) -> Vec<f64> {
-        let mut made = Vec::new();
+    /// See [`Models::response`].
+    pub(crate) fn response(self, theta: &Theta, v: &[f64]) -> Vec<f64> {
+        let mut response = Vec::new();
         // One model alone: a register of one number is wide enough.
-        let simulation = Simulation { structure: self, theta, y, changes, kp_v, draw, made: &mut made };
-        simulation.run::<Scalar, 1>(Scalar::new());
-        made
+        FromRest { structure: self, theta, v, response: &mut response }.run::<Scalar, 1>(Scalar::new());
+        response
     }
 }
 
@@ -367,26 +359,22 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> WithSimd for Di
     }
 }
 
-/// See [`Models::simulate`].
-struct Simulation<'s, D> {
+/// See [`Models::response`].
+struct FromRest<'s> {
     structure: Structure,
     theta: &'s Theta,
-    y: &'s [f64],
-    changes: &'s [f64],
-    kp_v: &'s [f64],
-    draw: &'s mut D,
-    made: &'s mut Vec<f64>,
+    v: &'s [f64],
+    response: &'s mut Vec<f64>,
 }
 
-impl<D: FnMut() -> f64> Work for Simulation<'_, D> {
+impl Work for FromRest<'_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { structure, theta, y, changes, kp_v, draw, made } = self;
+        let Self { structure, theta, v, response } = self;
         macro_rules! with {
-            ($states:literal, $more:expr) => {{
-                let models = structure.models::<S, R, $states, { $more }>(simd, &[*theta; LANES]);
-                *made = models.simulate(y, changes, kp_v, draw);
-            }};
+            ($states:literal, $more:expr) => {
+                *response = structure.models::<S, R, $states, { $more }>(simd, &[*theta; LANES]).response(v)
+            };
         }
         by_states!(structure, with);
     }

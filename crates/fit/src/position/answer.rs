@@ -15,7 +15,7 @@ const SHOWN: usize = 8000;
 impl Track {
     /// Information on d that is left, and how often the valve turned each way. What the model leaves may be alike as long as
     /// the valve goes one way: each such way counts as one observation, not each row.
-    fn trust(&self, best: &Tried) -> (f64, [usize; 2]) {
+    fn information_ratio(&self, best: &Tried) -> (f64, [usize; 2]) {
         let mut mean = 0.0;
         self.residuals(best, |_, _, state, _| mean += state.way);
         mean /= self.rows as f64;
@@ -51,8 +51,8 @@ impl Track {
             found = self.search();
         }
         let [gap, none, stuck] = found;
-        let (trust, _) = self.trust(&gap);
-        let lr_no_jump = (gap.cost - stuck.cost).max(0.0) * trust;
+        let (information_ratio, _) = self.information_ratio(&gap);
+        let lr_no_jump = (gap.cost - stuck.cost).max(0.0) * information_ratio;
         let step = match self.recorder {
             Recorder::Plain => 0.0,
             Recorder::Rounded(step) | Recorder::Kept(step) => step,
@@ -60,8 +60,8 @@ impl Track {
         let per_op = gap.b.abs().max(1e-300);
         let slips = lr_no_jump > JUMP && stuck.motion.d * stuck.motion.share > 2.0 * step / per_op;
         let best = if slips { stuck } else { gap };
-        let (trust, traversals) = self.trust(&best);
-        let lr_no_gap = (none.cost - best.cost).max(0.0) * trust;
+        let (information_ratio, traversals) = self.information_ratio(&best);
+        let lr_no_gap = (none.cost - best.cost).max(0.0) * information_ratio;
         let sigma = best.left.sqrt();
         let mut low = f64::INFINITY;
         let mut high = Some(0.0);
@@ -71,11 +71,11 @@ impl Track {
         };
         let d = best.motion.d;
         if slips {
-            hold(self.limits(&stuck, stuck.cost + RISE_OF_STICKING / trust));
+            hold(self.limits(&stuck, stuck.cost + RISE_OF_STICKING / information_ratio));
         } else {
-            hold(self.limits(&gap, gap.cost + RISE / trust));
-            if stuck.cost < gap.cost + RISE / trust {
-                hold(self.limits(&stuck, gap.cost.min(stuck.cost) + RISE / trust));
+            hold(self.limits(&gap, gap.cost + RISE / information_ratio));
+            if stuck.cost < gap.cost + RISE / information_ratio {
+                hold(self.limits(&stuck, gap.cost.min(stuck.cost) + RISE / information_ratio));
             }
         }
         // What the recorder hides, never more than what is left shows where rows do not fit.
@@ -126,7 +126,7 @@ impl Track {
             lr_no_gap,
             lr_needed,
             lr_no_jump,
-            trust,
+            information_ratio,
             rise: if slips { RISE_OF_STICKING } else { RISE },
             traversals,
             gain: best.b,
@@ -138,7 +138,7 @@ impl Track {
             rows: self.rows,
             spikes: self.spikes,
             range: self.range,
-            profile: self.profile(&best, &none, trust),
+            profile: self.profile(&best, &none, information_ratio),
             shown: self.shown(&best),
         }
     }
@@ -196,7 +196,7 @@ impl Track {
     }
 
     /// The likelihood over the width, from none to a few times the best, all but that of none with the lag of the best.
-    fn profile(&self, best: &Tried, none: &Tried, trust: f64) -> Vec<(f64, f64)> {
+    fn profile(&self, best: &Tried, none: &Tried, information_ratio: f64) -> Vec<(f64, f64)> {
         let most = (3.0 * best.motion.d).max(0.1 * self.range).min(self.range);
         let mut points = vec![(0.0, none.cost), (best.motion.d, best.cost)];
         for turn in 0..4 {
@@ -206,7 +206,7 @@ impl Track {
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.dedup_by_key(|point| point.0);
-        points.into_iter().map(|(d, cost)| (d, ((cost - best.cost) * trust).max(0.0))).collect()
+        points.into_iter().map(|(d, cost)| (d, ((cost - best.cost) * information_ratio).max(0.0))).collect()
     }
 
     fn shown(&self, best: &Tried) -> Vec<Shown> {
@@ -217,7 +217,7 @@ impl Track {
             if n % every == 0 {
                 let recorded = self.parts[i].z[k];
                 let part = self.parts[i].place;
-                shown.push(Shown { part, row: k, recorded, foreseen: recorded - r, valve: state.valve });
+                shown.push(Shown { part, row: k, recorded, predicted: recorded - r, valve: state.valve });
             }
             n += 1;
         });

@@ -1,7 +1,7 @@
 //! The rows that count, and what a lost motion is worth on them: eight motions in a pass.
 
-use crate::data::record::Signals;
 use crate::data::recorder::{FEWEST_NEW, Moves, Recorder, only_new, span, spike_limit, spikes_in};
+use crate::data::segment::Signals;
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Model};
 
 /// Fewest rows with a position that count.

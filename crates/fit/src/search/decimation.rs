@@ -1,7 +1,7 @@
 //! How many steps a cell may hold for the process to be seen, and where a search begins.
 
 use crate::data::cells::Cells;
-use crate::data::record::{Record, Signals, turns};
+use crate::data::segment::{Segment, Signals, turns};
 use crate::model::structure::Theta;
 use crate::search::screen::{Pilot, pilot};
 use rayon::prelude::*;
@@ -22,11 +22,8 @@ const ANSWERED: f64 = 30.0;
 /// Pieces of the records that are looked at for how slow the process is.
 const PIECES: usize = 3;
 
-/// Steps that one window of a longer record should hold, for its cells to be fine enough for the process; None where [`fit`]
-/// gives none.
-///
-/// [`fit`]: crate::fit
-pub(crate) fn window(record: &Record, sign: f64) -> Option<usize> {
+/// Longest window of a record in which cells are fine enough for the process \[steps\]; None where OP or PV hardly moves.
+pub(crate) fn window(record: &Segment, sign: f64) -> Option<usize> {
     cell(&record.signals(), sign).map(|cell| cell * MOST_CELLS)
 }
 

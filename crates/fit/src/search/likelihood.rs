@@ -1,9 +1,9 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
 use crate::data::cells::{Cells, Positions, Strip};
+use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::{Asked, Delayed, LoadChange, Sides, Sums, Totals, UNKNOWN, Whitened, union};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, wide_enough, widest};
-use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub(crate) struct Point {
     pub(crate) cost: f64,
     /// Static gain (of an integrating process: velocity gain a cell) [PV unit / OP unit].
     pub(crate) kp: f64,
-    pub(crate) lost: LostMotion,
+    pub(crate) lost: BacklashModel,
     /// Variance of the white noise on PV [PV unit²].
     noise: f64,
     /// Σ ε_y·ε_v/S and Σ ε_v²/S, of which the gain is the ratio.
@@ -383,7 +383,7 @@ impl Search<'_> {
     }
 
     /// θ with the variance of its first disturbance that explains most: how restless a load is spans many powers of ten.
-    pub(crate) fn with_best_load_variance(&self, theta: Theta, lost: &LostMotion) -> Theta {
+    pub(crate) fn with_best_load_variance(&self, theta: Theta, lost: &BacklashModel) -> Theta {
         let thetas: [Theta; LANES] = std::array::from_fn(|l| {
             let mut theta = theta;
             theta[self.structure.lags + 1] = 2.5 * l as f64 - 8.0;
@@ -474,6 +474,17 @@ impl Search<'_> {
             });
         }
         (of_y, answers)
+    }
+
+    /// PV as the process alone would make it from rest at the positions of a lost motion; none where the record has none.
+    pub(crate) fn predicted(&self, point: &Point, positions: &Positions) -> Vec<Vec<f64>> {
+        let delay = self.delay(&point.theta);
+        let of = |(stretch, positions): (&Strip, &Vec<f64>)| {
+            let v: Vec<f64> = delayed(positions, delay).iter().map(|v| v * point.kp).collect();
+            let response = self.structure.response(&point.theta, &v);
+            response.iter().zip(&*stretch.y).map(|(x, y)| if y.is_nan() { f64::NAN } else { *x }).collect()
+        };
+        self.record.stretches.iter().zip(positions).map(of).collect()
     }
 
     /// Lanes that a point takes with its derivatives: see [`Search::perturbed`].
@@ -573,7 +584,7 @@ impl Search<'_> {
 
     /// Levenberg–Marquardt from `theta`, at most `rounds` steps, until a step brings less than `enough` of −2·ln L, or as
     /// soon as it is plain that it will not come below `unless`.
-    pub(crate) fn descend(&self, theta: Theta, lost: &LostMotion, rounds: usize, enough: f64, unless: f64) -> Point {
+    pub(crate) fn descend(&self, theta: Theta, lost: &BacklashModel, rounds: usize, enough: f64, unless: f64) -> Point {
         let n = self.record.count as f64;
         let positions = self.record.positions(lost);
         let mut here = self.local(self.structure.bounded(theta, n), &positions, BEGUN);
@@ -611,7 +622,7 @@ impl Search<'_> {
     }
 
     /// The best start of each stretch within the gap at a point, to a few hundredths of the gap; the gain follows.
-    fn placed(&self, point: &Point) -> LostMotion {
+    fn placed(&self, point: &Point) -> BacklashModel {
         let lost = &point.lost;
         let mut best = lost.clone();
         let (mut yv, mut vv) = point.products;
@@ -663,7 +674,7 @@ impl Search<'_> {
 
     /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
     /// another beginning is left where it is.
-    pub(crate) fn from(&self, beginnings: &[(Theta, LostMotion)], rounds: usize, enough: f64, unless: f64) -> Point {
+    pub(crate) fn from(&self, beginnings: &[(Theta, BacklashModel)], rounds: usize, enough: f64, unless: f64) -> Point {
         let mut unless = unless;
         let ends = beginnings.iter().map(|(theta, lost)| {
             let mut point = self.descend(*theta, lost, rounds, enough, unless);
@@ -692,15 +703,10 @@ pub(crate) struct Elsewhere<'s> {
 impl<'s> Elsewhere<'s> {
     pub(crate) fn new(search: &Search<'s>, theta: &Theta, positions: &Positions) -> Self {
         let delay = search.delay(theta);
-        let part = delay - delay.floor();
-        let mut shifted = Vec::new();
-        let sides = search.record.stretches.iter().zip(positions).map(|(stretch, positions)| {
-            shifted.clear();
-            shift(positions, delay, &mut shifted);
-            let v = shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect();
-            Sides::new(stretch.y.clone(), v, &stretch.changes)
-        });
-        let sides: Vec<Sides> = sides.collect();
+        let sides = |(stretch, positions): (&Strip, &Vec<f64>)| {
+            Sides::new(stretch.y.clone(), delayed(positions, delay), &stretch.changes)
+        };
+        let sides: Vec<Sides> = search.record.stretches.iter().zip(positions).map(sides).collect();
         let changes = search.record.stretches.iter().map(|stretch| stretch.changes.clone()).collect();
         let mut all = Self { search: *search, theta: *theta, changes, sides, totals: Vec::new() };
         if all.sides.len() > 1 {
@@ -798,6 +804,13 @@ fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
     shifted.resize(from + v.len() + 1, v[v.len() - 1]);
 }
 
+/// `v` so many cells late.
+fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
+    let (mut shifted, part) = (Vec::new(), delay - delay.floor());
+    shift(v, delay, &mut shifted);
+    shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect()
+}
+
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     // Four sums at once: the order is stated, so that every machine gets the same bits.
     let mut sums = [0.0; 4];
@@ -853,7 +866,7 @@ mod tests {
         let record = Cells::new(&[(&y, &u)], 1).with_changes(vec![vec![120.3]]);
         let search = Search { record: &record, structure, sign: 1.0 };
         let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
-        let positions = record.positions(&LostMotion::gap(0.1, 1));
+        let positions = record.positions(&BacklashModel::gap(0.1, 1));
         let mut workspace = Workspace::default();
         let pass = Pass {
             search: &search,
@@ -883,7 +896,7 @@ mod tests {
                 if forget {
                     WORKSPACE.take();
                 }
-                let positions = record.positions(&LostMotion::gap(d, 2));
+                let positions = record.positions(&BacklashModel::gap(d, 2));
                 search.innovations(&thetas, search.lanes(), &positions, Wanted::Residuals, |found| {
                     let of_all = found.residual.iter().flat_map(|r| r.map(f64::to_bits));
                     of_all.chain(found.sums.yv.map(f64::to_bits)).collect::<Vec<u64>>()
@@ -928,12 +941,12 @@ mod tests {
         let structure = of_two_lags(Noise::Input);
         let search = Search { record: &record, structure, sign: 1.0 };
         let theta = structure.beginning(8.0, 2.4);
-        let point = search.descend(theta, &LostMotion::gap(0.5, 1), 0, 0.1, f64::INFINITY);
+        let point = search.descend(theta, &BacklashModel::gap(0.5, 1), 0, 0.1, f64::INFINITY);
         let places = Lanes::each(|l| l as f64 / 7.0);
         let stretch = &record.stretches[0];
         let sums = search.beginnings(&point, 0, &stretch.positions_from(&point.lost, 1, 150)(&places));
         for l in 0..LANES {
-            let lost = LostMotion { start: vec![places[l]], ..point.lost.clone() };
+            let lost = BacklashModel { start: vec![places[l]], ..point.lost.clone() };
             let of_one = |found: &Innovations| (found.sums.yv[0], found.sums.vv[0]);
             let thetas = [point.theta; LANES];
             let (yv, vv) = search.innovations(&thetas, 1, &record.positions(&lost), Wanted::Sums, of_one);
@@ -956,7 +969,7 @@ mod tests {
                 let structure = Structure { lags, integrating, noise };
                 let search = Search { record: &record, structure, sign: 1.0 };
                 let theta = structure.beginning(8.0, 2.4);
-                let positions = record.positions(&LostMotion::gap(0.2, 2));
+                let positions = record.positions(&BacklashModel::gap(0.2, 2));
                 let of_pass = |marks: &[Vec<f64>]| {
                     let record = record.with_changes(marks.to_vec());
                     Search { record: &record, structure, sign: 1.0 }.at(&theta, &positions).sum[0]

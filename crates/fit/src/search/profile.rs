@@ -1,7 +1,7 @@
 //! The likelihood over the width d: where it is greatest, how far it stays near, what it is without a gap.
 
 use crate::data::cells::Cells;
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{Point, Search, dot, solve};
 use crate::search::screen::FINE_TOLERANCE;
@@ -24,17 +24,17 @@ const STEEP: f64 = 6.0;
 const FINER: f64 = 10.0;
 
 impl Profile {
-    /// Every width of `widths` (rising) with a lost motion that is otherwise like `lost`, begun from its neighbours on both sides
-    /// and each fourth also from `seeds`; `rounds` and `enough` as in [`Search::descend`].
+    /// Profile over `widths` (rising), with all else of the valve as in `lost`. Each search begins from the neighbours on both
+    /// sides, each fourth also from `seeds`; `rounds` and `enough` as in [`Search::descend`].
     pub(crate) fn over(
         search: &Search,
         widths: &[f64],
-        lost: &LostMotion,
+        lost: &BacklashModel,
         seeds: &[Theta],
         rounds: usize,
         enough: f64,
     ) -> Self {
-        let at = |d: f64| LostMotion { d, ..lost.clone() };
+        let at = |d: f64| BacklashModel { d, ..lost.clone() };
         let mut points: Vec<Point> = Vec::with_capacity(widths.len());
         for (i, &d) in widths.iter().enumerate() {
             let mut beginnings = Vec::new();
@@ -95,7 +95,7 @@ impl Profile {
     }
 
     /// The cost at a width, on a line between those beside it; None beyond the first and the last.
-    pub(crate) fn foreseen(&self, d: f64) -> Option<f64> {
+    pub(crate) fn interpolated_cost(&self, d: f64) -> Option<f64> {
         let after = self.points.partition_point(|p| p.lost.d < d);
         let right = self.points.get(after)?;
         if right.lost.d == d {
@@ -114,7 +114,7 @@ impl Profile {
         }
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|i| self.points.get(i));
         let better = near.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("a profile has points");
-        let lost = LostMotion { d, ..better.lost.clone() };
+        let lost = BacklashModel { d, ..better.lost.clone() };
         let point = search.from(&[(better.theta, lost)], rounds, 1e-3, f64::INFINITY);
         let cost = point.cost;
         self.points.insert(after, point);
@@ -242,12 +242,12 @@ impl Profile {
 /// How much less the record tells of d than the likelihood believes, 0 to 1: the variance of the slope of ln L by d that
 /// equally spread, uncorrelated innovations would give, over the one seen (Bartlett's window of 5 cells). Below 1 where
 /// the innovations are larger just where d matters, as at the reversals of a valve that the model does not quite fit.
-pub(crate) fn trust(search: &Search, point: &Point, step: f64) -> f64 {
+pub(crate) fn information_ratio(search: &Search, point: &Point, step: f64) -> f64 {
     let record: &Cells = search.record;
     let positions = record.positions(&point.lost);
     let (residual, others) = search.slopes(&point.theta, &positions);
     let moved = |by: f64| {
-        let lost = LostMotion { d: (point.lost.d + by).max(0.0), ..point.lost.clone() };
+        let lost = BacklashModel { d: (point.lost.d + by).max(0.0), ..point.lost.clone() };
         search.at(&point.theta, &record.positions(&lost)).lane(0)
     };
     let (up, down) = (moved(step), moved(-step.min(point.lost.d)));

@@ -2,7 +2,7 @@
 
 use crate::data::cells::Cells;
 use crate::loads::changes::Load;
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::profile::Profile;
@@ -46,7 +46,7 @@ fn multistart(record: &Cells, sign: f64, structure: Structure) -> Pilot {
     let search = Search { record, structure, sign };
     let n = record.count as f64;
     let begin = |part: f64, t: f64, dead: f64| {
-        let lost = LostMotion::gap(part * record.range, record.stretches.len());
+        let lost = BacklashModel::gap(part * record.range, record.stretches.len());
         search.descend(
             search.with_best_load_variance(structure.beginning(t, dead), &lost),
             &lost,
@@ -135,7 +135,7 @@ pub(crate) fn screen(record: &Cells, seeds: &[Theta], sign: f64, near: f64, load
     let of = |structure| Search { record, structure, sign };
     let coarse = [0.0, 0.015, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
     let coarse = with_width(&coarse, near);
-    let gap = LostMotion::gap(0.0, record.stretches.len());
+    let gap = BacklashModel::gap(0.0, record.stretches.len());
     let begin = |structure: Structure| {
         // The seeds are of two lags; the other families start from the best of them.
         let most = if structure.lags == PILOT.lags { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
@@ -223,7 +223,7 @@ pub(crate) fn full_profile(search: &Search, look: &Profile) -> Profile {
     let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
     let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
     seeds.dedup();
-    let gap = LostMotion::gap(0.0, search.record.stretches.len());
+    let gap = BacklashModel::gap(0.0, search.record.stretches.len());
     let widths = with_width(&fine.map(|part| part * range), look.points[look.best].lost.d);
     let mut profile = Profile::over(search, &widths, &gap, &seeds, 4, FINE_TOLERANCE);
     // A gap that is narrow against all that OP does has a narrow valley.

@@ -1,6 +1,6 @@
 //! A relay experiment between controller and valve.
 
-use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Unknown, Work, open, switch};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Unknown, Work, open, switch};
 use crate::SimError;
 use glapp_core::auto_tuner::Found;
 use glapp_core::modules::{self, AutoTunerState};
@@ -22,9 +22,9 @@ pub(super) static KIND: Kind = Kind {
     ]],
     commands: &["run"],
     variables: &[&["phase", "stop", "ku", "tu", "kp", "kappa"]],
-    ..Kind::plain("AutoTuner", |m, place| {
-        let max_h = max_h(m, place);
-        Ok(Box::new(AutoTuner { block: block(m, place)?, max_h, state: AutoTunerState::default() }))
+    ..Kind::plain("AutoTuner", |m, context| {
+        let max_h = max_h(m, context);
+        Ok(Box::new(AutoTuner { block: block(m, context)?, max_h, state: AutoTunerState::default() }))
     })
 };
 
@@ -35,18 +35,18 @@ struct AutoTuner {
 }
 
 /// A longer time between scans ends it \[s\].
-fn max_h(m: &Module, place: Place) -> f64 {
-    m.known("max_h").unwrap_or(3.0 * place.h)
+fn max_h(m: &Module, context: Context) -> f64 {
+    m.known("max_h").unwrap_or(3.0 * context.h)
 }
 
-fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> {
+fn block(m: &Module, context: Context) -> Result<modules::AutoTuner<f64>, SimError> {
     let settings = AutoTunerSettings {
         amplitude: m.value("amplitude"),
         relay_hysteresis: m.known("relay_hysteresis"),
         d: m.value("d"),
         wait: m.value("wait"),
         longest: m.value("longest"),
-        max_h: max_h(m, place),
+        max_h: max_h(m, context),
         pv: (m.value("pv_low"), m.value("pv_high")),
         op: (m.value("op_low"), m.value("op_high")),
     };
@@ -79,9 +79,9 @@ impl Work for AutoTuner {
         [self.block.backward(&mut self.state, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
-    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
-        self.block = block(to, place)?;
-        self.max_h = max_h(to, place);
+    fn change(&mut self, to: &Module, context: Context) -> Result<(), SimError> {
+        self.block = block(to, context)?;
+        self.max_h = max_h(to, context);
         Ok(())
     }
 

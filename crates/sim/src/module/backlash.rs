@@ -1,6 +1,6 @@
 //! A gap.
 
-use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Unknown, Work, passed};
+use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Unknown, Work, passed};
 use crate::SimError;
 use glapp_core::{BacklashState, Backward, Forward};
 
@@ -31,7 +31,7 @@ impl Work for Backlash {
         passed(back)
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The detector, beside a controller.
 
 use super::{
-    BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Unknown, Work, compensation, open,
+    BackwardSignals, Context, Inputs, Is, Kind, MOST_INPUTS, Module, Required, Unknown, Work, compensation, open,
 };
 use crate::SimError;
 use glapp_core::modules::{
@@ -37,12 +37,12 @@ pub(super) static KIND: Kind = Kind {
     ],
     commands: &["compensate"],
     variables: &[&["error"], compensation::VARIABLES, compensation::INNER],
-    ..Kind::plain("BacklashDetection", |m, place| {
-        Ok(if place.has(&KIND, "flags") {
-            let block = modules::ForeignDetection::new(foreign(m, place)?)?;
-            Box::new(Beside { block, place, state: ForeignDetectionState::default() })
+    ..Kind::plain("BacklashDetection", |m, context| {
+        Ok(if context.has(&KIND, "flags") {
+            let block = modules::ForeignDetection::new(foreign(m, context)?)?;
+            Box::new(Beside { block, context, state: ForeignDetectionState::default() })
         } else {
-            let block = modules::BacklashDetection::new(settings(m, place)?)?;
+            let block = modules::BacklashDetection::new(settings(m, context)?)?;
             Box::new(BacklashDetection { block, state: BacklashDetectionState::default() })
         })
     })
@@ -57,12 +57,12 @@ struct BacklashDetection {
 /// Beside one that is not ours.
 struct Beside {
     block: modules::ForeignDetection<f64>,
-    place: Place,
+    context: Context,
     state: ForeignDetectionState<f64>,
 }
 
-fn settings(m: &Module, place: Place) -> Result<BacklashDetectionSettings<f64>, ParameterError> {
-    let usual = DetectorSettings::new(m.value("k"), m.value("ti"), m.value("td"), place.h);
+fn settings(m: &Module, context: Context) -> Result<BacklashDetectionSettings<f64>, ParameterError> {
+    let usual = DetectorSettings::new(m.value("k"), m.value("ti"), m.value("td"), context.h);
     let detector = DetectorSettings {
         b: m.value("b"),
         kp: m.known("kp"),
@@ -78,8 +78,8 @@ fn settings(m: &Module, place: Place) -> Result<BacklashDetectionSettings<f64>, 
     Ok(BacklashDetectionSettings { detector, compensation: compensation::settings(m)? })
 }
 
-fn foreign(m: &Module, place: Place) -> Result<ForeignDetectionSettings<f64>, ParameterError> {
-    let usual = ForeignDetectionSettings::new(settings(m, place)?);
+fn foreign(m: &Module, context: Context) -> Result<ForeignDetectionSettings<f64>, ParameterError> {
+    let usual = ForeignDetectionSettings::new(settings(m, context)?);
     let delay = m.whole("ff_delay")?;
     Ok(ForeignDetectionSettings { delay, tolerance: m.known("ff_tolerance"), longest: m.known("ff_longest"), ..usual })
 }
@@ -103,9 +103,9 @@ impl Work for BacklashDetection {
         [open(); MOST_INPUTS]
     }
 
-    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, context: Context) -> Result<(), SimError> {
         compensation::not_taken_away(to, &self.state)?;
-        self.block = modules::BacklashDetection::new(settings(to, place)?)?;
+        self.block = modules::BacklashDetection::new(settings(to, context)?)?;
         Ok(())
     }
 
@@ -136,7 +136,7 @@ fn status(told: Forward<f64>) -> Status {
 
 impl Work for Beside {
     fn forward(&mut self, &[sp, pv, op, flags, u_ff]: &Inputs, h: f64) -> Forward<f64> {
-        let connected = |input, value| self.place.has(&KIND, input).then_some(value);
+        let connected = |input, value| self.context.has(&KIND, input).then_some(value);
         let read = Read { op: connected("op", op), flags: status(flags), u_ff: connected("u_ff", u_ff) };
         self.block.update(&mut self.state, sp, pv, &read, h)
     }
@@ -145,8 +145,8 @@ impl Work for Beside {
         [open(); MOST_INPUTS]
     }
 
-    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
-        self.block = modules::ForeignDetection::new(foreign(to, place)?)?;
+    fn change(&mut self, to: &Module, context: Context) -> Result<(), SimError> {
+        self.block = modules::ForeignDetection::new(foreign(to, context)?)?;
         Ok(())
     }
 

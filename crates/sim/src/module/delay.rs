@@ -1,6 +1,6 @@
 //! Communication that takes its time.
 
-use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Work, passed};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Work, passed};
 use crate::SimError;
 use crate::error::require;
 use glapp_core::{Backward, Forward};
@@ -39,7 +39,7 @@ impl Work for Delay {
         passed(back)
     }
 
-    fn change(&mut self, _to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, _to: &Module, _context: Context) -> Result<(), SimError> {
         Ok(())
     }
 }

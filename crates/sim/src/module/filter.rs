@@ -1,6 +1,6 @@
 //! Second-order low-pass filter.
 
-use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Work, passed};
+use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Work, passed};
 use crate::SimError;
 use glapp_core::{Backward, Forward, SecondOrderFilter, SecondOrderFilterState};
 
@@ -29,7 +29,7 @@ impl Work for Filter2P {
         passed(back)
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
     }

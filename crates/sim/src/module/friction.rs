@@ -1,6 +1,6 @@
 //! A valve that sticks and slips.
 
-use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Unknown, Work, passed};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Unknown, Work, passed};
 use crate::valve::Moving;
 use crate::{SimError, Stem, StemModel, Valve};
 use glapp_core::status::BAD;
@@ -9,14 +9,14 @@ use glapp_core::{Backward, Forward, FrictionState, Model};
 pub(super) static KIND: Kind = Kind {
     parameters: &[&[("s", Required), ("j", Required), ("model", Is(1.0)), ("start", Unknown)]],
     beginnings: &["start"],
-    ..Kind::plain("Friction", |m, place| {
+    ..Kind::plain("Friction", |m, context| {
         let block = block(m)?;
         Ok(match model(m)? {
             Some(_) => Box::new(Friction { block, state: m.known("start").map(FrictionState::at) }),
             None => Box::new(Mechanism {
                 valve: valve(m),
-                h: place.h,
-                moving: m.known("start").map(|start| valve(m).at_rest(start, place.h)).transpose()?,
+                h: context.h,
+                moving: m.known("start").map(|start| valve(m).at_rest(start, context.h)).transpose()?,
             }),
         })
     })
@@ -70,7 +70,7 @@ impl Work for Friction {
         passed(back)
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
     }
@@ -93,11 +93,11 @@ impl Work for Mechanism {
     }
 
     /// A stem that moves comes to rest where it is.
-    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, context: Context) -> Result<(), SimError> {
         block(to)?;
         let valve = valve(to);
         let stands = self.moving.as_ref().map(Moving::position);
-        self.moving = stands.map(|at| valve.at_rest(at, place.h)).transpose()?;
+        self.moving = stands.map(|at| valve.at_rest(at, context.h)).transpose()?;
         self.valve = valve;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! A value from outside.
 
-use super::{BACKWARD, BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Work, backward_named, open};
+use super::{BACKWARD, BackwardSignals, Context, Inputs, Is, Kind, MOST_INPUTS, Module, Work, backward_named, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward, ParameterError};
 
@@ -28,7 +28,7 @@ impl Work for Input {
         [open(); MOST_INPUTS]
     }
 
-    fn change(&mut self, _to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, _to: &Module, _context: Context) -> Result<(), SimError> {
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Uniform noise.
 
-use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Work, passed};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Work, passed};
 use crate::SimError;
 use glapp_core::{Backward, Forward, NoiseState};
 
@@ -31,7 +31,7 @@ impl Work for Noise {
         passed(back)
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! A value to outside.
 
-use super::{BACKWARD, BackwardSignals, Inputs, Kind, Module, Place, Work, backward_named, passed};
+use super::{BACKWARD, BackwardSignals, Context, Inputs, Kind, Module, Work, backward_named, passed};
 use crate::SimError;
 use glapp_core::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
 use glapp_core::{Backward, Forward, ParameterError};
@@ -27,7 +27,7 @@ impl Work for Output {
         passed(Some(self.says))
     }
 
-    fn change(&mut self, _to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, _to: &Module, _context: Context) -> Result<(), SimError> {
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Phase-lead compensator.
 
-use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Unknown, Work, open};
+use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Unknown, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward, PhaseLeadState};
 
@@ -31,7 +31,7 @@ impl Work for PhaseLead {
         [self.block.backward(&mut self.state, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
     }

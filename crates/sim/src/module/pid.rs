@@ -1,6 +1,6 @@
 //! The controller.
 
-use super::{BackwardSignals, Inputs, Is, Kind, Module, Parameter, Place, Required, Unknown, Work, open};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Parameter, Required, Unknown, Work, open};
 use crate::SimError;
 use glapp_core::modules::{self, Mode, PidSettings, PidState};
 use glapp_core::{Backward, Forward, ParameterError};
@@ -13,9 +13,9 @@ pub(super) static KIND: Kind = Kind {
     beginnings: BEGINNINGS,
     commands: &["mode", "sp", "manual"],
     variables: &[VARIABLES],
-    ..Kind::plain("Pid", |m, place| {
+    ..Kind::plain("Pid", |m, context| {
         let block = modules::Pid::new(settings(m))?;
-        let (start, mode) = (m.value("start"), mode(place));
+        let (start, mode) = (m.value("start"), mode(context));
         let mut state = m.known("start_pv").map_or(PidState::at(start), |y| block.at_rest(mode, y, start));
         state.mode = mode;
         Ok(Box::new(Pid { block, state }))
@@ -46,8 +46,8 @@ struct Pid {
 }
 
 /// Where a setpoint is connected, it begins with that.
-pub(super) fn mode(place: Place) -> Mode {
-    if place.connected[1] { Mode::External } else { Mode::Auto }
+pub(super) fn mode(context: Context) -> Mode {
+    if context.connected[1] { Mode::External } else { Mode::Auto }
 }
 
 pub(super) fn settings(m: &Module) -> PidSettings<f64> {
@@ -103,7 +103,7 @@ impl Work for Pid {
         [open(), sp, ff, open(), open()]
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = modules::Pid::new(settings(to))?;
         Ok(())
     }

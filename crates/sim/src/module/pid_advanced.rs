@@ -1,7 +1,7 @@
 //! The controller with the detector inside.
 
 use super::{
-    BackwardSignals, Inputs, Is, Kind, Module, Parameter, Place, Unknown, Work, auto_tuner, compensation, open, pid,
+    BackwardSignals, Context, Inputs, Is, Kind, Module, Parameter, Unknown, Work, auto_tuner, compensation, open, pid,
     switch,
 };
 use crate::SimError;
@@ -35,13 +35,13 @@ pub(super) static KIND: Kind = Kind {
         compensation::INNER,
         &["tune_phase", "tune_stop", "tune_ku", "tune_tu", "tune_kp", "tune_kappa", "tune_k", "tune_ti", "tune_td"],
     ],
-    ..Kind::plain("PidAdvanced", |m, place| {
+    ..Kind::plain("PidAdvanced", |m, context| {
         let block = block(m)?;
-        let (start, mode) = (m.value("start"), pid::mode(place));
+        let (start, mode) = (m.value("start"), pid::mode(context));
         let at_rest = |y| block.at_rest(mode, y, start);
         let mut state = m.known("start_pv").map_or(PidAdvancedState::at(start), at_rest);
         state.pid.mode = mode;
-        Ok(Box::new(PidAdvanced { block, state, h: place.h }))
+        Ok(Box::new(PidAdvanced { block, state, h: context.h }))
     })
 };
 
@@ -132,7 +132,7 @@ impl Work for PidAdvanced {
         [open(), sp, ff, open(), open()]
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         compensation::not_taken_away(to, &self.state.detection)?;
         let wanted = block(to)?;
         let running = self.state.tuner.experiment.phase.is_running();

@@ -1,6 +1,6 @@
 //! An exact plant of any order.
 
-use super::{BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Unknown, Work, open};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, MOST_INPUTS, Module, Unknown, Work, open};
 use crate::SimError;
 use crate::engine::{Process, process_at_rest};
 use glapp_core::{Backward, Forward};
@@ -11,9 +11,9 @@ pub(super) static KIND: Kind = Kind {
     is_delay: true,
     parameters: &[&[("h", Unknown), ("start", Is(0.0))]],
     beginnings: &["h", "start"],
-    ..Kind::plain("Plant", |m, place| {
+    ..Kind::plain("Plant", |m, context| {
         let plant = m.plant.as_ref().ok_or(SimError::Plant("a Plant is made with its transfer function"))?;
-        let (y, held, process) = process_at_rest(plant, m.own_h().unwrap_or(place.h), m.value("start"))?;
+        let (y, held, process) = process_at_rest(plant, m.own_h().unwrap_or(context.h), m.value("start"))?;
         Ok(Box::new(Plant { process, y, held }))
     })
 };
@@ -44,7 +44,7 @@ impl Work for Plant {
         [open(); MOST_INPUTS]
     }
 
-    fn change(&mut self, _to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, _to: &Module, _context: Context) -> Result<(), SimError> {
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! Two lags and a dead time.
 
-use super::{BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Unknown, Work, open};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, MOST_INPUTS, Module, Required, Unknown, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward, modules};
 
@@ -20,8 +20,8 @@ pub(super) static KIND: Kind = Kind {
         ("start", Is(0.0)),
     ]],
     beginnings: &["h", "start"],
-    ..Kind::plain("ProcessSim", |m, place| {
-        let block = block(m, place)?;
+    ..Kind::plain("ProcessSim", |m, context| {
+        let block = block(m, context)?;
         let state = modules::ProcessSimState::at_rest(m.value("start") / m.value("gain"));
         Ok(Box::new(ProcessSim { block, state }))
     })
@@ -32,8 +32,8 @@ struct ProcessSim {
     state: modules::ProcessSimState<f64, MEMORY>,
 }
 
-fn block(m: &Module, place: Place) -> Result<modules::ProcessSim<f64, MEMORY>, SimError> {
-    let h = m.own_h().unwrap_or(place.h);
+fn block(m: &Module, context: Context) -> Result<modules::ProcessSim<f64, MEMORY>, SimError> {
+    let h = m.own_h().unwrap_or(context.h);
     let value = |name| m.value(name);
     Ok(modules::ProcessSim::new(value("gain"), value("t1"), value("t2"), value("dead_time"), h)?)
 }
@@ -53,8 +53,8 @@ impl Work for ProcessSim {
         [open(); MOST_INPUTS]
     }
 
-    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
-        self.block = block(to, place)?;
+    fn change(&mut self, to: &Module, context: Context) -> Result<(), SimError> {
+        self.block = block(to, context)?;
         Ok(())
     }
 }

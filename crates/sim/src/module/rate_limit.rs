@@ -1,6 +1,6 @@
 //! Speed of an actuator.
 
-use super::{BackwardSignals, Inputs, Is, Kind, Module, Place, Required, Unknown, Work, open, passed, switch};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Unknown, Work, open, passed, switch};
 use crate::SimError;
 use glapp_core::{Backward, Forward, RateLimitState};
 
@@ -39,7 +39,7 @@ impl Work for RateLimit {
         [self.block.backward(&self.state, self.last, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         (self.block, self.told) = block(to)?;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The steps of a converter.
 
-use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Work, passed};
+use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Work, passed};
 use crate::SimError;
 use crate::error::require;
 use glapp_core::{Backward, Forward};
@@ -34,7 +34,7 @@ impl Work for Resolution {
         passed(back)
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.step = step(to)?;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! End positions of an actuator.
 
-use super::{BackwardSignals, Inputs, Kind, Module, Place, Required, Work, open};
+use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward};
 
@@ -28,7 +28,7 @@ impl Work for Saturation {
         [self.block.backward(self.last, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Pushes for a valve that sticks, at a controller's feed-forward.
 
-use super::{BackwardSignals, Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Unknown, Work, open, switch};
+use super::{BackwardSignals, Context, Inputs, Is, Kind, MOST_INPUTS, Module, Required, Unknown, Work, open, switch};
 use crate::SimError;
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{
@@ -90,7 +90,7 @@ impl Work for Stiction {
         [open(); MOST_INPUTS]
     }
 
-    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The sum of two signals.
 
-use super::{BackwardSignals, Inputs, Kind, Module, Place, Work, open};
+use super::{BackwardSignals, Context, Inputs, Kind, Module, Work, open};
 use crate::SimError;
 use glapp_core::{Backward, Forward};
 
@@ -28,7 +28,7 @@ impl Work for Sum {
         [beside(self.last[1]), beside(self.last[0]), open(), open(), open()]
     }
 
-    fn change(&mut self, _to: &Module, _place: Place) -> Result<(), SimError> {
+    fn change(&mut self, _to: &Module, _context: Context) -> Result<(), SimError> {
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ use crate::common::{Block, Case, Draw, Number, cases, compare, compensate, detec
 use glapp_core::modules::{self, Backward, Mode, PidSettings};
 use glapp_core::status::AT_HIGH;
 use glapp_core::{
-    CompensationSettings, Conditions, Correction, CorrectionState, HalfPeriod, Pair, Record, Way, corrected,
+    CompensationSettings, Conditions, Correction, CorrectionState, HalfPeriod, HalfPeriodResult, Pair, Way, corrected,
 };
 use glapp_plc_check::Build;
 use serde_json::json;
@@ -766,7 +766,7 @@ fn pairs<R: Number>(cover: &mut Cover) {
             if x[3] != 0.0 {
                 let (sign, flags) = (x[3] as i8, x[4] as u16);
                 let half = HalfPeriod { sign, flags, delta_y: R::of(x[6]), ..HalfPeriod::default() };
-                core.end(&mut state, &Record { half, mask: x[5] as u16, ..Record::default() });
+                core.end(&mut state, &HalfPeriodResult { half, mask: x[5] as u16, ..HalfPeriodResult::default() });
             }
             if x[7] != 0.0 {
                 core.interrupt(&mut state);

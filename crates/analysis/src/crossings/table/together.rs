@@ -1,7 +1,7 @@
 //! Many loops side by side.
 
 use super::{Crossings, Row};
-use glapp_core::{Columns, Detector, DetectorState, LANES, Lanes, Record, Span};
+use glapp_core::{Columns, Detector, DetectorState, HalfPeriodResult, LANES, Lanes, Span};
 use glapp_lanes::{Instructions, Sided};
 use std::array;
 
@@ -34,7 +34,7 @@ impl Crossings {
     }
 
     #[inline(never)]
-    fn end(&mut self, span: Span, record: &Record<f64>) {
+    fn end(&mut self, span: Span, record: &HalfPeriodResult<f64>) {
         self.short.keep(&mut self.rows, &mut self.reasons, Row { span, record: *record, swing: None, passed: 0.0 });
     }
 }

@@ -1,6 +1,6 @@
 //! Many samples at once: the same law, the same bits, with nearly all samples passed over in a loop that stays in registers.
 
-use super::{Detector, DetectorState, Memory, Record, Signal};
+use super::{Detector, DetectorState, HalfPeriodResult, Memory, Signal};
 use crate::status::{BAD, Status};
 use crate::{Real, SecondOrderFilterState, Sum};
 
@@ -72,7 +72,7 @@ impl<R: Real> Detector<R> {
         &self,
         state: &mut DetectorState<R>,
         columns: Columns<'_, R>,
-        mut ended: impl FnMut(Span, &Record<R>),
+        mut ended: impl FnMut(Span, &HalfPeriodResult<R>),
         mut seen: impl FnMut(usize, Option<R>),
     ) {
         let (ended, seen) = (&mut ended, &mut seen);
@@ -89,7 +89,7 @@ impl<R: Real> Detector<R> {
         &self,
         state: &mut DetectorState<R>,
         columns: Columns<'_, R>,
-        ended: &mut impl FnMut(Span, &Record<R>),
+        ended: &mut impl FnMut(Span, &HalfPeriodResult<R>),
         seen: &mut impl FnMut(usize, Option<R>),
     ) {
         let n = columns.rows();
@@ -126,7 +126,7 @@ impl<R: Real> Detector<R> {
         before: &mut f64,
         start: &mut f64,
         Row { t, sp, pv, op, flags }: Row<R>,
-    ) -> Option<(Span, Record<R>)> {
+    ) -> Option<(Span, HalfPeriodResult<R>)> {
         let h = R::of(t - *before);
         let mut end = t;
         let half;

@@ -4,7 +4,7 @@
 //! half-period ends its lane begins the next, and what ended is put aside: it is judged after the tile, alone. A loop whose signal
 //! breaks takes the tile alone.
 
-use super::{Columns, Detector, DetectorState, Record, Span};
+use super::{Columns, Detector, DetectorState, HalfPeriodResult, Span};
 use crate::detect::half_period::{integrate, widen};
 use crate::signal::{HELD, LEAST_GAIN, VALUES, sections};
 use crate::status::{BAD, Status};
@@ -98,7 +98,7 @@ impl Detector<f64> {
         detectors: &[Self; LANES],
         states: &mut [DetectorState<f64>; LANES],
         columns: &[Columns<'_, f64>; LANES],
-        mut ended: impl FnMut(usize, Span, &Record<f64>),
+        mut ended: impl FnMut(usize, Span, &HalfPeriodResult<f64>),
     ) {
         let with_op = columns.iter().filter(|columns| columns.op.is_some()).count();
         let n = columns.iter().map(Columns::rows).min().unwrap_or(0);
@@ -120,7 +120,7 @@ impl Detector<f64> {
         states: &mut [DetectorState<f64>; LANES],
         columns: &[Columns<'_, f64>; LANES],
         n: usize,
-        ended: &mut impl FnMut(usize, Span, &Record<f64>),
+        ended: &mut impl FnMut(usize, Span, &HalfPeriodResult<f64>),
     ) -> usize {
         let told = Told {
             tf: core::array::from_fn(|l| detectors[l].filter.tf()),
@@ -214,7 +214,7 @@ impl Detector<f64> {
         ended: &Ended,
         l: usize,
         t: f64,
-    ) -> (Span, Record<f64>) {
+    ) -> (Span, HalfPeriodResult<f64>) {
         let signal = &mut state.signal;
         let half = &mut signal.half;
         (half.delta_t, half.integral, half.e_max) = (ended.delta_t[l], ended.integral[l], ended.e_max[l]);

@@ -14,10 +14,10 @@
 //! for a load excites a loop best near the period at which it would swing itself.
 
 use crate::data::cells::{Cells, Strip, crossings};
-use crate::data::record::{Record, Stretch};
+use crate::data::segment::{Segment, Stretch};
 use crate::decide::bootstrap::Draws;
 use crate::decide::thresholds::{LAW, OWN_PERIOD, OWN_SWING};
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{dot, solve};
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState};
@@ -70,13 +70,13 @@ struct Law {
 
 /// None where OP does not swing through the gap often enough, or shows no law that acts against PV.
 pub(crate) fn cycle(
-    rows: &Record,
+    rows: &Segment,
     cells: &Cells,
     structure: Structure,
     theta: &Theta,
     kp: f64,
     sigma: f64,
-    lost: &LostMotion,
+    lost: &BacklashModel,
 ) -> Option<Cycle> {
     let ops: Vec<&[f64]> = cells.stretches.iter().map(Strip::op).collect();
     // What it swings through: half of the width, so that noise at the turns counts no swing twice and a swing little wider than the gap counts.
@@ -167,7 +167,7 @@ fn law(stretches: &[Stretch], m: usize) -> Option<Law> {
 }
 
 /// Where OP takes the valve, from its rest on.
-fn valve(lost: &LostMotion) -> Box<dyn FnMut(f64) -> f64> {
+fn valve(lost: &BacklashModel) -> Box<dyn FnMut(f64) -> f64> {
     if lost.jump() > 0.0 {
         let friction = Friction::new(lost.model, lost.d, lost.jump()).expect("0 ≤ jump ≤ d");
         let mut state = FrictionState::at(0.0);
@@ -201,7 +201,7 @@ impl Process {
     }
 
     /// OP of the loop without a load, from half a swing off its rest on, with PV's noise as the controller sees it.
-    fn run(&self, k: f64, ki: f64, lost: &LostMotion, swing: f64, sigma: f64, steps: usize) -> Vec<f64> {
+    fn run(&self, k: f64, ki: f64, lost: &BacklashModel, swing: f64, sigma: f64, steps: usize) -> Vec<f64> {
         let mut valve = valve(lost);
         let [c, b, a] = self.den;
         let dt = 1.0 / FINE as f64;
@@ -242,7 +242,7 @@ mod tests {
 
     /// SP 0, PV and OP each second of a PI loop round a lag of 60 s with a dead time of 2 s, Euler's rule in steps of a millisecond; the
     /// load goes round a circle in `period` and is `size` large.
-    fn simulated(d: f64, period: f64, size: f64) -> Record<'static> {
+    fn simulated(d: f64, period: f64, size: f64) -> Segment<'static> {
         let (k, ki) = (8.0, 8.0 / 16.0);
         let (mut y, mut sum, mut v, mut u) = (0.0, 0.0, 0.0, 0.0);
         let mut late = vec![0.0; 2000];
@@ -259,20 +259,20 @@ mod tests {
             let load = size * (step as f64 / SECOND / period * std::f64::consts::TAU).sin();
             y += (delayed + load - y) / 60.0 / SECOND;
         }
-        Record {
+        Segment {
             h: 1.0,
             stretches: vec![Stretch { start: 0.0, sp: [].as_slice().into(), pv: pv.into(), op: op.into() }],
         }
     }
 
-    fn witness(record: &Record, d: f64) -> Option<Cycle> {
+    fn witness(record: &Segment, d: f64) -> Option<Cycle> {
         let cells = Cells::new(&record.signals(), 1);
         let structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
         // 60 s and next to nothing.
         let (t1, t2) = (60.0f64, 0.01f64);
         let mut theta = [0.0; MOST];
         (theta[0], theta[1], theta[2]) = ((t1 * t2).sqrt().ln(), ((t1 + t2) / 2.0 / (t1 * t2).sqrt()).ln(), 2.0);
-        cycle(record, &cells, structure, &theta, 1.0, 0.0, &LostMotion::gap(d, 1))
+        cycle(record, &cells, structure, &theta, 1.0, 0.0, &BacklashModel::gap(d, 1))
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub struct Plateau {
     pub rows: f64,
 }
 
-/// What OP's ways through `d` show, PV's answer late by so many steps.
+/// How PV answers OP within a gap of width `d` and after it; PV is taken `late` steps later.
 pub(crate) fn plateau(cells: &Cells, d: f64, kp: f64, late: f64) -> Plateau {
     let mut found = Plateau::default();
     if d <= 0.0 || kp == 0.0 {

@@ -1,7 +1,7 @@
-//! A stretch from both sides: what the cells before a place say, and those behind it, kept at places all along.
+//! A stretch from both sides: what the cells before a checkpoint say, and those behind it, kept at checkpoints all along.
 //!
-//! Changes of the load between two places are then judged by the cells between them (the two-filter form of the smoother, Fraser
-//! and Potter 1969). Before a place stands the Kalman filter's foresight; behind it the likelihood of the states there,
+//! Changes of the load between two checkpoints are then judged by the cells between them (the two-filter form of the smoother, Fraser
+//! and Potter 1969). Before a checkpoint stands the Kalman filter's foresight; behind it the likelihood of the states there,
 //!
 //! ```text
 //! −2·ln L(x) = x'Λx − 2η'x + c + ln|…|
@@ -19,7 +19,7 @@ use std::array;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Cells from one place to the next.
+/// Cells from one checkpoint to the next.
 const STRIDE: usize = 8;
 /// Cells that are rather gone over again than made up for all along.
 const NEARBY: usize = 32;
@@ -27,10 +27,10 @@ const NEARBY: usize = 32;
 const MOST_STATES: usize = 5;
 /// Part of itself below which a pivot of Λ is nothing: that direction is not told.
 const UNTOLD: f64 = 1e-12;
-/// Part of itself by which what is said at a place may differ from what was said there, to be taken for the same.
+/// Part of itself by which what is said at a checkpoint may differ from what was said there, to be taken for the same.
 const SAME: f64 = 1e-10;
 
-/// What the cells before a place say: the covariance, the states of PV and of the answer, and what was summed up.
+/// What the cells before a checkpoint say: the covariance, the states of PV and of the answer, and what was summed up.
 #[derive(Clone, Debug)]
 struct Before {
     p: [[f64; MOST_STATES]; MOST_STATES],
@@ -41,7 +41,7 @@ struct Before {
     log_s: f64,
 }
 
-/// What the cells behind a place say of the states there: Λ, η of PV and of the answer, c of both.
+/// What the cells behind a checkpoint say of the states there: Λ, η of PV and of the answer, c of both.
 #[derive(Clone, Debug, Default)]
 struct Behind {
     lambda: [[f64; MOST_STATES]; MOST_STATES],
@@ -69,7 +69,7 @@ fn alike<const N: usize>(a: &[[f64; MOST_STATES]; MOST_STATES], b: &[[f64; MOST_
     (0..N).all(|i| (i..N).all(|j| (a[i][j] - b[i][j]).powi(2) <= SAME * SAME * a[i][i] * a[j][j]))
 }
 
-/// Whether two columns are the same.
+/// Whether two columns agree within [`SAME`] of the largest element.
 fn near((a, b): (&[f64; MOST_STATES], &[f64; MOST_STATES])) -> bool {
     let most = a.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME * most)
@@ -82,7 +82,7 @@ pub(crate) struct Sides {
     /// The positions, as late as they act.
     v: Vec<f64>,
     changes: Vec<LoadChange>,
-    /// Of each place; empty at first.
+    /// Of each checkpoint; empty at first.
     before: Vec<Before>,
     behind: Vec<Behind>,
     /// Cells in which the changes were others when these were found.
@@ -114,23 +114,23 @@ impl Sides {
         self.stale = Some(cells);
     }
 
-    /// The last place.
+    /// The last checkpoint.
     fn last(&self) -> usize {
         self.y.len().div_ceil(STRIDE)
     }
 
-    /// The cell before which a place lies.
-    fn cell(&self, place: usize) -> usize {
-        (place * STRIDE).min(self.y.len())
+    /// The cell before which a checkpoint lies.
+    fn cell(&self, checkpoint: usize) -> usize {
+        (checkpoint * STRIDE).min(self.y.len())
     }
 
-    /// The place from which the cells of other changes are gone over, and the place up to which.
+    /// The checkpoint from which the cells of other changes are gone over, and the checkpoint up to which.
     fn between(&self, cells: &Range<usize>) -> [usize; 2] {
         let to = (cells.end - 1).max(self.started).div_ceil(STRIDE).min(self.last());
         [(cells.start.saturating_sub(1) / STRIDE).min(to), to]
     }
 
-    /// The changes between the places, in each of the lanes its own.
+    /// The changes between the checkpoints, in each of the lanes its own.
     fn gathered(&self, [from, to]: [usize; 2], tried: &[&[f64]]) -> Vec<LoadChange> {
         let there = self.cell(from) as f64..=self.cell(to) as f64;
         let within = tried.iter().map(|times| {
@@ -215,7 +215,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         Totals { sums: going.sums.lanes(), log_s: going.log_s.lanes() }
     }
 
-    /// What is said at each place: at all of them, or as far as it is stale.
+    /// What is said at each checkpoint: at all of them, or as far as it is stale.
     #[inline(always)]
     fn fill(&self, sides: &mut Sides) {
         let stale = sides.stale.take();
@@ -240,11 +240,11 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         sides.behind = vec![Behind::default(); sides.last() + 1];
     }
 
-    /// What is before each place behind this one; from the cell `settled` on only until it is what it was, but for what it sums up.
+    /// What is before each checkpoint behind this one; from the cell `settled` on only until it is what it was, but for what it sums up.
     #[inline(always)]
-    fn fill_before(&self, sides: &mut Sides, place: usize, settled: usize) {
-        let mut going = self.resumed(&sides.before[place]);
-        for next in place + 1..=sides.last() {
+    fn fill_before(&self, sides: &mut Sides, checkpoint: usize, settled: usize) {
+        let mut going = self.resumed(&sides.before[checkpoint]);
+        for next in checkpoint + 1..=sides.last() {
             self.go_on(&mut going, sides.cell(next - 1)..sides.cell(next), &sides.y, &sides.v, &sides.changes);
             let (before, now) = (&sides.before[next], going.before());
             if sides.cell(next) >= settled && now.same::<N>(before) {
@@ -260,12 +260,12 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
     }
 
-    /// The same for what is behind each place before this one.
+    /// The same for what is behind each checkpoint before this one.
     #[inline(always)]
-    fn fill_behind(&self, sides: &mut Sides, place: usize, settled: usize) {
+    fn fill_behind(&self, sides: &mut Sides, checkpoint: usize, settled: usize) {
         let process = self.first();
-        let mut going = Back::<N, MORE>::from(&sides.behind[place]);
-        for next in (0..place).rev() {
+        let mut going = Back::<N, MORE>::from(&sides.behind[checkpoint]);
+        for next in (0..checkpoint).rev() {
             let cells = sides.cell(next)..sides.cell(next + 1);
             let at = sides.changes.partition_point(|change| change.cell <= cells.end);
             let mut changes = sides.changes[..at].iter().rev().peekable();
@@ -296,7 +296,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         self.reached(Wide::load(self.simd, &change.before)).map(|reached| size * reached.lanes()[0])
     }
 
-    /// From a place on, the first model in all lanes.
+    /// From a checkpoint on, the first model in all lanes.
     #[inline(always)]
     fn resumed(&self, before: &Before) -> Going<S, R, N> {
         let all = |x| Wide::all(self.simd, x);
@@ -443,7 +443,7 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
         Self { lambda, eta, rest: behind.rest, log_s: behind.log_s, grown: 1.0 }
     }
 
-    /// At a place.
+    /// At a checkpoint.
     #[inline(always)]
     fn behind(&mut self) -> Behind {
         self.log_s += std::mem::replace(&mut self.grown, 1.0).ln();

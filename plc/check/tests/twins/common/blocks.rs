@@ -4,8 +4,8 @@
 use super::{Block, Case, Number, Scan};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::{
-    Conditions, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, NoiseLevel, Reason, Record, SafetyNet,
-    SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
+    Conditions, HalfPeriod, HalfPeriodResult, HalfPeriodState, MedianMean, MedianMeanState, NoiseLevel, Reason,
+    SafetyNet, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
 };
 
 pub const BLOCKS: [&str; 7] =
@@ -231,7 +231,7 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
 }
 
 /// A record as the core has it: what the vectors have, and the rest of it.
-pub fn record_of<R: Number>(record: &Record<R>) -> Vec<f64> {
+pub fn record_of<R: Number>(record: &HalfPeriodResult<R>) -> Vec<f64> {
     let or_nan = |x: Option<R>| x.map_or(f64::NAN, R::as_f64);
     let mut row = vec![f64::from(record.half.sign)];
     row.extend(half_of(&record.half));

@@ -7,8 +7,8 @@ use super::{Block, Case, Draw, Number, Scan, remembered};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Correction, CorrectionState, HalfPeriod,
-    OverCompensation, OverCompensationState, PARAMETERS, ParameterError, Record, Saturation, Source, Standing, Swing,
-    SwingState, Way, WrongSign, WrongSignState,
+    HalfPeriodResult, OverCompensation, OverCompensationState, PARAMETERS, ParameterError, Saturation, Source,
+    Standing, Swing, SwingState, Way, WrongSign, WrongSignState,
 };
 
 pub const BLOCKS: [&str; 3] = ["over_compensation", "wrong_sign", "compensation"];
@@ -160,7 +160,7 @@ pub fn core<R: Number>(block: &str, case: &Case) -> Scan {
                 if x[3] != 0.0 {
                     let (sign, flags, mask) = (x[3] as i8, x[4] as u16, x[5] as u16);
                     let half = HalfPeriod { sign, flags, delta_y: r(x[6]), ..HalfPeriod::default() };
-                    block.end(&mut state, &Record { half, mask, ..Record::default() });
+                    block.end(&mut state, &HalfPeriodResult { half, mask, ..HalfPeriodResult::default() });
                 }
                 if x.get(7).is_some_and(|missing| *missing != 0.0) {
                     block.interrupt(&mut state);

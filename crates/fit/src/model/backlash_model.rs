@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 /// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, what the valve does after a jump,
 /// and where in its gap it stands at the start of each stretch, 0 the lower end to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct LostMotion {
+pub(crate) struct BacklashModel {
     pub(crate) d: f64,
     pub(crate) share: f64,
     pub(crate) model: Model,
     pub(crate) start: Vec<f64>,
 }
 
-impl LostMotion {
+impl BacklashModel {
     /// A gap that the valve stands in the middle of.
     pub(crate) fn gap(d: f64, stretches: usize) -> Self {
         Self { d, share: 0.0, model: Model::Kano, start: vec![0.5; stretches] }

@@ -10,11 +10,11 @@ use crate::decide::witness::cycle::{Cycle, cycle};
 use crate::decide::witness::plateau::plateau;
 use crate::loads::cycle::lr_beside_cycle;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
-use crate::model::lost_motion::LostMotion;
+use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::problem::Window;
 use crate::search::likelihood::{Point, Search, dot, solve};
-use crate::search::profile::{Profile, trust};
+use crate::search::profile::{Profile, information_ratio};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -24,7 +24,7 @@ pub struct Candidate {
     /// The family.
     pub structure: Structure,
     /// −2·ln L over that of the best family.
-    pub behind: f64,
+    pub delta_deviance: f64,
     /// Best width [OP unit].
     pub d: f64,
     /// Likelihood ratio −2·Δln L of no gap against the best width.
@@ -43,14 +43,14 @@ pub struct Prediction {
     /// Mean of PV [PV unit].
     pub pv: f64,
     /// The model's foresight of it, from all that was before [PV unit].
-    pub foreseen: f64,
+    pub predicted: f64,
     /// Position of the valve [OP unit].
     pub position: f64,
 }
 
-/// The answer.
+/// What the fit finds in one segment.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Answer {
+pub struct SegmentFit {
     /// What the record says.
     pub judgement: Judgement,
     /// The same in one word, which claims only what is found.
@@ -63,7 +63,7 @@ pub struct Answer {
     pub high: Option<f64>,
     /// Slip jump J [OP unit], 0 for mere backlash.
     pub jump: f64,
-    /// Likelihood ratio of no gap: the least over all families that predict PV nearly as well as the best, times `trust`.
+    /// Likelihood ratio of no gap: the least over all families that predict PV nearly as well as the best, times `information_ratio`.
     pub lr_no_gap: f64,
     /// What `lr_no_gap` must exceed for a gap, 1 % of records without one do.
     pub lr_needed: f64,
@@ -72,7 +72,7 @@ pub struct Answer {
     /// Likelihood ratio of a process that does not answer at all.
     pub lr_no_answer: f64,
     /// Share of the likelihood's own information on d that the innovations support, 0 to 1.
-    pub trust: f64,
+    pub information_ratio: f64,
     /// How far −2·ln L may rise within the interval.
     pub rise: f64,
     /// Times that OP goes through the whole width up and down.
@@ -99,7 +99,7 @@ pub struct Answer {
     /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
     pub sigma: f64,
     /// Correlation of that with the same a cell before: far from 0 where the model is not of this record.
-    pub echo: f64,
+    pub autocorrelation: f64,
     /// Cells of PV that were used, and their length [s].
     pub cells: usize,
     /// Length of a cell [s].
@@ -119,7 +119,7 @@ pub struct Answer {
     pub reason: &'static str,
 }
 
-impl Answer {
+impl SegmentFit {
     /// Whether a model of this kind made the record, and PV answers OP in it.
     pub(crate) fn usable(&self) -> bool {
         !matches!(self.reason, "misfit" | "no_answer")
@@ -141,7 +141,7 @@ impl Answer {
             candidate.profile.iter_mut().for_each(|(d, _)| *d *= op.size);
         }
         for seen in &mut self.predictions {
-            (seen.pv, seen.foreseen) = (pv.zero + seen.pv * pv.size, pv.zero + seen.foreseen * pv.size);
+            (seen.pv, seen.predicted) = (pv.zero + seen.pv * pv.size, pv.zero + seen.predicted * pv.size);
             seen.position = op.zero + seen.position * op.size;
         }
     }
@@ -150,7 +150,7 @@ impl Answer {
 /// What one window says, with all that is needed to ask it about another width.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Fitted {
-    pub(crate) answer: Answer,
+    pub(crate) answer: SegmentFit,
     pub(crate) record: Cells,
     /// The believed families of a gap, best first, and the valves that stick, nearest first.
     pub(crate) profiles: Vec<Profile>,
@@ -173,7 +173,7 @@ pub(crate) struct Fitted {
 const OF_LOADS: f64 = 0.8;
 
 /// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit]; `done` takes the share that is done.
-pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window, done: &dyn Fn(f64)) -> Fitted {
+pub(crate) fn fit_segment(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window, done: &dyn Fn(f64)) -> Fitted {
     let Window { record: rows, sign, bootstrap, .. } = window;
     let (sign, bootstrap) = (*sign, *bootstrap);
     let (view, without) = hypotheses(cells, seeds, sign, &|share| done(OF_LOADS * share));
@@ -195,7 +195,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         search = of(sticks_in);
         as_likely = best.cost;
     }
-    let trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
+    let ratio = information_ratio(&search, &best, 0.005 * record.range).max(LEAST_INFORMATION_RATIO);
     let lr_no_gap =
         profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
     let mut lr_of_loads = lr_of_loads;
@@ -203,8 +203,8 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     let known = record.changes() > 0;
     let asked_of_changes = lr_asked_of_changes(traversals, record.changes());
     let asked = lr_asked(traversals, known).max(asked_of_changes);
-    let lr_aperiodic = lr_no_gap.min(lr_of_loads) * trusted;
-    let cycle_known = lr_no_gap.min(lr_of_loads) * trusted > asked;
+    let lr_aperiodic = lr_no_gap.min(lr_of_loads) * ratio;
+    let cycle_known = lr_no_gap.min(lr_of_loads) * ratio > asked;
     if cycle_known {
         let family = &profiles[0];
         let points = [(search.structure, &best), (family.structure, &family.points[0])];
@@ -212,16 +212,16 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         lr_of_loads = beside.map_or(lr_of_loads, |beside| beside.min(lr_of_loads));
     }
     let repeats = lr_of_loads < without - cost;
-    let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
+    let lr_no_gap = lr_no_gap.min(lr_of_loads) * ratio;
     let lr_needed = if bootstrap > 0 && lr_no_gap > asked && lr_no_gap < GAP_PLAIN {
         // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
         let without = &profiles[0].points[0];
-        asked.max(bootstrap_threshold(&of(profiles[0].structure), without, lr_no_gap / trusted, bootstrap) * trusted)
+        asked.max(bootstrap_threshold(&of(profiles[0].structure), without, lr_no_gap / ratio, bootstrap) * ratio)
     } else {
         asked
     };
     let fine = 0.001 * record.range;
-    let wider = if asked_of_changes > 0.0 { RISE_BESIDE_CHANGES } else { 1.0 } / trusted;
+    let wider = if asked_of_changes > 0.0 { RISE_BESIDE_CHANGES } else { 1.0 } / ratio;
     let mut spread: Vec<(f64, Option<f64>)> = Vec::new();
     if !slips {
         spread.par_extend(profiles.par_iter_mut().filter_map(|profile| {
@@ -244,9 +244,9 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     let final_state = search.at(&best.theta, &positions);
     let residual = final_state.lane(0);
     let noise = (final_state.sum[0] / n).sqrt() / final_state.scale[0];
-    let echo = echo(&residual);
-    let reaches = |lost: &LostMotion| record.reach(lost);
-    let at_low = if low > 0.0 { reaches(&LostMotion { d: low, ..best.lost.clone() }) / low } else { 1.0 };
+    let autocorrelation = autocorrelation(&residual);
+    let reaches = |lost: &BacklashModel| record.reach(lost);
+    let at_low = if low > 0.0 { reaches(&BacklashModel { d: low, ..best.lost.clone() }) / low } else { 1.0 };
     let settles = search.structure.settles(&best.theta) * (record.cell as f64);
     let fast = settles < SAMPLES_IN_LAG;
     let slowly = best.lost.d >= SAMPLES_IN_GAP * record.travel();
@@ -259,7 +259,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     // What leads PV may make OP swing as well.
     let explained = dwells || rows.is_led();
     let h = rows.h * record.cell as f64;
-    let variance = final_state.sum[0] / n / trusted;
+    let variance = final_state.sum[0] / n / ratio;
     let errors = StandardErrors::new(&search, &best.theta, &positions, variance);
     let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
     let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
@@ -272,7 +272,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     let other = stuck.and_then(|p| cycle_of(sticks_in, &p.points[p.best])).filter(Cycle::is_own);
     let told_high = high.map(|high| high + MISSED_TURNS * record.resolution());
     let evidence = Evidence {
-        echo,
+        autocorrelation,
         d: best.lost.d,
         // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
         immobile: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < MOVES,
@@ -291,15 +291,15 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         range: record.range,
         slips,
         slips_wholly,
-        strays: trusted < STRAYS,
+        misfit_at_turns: ratio < MISFIT_AT_TURNS,
         dissent: dissent || !certain,
         periodic_load: repeats,
         even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !explained && swings_evenly(&record, best.lost.d, lag_steps),
         hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
-        shaken: SHAKEN * record.travel(),
-        drawn: DRAWN * bow / best.kp.abs().max(1e-300),
+        unsampled_below: UNSAMPLED_BELOW * record.travel(),
+        lined_below: LINED_BELOW * bow / best.kp.abs().max(1e-300),
         passes: traversals,
-        passes_high: told_high.map_or([0; 2], |high| record.traversals(high.max(SHAKEN * record.travel()))),
+        passes_high: told_high.map_or([0; 2], |high| record.traversals(high.max(UNSAMPLED_BELOW * record.travel()))),
         oscillates: record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING),
         cycle: other.or(own),
         plateau: plateau(&record, best.lost.d, best.kp, late),
@@ -348,7 +348,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     let dead_time_limits = positive((low_dead - late, high_dead + late));
     let sigma = (final_state.sum[0] / n).sqrt();
     let by_chance = lr_needed / asked;
-    let answer = Answer {
+    let answer = SegmentFit {
         judgement,
         verdict,
         d: best.lost.d,
@@ -359,7 +359,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         lr_needed: evidence.needed(),
         lr_no_jump,
         lr_no_answer,
-        trust: trusted,
+        information_ratio: ratio,
         rise: RISE * wider,
         traversals,
         kp,
@@ -372,7 +372,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         denominator: search.structure.denominator_in(&best.theta, h),
         settles: search.structure.settles(&best.theta) * h,
         sigma,
-        echo,
+        autocorrelation,
         cells: record.count,
         cell: h,
         range: record.range,
@@ -381,7 +381,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
             .iter()
             .map(|p| Candidate {
                 structure: p.structure,
-                behind: p.penalised() - least,
+                delta_deviance: p.penalised() - least,
                 d: p.points[p.best].lost.d,
                 lr_no_gap: p.lr_no_gap(),
                 profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
@@ -424,7 +424,7 @@ fn predictions(record: &Cells, positions: &Positions, residual: &[f64]) -> Vec<P
     });
     cells
         .zip(residual)
-        .map(|((part, step, pv, position), r)| Prediction { part, step, pv, foreseen: pv - r, position })
+        .map(|((part, step, pv, position), r)| Prediction { part, step, pv, predicted: pv - r, position })
         .collect()
 }
 
@@ -473,7 +473,7 @@ impl StandardErrors {
 /// Correlation of innovations with those a cell before. What is larger than [`ECHO_OF_ONE`] times their mean size counts as so large: a
 /// sample that is far off leaves one innovation as large and another against it, which is no fault of the model. (Not their
 /// median: where PV is held most of them are nothing.)
-fn echo(innovations: &[f64]) -> f64 {
+fn autocorrelation(innovations: &[f64]) -> f64 {
     let most = ECHO_OF_ONE * innovations.iter().map(|e| e.abs()).sum::<f64>() / innovations.len() as f64;
     let tame: Vec<f64> = innovations.iter().map(|e| e.clamp(-most, most)).collect();
     dot(&tame[1..], &tame[..tame.len() - 1]) / dot(&tame, &tame).max(1e-300)
@@ -496,8 +496,8 @@ mod tests {
         for i in (10..1000).step_by(100) {
             (alone[i], alone[i + 1]) = (20.0, -15.0);
         }
-        assert!(echo(&alone).abs() < ECHO, "{}", echo(&alone));
-        assert!((echo(&moving) - 0.5).abs() < 0.05, "{}", echo(&moving));
-        assert_eq!(echo(&[0.0; 10]), 0.0);
+        assert!(autocorrelation(&alone).abs() < MAX_AUTOCORRELATION, "{}", autocorrelation(&alone));
+        assert!((autocorrelation(&moving) - 0.5).abs() < 0.05, "{}", autocorrelation(&moving));
+        assert_eq!(autocorrelation(&[0.0; 10]), 0.0);
     }
 }

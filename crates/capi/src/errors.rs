@@ -23,12 +23,12 @@ pub const BROKEN: i32 = -6;
 
 /// What went wrong.
 #[derive(Debug)]
-pub(crate) struct Wrong {
+pub(crate) struct CallError {
     pub(crate) code: i32,
     text: String,
 }
 
-impl Wrong {
+impl CallError {
     pub(crate) fn new(code: i32, text: impl Into<String>) -> Self {
         Self { code, text: text.into() }
     }
@@ -49,15 +49,15 @@ pub(crate) fn text() -> *const c_char {
 }
 
 /// Does the work of a call: no panic leaves it, and a failure leaves its text.
-pub(crate) fn guarded(work: impl FnOnce() -> Result<i32, Wrong>) -> i32 {
+pub(crate) fn guarded(work: impl FnOnce() -> Result<i32, CallError>) -> i32 {
     let done = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
         let words =
             panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
-        Err(Wrong::new(BROKEN, format!("a fault in glapp: {}", words.unwrap_or("of unknown kind"))))
+        Err(CallError::new(BROKEN, format!("a fault in glapp: {}", words.unwrap_or("of unknown kind"))))
     });
-    done.unwrap_or_else(|wrong| {
-        let text = CString::new(wrong.text.replace('\0', " ")).unwrap_or_default();
+    done.unwrap_or_else(|error| {
+        let text = CString::new(error.text.replace('\0', " ")).unwrap_or_default();
         let _ = TEXT.try_with(|last| last.replace(text));
-        wrong.code
+        error.code
     })
 }

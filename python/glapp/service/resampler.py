@@ -91,17 +91,17 @@ class Resampler:
 
     Examples
     --------
-    >>> rows = Resampler(1.0, wait=0.0)
-    >>> rows.take(SP, 0.0, 50.0, True, now=0.1)
+    >>> resampler = Resampler(1.0, wait=0.0)
+    >>> resampler.take(SP, 0.0, 50.0, True, now=0.1)
     >>> for t in (0.0, 1.0, 2.0):
-    ...     rows.take(PV, t, 49.0 + t, True, now=t + 0.1)
-    >>> [(sample.t, sample.sp, sample.pv) for sample in rows.release()]
+    ...     resampler.take(PV, t, 49.0 + t, True, now=t + 0.1)
+    >>> [(sample.t, sample.sp, sample.pv) for sample in resampler.release()]
     [(0.0, 50.0, 49.0), (1.0, 50.0, 50.0), (2.0, 50.0, 51.0)]
     """
 
     def __init__(self, period: float, *, wait: float = 2.0, ahead: float = 60.0, lost: float = 15.0) -> None:
         self.period, self.wait, self.ahead, self.lost = period, wait, ahead, lost
-        self.told: list[tuple[str, str]] = []
+        self.events: list[tuple[str, str]] = []
         self.newest = -math.inf
         self.released = -math.inf
         self.dropped = 0
@@ -138,7 +138,7 @@ class Resampler:
             self._lives_to = -math.inf
             return
         if not time <= now + self.ahead:  # not a number, too
-            self.told.append(("future", f"a value {time - now:.0f} s ahead of our clock is taken as bad"))
+            self.events.append(("future", f"a value {time - now:.0f} s ahead of our clock is taken as bad"))
             time, value, good = now, math.nan, False
         if not math.isfinite(value):
             value, good = math.nan, False
@@ -168,7 +168,7 @@ class Resampler:
         self.dropped += 1
         for at, kind, other, was_good in self._pending:
             if (at, kind) == (time, signal) and (other != value or good != was_good) and (good or was_good):
-                self.told.append(("duplicate", f"two values of one time: {other:g} counts, {value:g} is dropped"))
+                self.events.append(("duplicate", f"two values of one time: {other:g} counts, {value:g} is dropped"))
 
     def _came_late(self, signal: int, time: float, value: float, good: bool, now: float) -> None:
         """A value of a time that was released before."""
@@ -176,16 +176,16 @@ class Resampler:
             self.dropped += 1
             held = self._held[signal]
             if good and self._good[signal] and held != value:
-                self.told.append(("duplicate", f"two values of one time: {held:g} counts, {value:g} is dropped"))
+                self.events.append(("duplicate", f"two values of one time: {held:g} counts, {value:g} is dropped"))
             return
         behind = self.released - time
         if signal != PV and time > self._at[signal]:
             if self._held[signal] is not None:  # what is sent first may have changed long ago
-                self.told.append(("late", f"{_NAMES[signal]} came {behind:.1f} s late: in effect from now on"))
+                self.events.append(("late", f"{_NAMES[signal]} came {behind:.1f} s late: in effect from now on"))
             self._hold(signal, time, value, good)
             return
         self.dropped += 1
-        self.told.append(("late", f"{_NAMES[signal]} came {behind:.1f} s late: dropped"))
+        self.events.append(("late", f"{_NAMES[signal]} came {behind:.1f} s late: dropped"))
         if self._late and signal == PV:
             of_pv = [at for _, kind, at, _, _ in self._late if kind == PV]
             if of_pv and time <= of_pv[-1]:
@@ -204,7 +204,9 @@ class Resampler:
         if not (came > 0.0 and 0.5 * came <= span <= 2.0 * came):
             return  # a heap of late values, which came all at once
         behind = self.released - of_pv[0][1]
-        self.told.append(("clock_back", f"the source's clock was set back by {behind:.0f} s: a gap, and on from there"))
+        self.events.append(
+            ("clock_back", f"the source's clock was set back by {behind:.0f} s: a gap, and on from there")
+        )
         values, self._late = self._late, []
         self._pending.clear()
         self._there.clear()

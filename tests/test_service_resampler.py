@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from glapp.service.rows import ALIVE, CODES, LOST, Resampler, Sample
+from glapp.service.resampler import ALIVE, CODES, LOST, Resampler, Sample
 from glapp.service.signal import Signal
 
 SP, PV, OP, MODE, LOW, HIGH = (CODES[Signal(name)] for name in ("sp", "pv", "op", "mode", "low", "high"))
@@ -34,7 +34,7 @@ def run(given: list[Given], *, batch: int = 1, rows: Resampler | None = None, la
 
 
 def kinds(rows: Resampler) -> list[str]:
-    return [kind for kind, _ in rows.told]
+    return [kind for kind, _ in rows.events]
 
 
 def test_a_value_of_pv_is_a_sample_with_what_the_others_last_were() -> None:
@@ -57,7 +57,7 @@ def test_the_same_samples_however_they_come(batch: int, seed: int) -> None:
     out = run(twice, batch=batch, rows=rows)
     assert out == pytest.approx(straight[: len(out)], nan_ok=True) and len(out) > 50
     assert [tuple(map(repr, a)) for a in out] == [tuple(map(repr, b)) for b in straight[: len(out)]]
-    assert rows.dropped == len(twice) - len(moved) and not rows.told
+    assert rows.dropped == len(twice) - len(moved) and not rows.events
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_what_is_too_late_is_dropped_and_told() -> None:
     rows = Resampler(1.0, wait=3.0)
     run([(SP, 0.0, 50.0), *((PV, float(k), 1.0) for k in range(20))], rows=rows)
     rows.take(PV, 10.4, 99.0, True, 20.0)
-    assert kinds(rows) == ["late"] and "5.6 s late: dropped" in rows.told[0][1]
+    assert kinds(rows) == ["late"] and "5.6 s late: dropped" in rows.events[0][1]
     assert all(sample.pv == 1.0 for sample in run([(PV, 20.0 + k, 1.0) for k in range(5)], rows=rows))
 
 
@@ -101,7 +101,7 @@ def test_a_setpoint_that_comes_late_is_in_effect_from_then_on() -> None:
     run([(SP, 0.0, 50.0), *((PV, float(k), 1.0) for k in range(20))], rows=rows)
     rows.take(SP, 10.0, 60.0, True, 20.0)
     rows.take(SP, 9.0, 55.0, True, 20.0)
-    assert kinds(rows) == ["late", "late"] and "dropped" in rows.told[1][1]
+    assert kinds(rows) == ["late", "late"] and "dropped" in rows.events[1][1]
     assert {sample.sp for sample in run([(PV, 20.0 + k, 1.0) for k in range(5)], rows=rows)} == {60.0}
 
 
@@ -129,7 +129,7 @@ def test_a_time_in_the_future_is_a_bad_value_of_now(ahead: float) -> None:
 
 def test_a_clock_that_is_a_little_fast_is_believed() -> None:
     rows = Resampler(1.0, wait=0.0)
-    assert len(run([(PV, float(k), 1.0) for k in range(5)], rows=rows, late=-59.0)) == 5 and not rows.told
+    assert len(run([(PV, float(k), 1.0) for k in range(5)], rows=rows, late=-59.0)) == 5 and not rows.events
 
 
 def test_a_clock_set_back_is_a_gap_and_no_value_is_lost() -> None:
@@ -139,7 +139,7 @@ def test_a_clock_set_back_is_a_gap_and_no_value_is_lost() -> None:
     for k in range(20):
         rows.take(PV, 10.0 + k, 2.0, True, 3610.0 + k)
         after += rows.release()
-    assert kinds(rows).count("clock_back") == 1 and "3597 s" in dict(rows.told)["clock_back"]
+    assert kinds(rows).count("clock_back") == 1 and "3597 s" in dict(rows.events)["clock_back"]
     assert [sample.t for sample in before] == [3600.0 + k for k in range(8)]
     assert [sample.t for sample in after] == [10.0 + k for k in range(18)]
     assert {sample.sp for sample in after} == {50.0} and rows.dropped == 0

@@ -1,4 +1,4 @@
-//! A record at even steps, and its cut into windows.
+//! A segment of a recording at even steps, and its cut into windows.
 
 use crate::decide::thresholds::LED;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ pub struct Stretch<'a> {
 
 /// One recording, one window of a longer one, or one of several recordings of a valve.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Record<'a> {
+pub struct Segment<'a> {
     /// Time between two steps [s].
     pub h: f64,
     /// Its stretches in the order of time.
@@ -29,7 +29,7 @@ pub struct Record<'a> {
 /// PV and OP of a stretch.
 pub(crate) type Signals<'a> = (&'a [f64], &'a [f64]);
 
-impl Record<'_> {
+impl Segment<'_> {
     /// PV and OP of each stretch.
     pub(crate) fn signals(&self) -> Vec<Signals<'_>> {
         self.stretches.iter().map(|s| (&*s.pv, &*s.op)).collect()
@@ -58,7 +58,7 @@ impl Record<'_> {
     }
 
     /// The same record, its signals not copied.
-    fn borrowed(&self) -> Record<'_> {
+    fn borrowed(&self) -> Segment<'_> {
         let stretches = self.stretches.iter();
         let of = stretches.map(|s| Stretch {
             start: s.start,
@@ -66,23 +66,23 @@ impl Record<'_> {
             pv: Cow::Borrowed(&*s.pv),
             op: Cow::Borrowed(&*s.op),
         });
-        Record { h: self.h, stretches: of.collect() }
+        Segment { h: self.h, stretches: of.collect() }
     }
 
     /// The same record with signals of its own.
-    pub(crate) fn owned(self) -> Record<'static> {
+    pub(crate) fn owned(self) -> Segment<'static> {
         let of = |s: Stretch| Stretch {
             start: s.start,
             sp: s.sp.into_owned().into(),
             pv: s.pv.into_owned().into(),
             op: s.op.into_owned().into(),
         };
-        Record { h: self.h, stretches: self.stretches.into_iter().map(of).collect() }
+        Segment { h: self.h, stretches: self.stretches.into_iter().map(of).collect() }
     }
 
     /// Windows of at most so many steps, or the whole of it where it is little longer; of many windows one of each epoch, that in
     /// which OP turns most.
-    pub(crate) fn windows(&self, most: usize) -> Vec<Record<'_>> {
+    pub(crate) fn windows(&self, most: usize) -> Vec<Segment<'_>> {
         let all = self.steps();
         if all as f64 <= UNCUT * most as f64 {
             return vec![self.borrowed()];
@@ -96,11 +96,11 @@ impl Record<'_> {
                 op: Cow::Borrowed(op),
             })
         });
-        let mut windows: Vec<Record> = Vec::new();
+        let mut windows: Vec<Segment> = Vec::new();
         for piece in pieces {
             match windows.last_mut() {
                 Some(window) if window.steps() + piece.pv.len() <= size => window.stretches.push(piece),
-                _ => windows.push(Record { h: self.h, stretches: vec![piece] }),
+                _ => windows.push(Segment { h: self.h, stretches: vec![piece] }),
             }
         }
         windows.retain(|window| 3 * window.steps() >= size);
@@ -108,7 +108,7 @@ impl Record<'_> {
         if count <= MOST_WINDOWS {
             return windows;
         }
-        let turned = |window: &Record| window.stretches.iter().map(|s| turns(&s.op)).sum::<f64>();
+        let turned = |window: &Segment| window.stretches.iter().map(|s| turns(&s.op)).sum::<f64>();
         let epoch = |e: usize| &windows[e * count / MOST_WINDOWS..(e + 1) * count / MOST_WINDOWS];
         let best = |e: usize| epoch(e).iter().max_by(|a, b| turned(a).total_cmp(&turned(b))).cloned();
         (0..MOST_WINDOWS).filter_map(best).collect()
@@ -150,10 +150,10 @@ mod tests {
     use super::*;
 
     /// An OP that rests but for one turn in each window of `of` steps, larger in some.
-    fn record(windows: usize, of: usize) -> Record<'static> {
+    fn record(windows: usize, of: usize) -> Segment<'static> {
         let turn = |k: usize| if k % of < of / 2 { 1.0 + (k / of * 7 % 5) as f64 } else { 0.0 };
         let op: Vec<f64> = (0..windows * of).map(turn).collect();
-        Record {
+        Segment {
             h: 2.0,
             stretches: vec![Stretch { start: 10.0, sp: [].as_slice().into(), pv: op.clone().into(), op: op.into() }],
         }
@@ -184,7 +184,7 @@ mod tests {
         let wave = |size: f64| (0..100).map(|k| size * (0.3 * f64::from(k)).sin()).collect::<Vec<_>>();
         let led = |sp: Vec<f64>| {
             let stretch = Stretch { start: 0.0, sp: sp.into(), pv: wave(1.0).into(), op: wave(2.0).into() };
-            Record { h: 1.0, stretches: vec![stretch] }.is_led()
+            Segment { h: 1.0, stretches: vec![stretch] }.is_led()
         };
         assert!(led(wave(0.3)) && !led(wave(0.2)));
         assert!(!led(Vec::new()) && !led(vec![50.0; 100]) && !led(vec![f64::NAN; 100]));
@@ -198,9 +198,9 @@ mod tests {
             pv: vec![0.0; 40].into(),
             op: vec![0.0; 40].into(),
         };
-        let whole = Record { h: 1.0, stretches: (0..4).map(|i| piece(1000.0 * f64::from(i))).collect() };
+        let whole = Segment { h: 1.0, stretches: (0..4).map(|i| piece(1000.0 * f64::from(i))).collect() };
         let windows = whole.windows(80);
-        let spans: Vec<(f64, f64)> = windows.iter().map(Record::span).collect();
+        let spans: Vec<(f64, f64)> = windows.iter().map(Segment::span).collect();
         assert_eq!(spans, [(0.0, 1039.0), (2000.0, 3039.0)]);
     }
 }

@@ -1,11 +1,11 @@
 //! The functions of `include/glapp.h`. `tests/test_c.py` holds the header to the signatures and structures that stand here.
 
+use crate::errors::{BAD_LENGTH, BAD_POINTER, BAD_TEXT, CallError, OK, YES, guarded, text};
 use crate::handles::Handles;
-use crate::wrong::{BAD_LENGTH, BAD_POINTER, BAD_TEXT, OK, Wrong, YES, guarded, text};
 use crate::{ABI, settings};
 use glapp_analysis::crossings::Row;
 use glapp_analysis::words::{Message, text as sentence};
-use glapp_analysis::{Analysis, Crossings, FitAnswer, INSPECTED_ROWS, Inspected, LostMotion, ManualRows, fitted};
+use glapp_analysis::{Analysis, Crossings, FitAnswer, FitVerdict, INSPECTED_ROWS, Inspected, ManualRows, fitted};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
 use glapp_sim::{Graph, Module};
@@ -155,8 +155,8 @@ pub struct GlappWidth {
 
 // What C hands in. -----------------------------------------------------------------------------------------------------
 
-/// Whether something may lie there: not at NULL, not across its alignment.
-fn address<T>(at: *const T, name: &str) -> Result<(), Wrong> {
+/// Checks a pointer: an error where it is NULL or not aligned for its type.
+fn address<T>(at: *const T, name: &str) -> Result<(), CallError> {
     let what = if at.is_null() {
         "is NULL"
     } else if !at.is_aligned() {
@@ -164,11 +164,11 @@ fn address<T>(at: *const T, name: &str) -> Result<(), Wrong> {
     } else {
         return Ok(());
     };
-    Err(Wrong::new(BAD_POINTER, format!("{name}: {what}")))
+    Err(CallError::new(BAD_POINTER, format!("{name}: {what}")))
 }
 
 /// Where an answer goes.
-fn place<T>(to: *mut T, name: &str) -> Result<*mut T, Wrong> {
+fn place<T>(to: *mut T, name: &str) -> Result<*mut T, CallError> {
     address(to, name).map(|()| to)
 }
 
@@ -176,14 +176,14 @@ fn place<T>(to: *mut T, name: &str) -> Result<*mut T, Wrong> {
 ///
 /// # Safety
 /// What stands there is so long, and nobody writes to it meanwhile.
-unsafe fn array<'a, T>(from: *const T, length: usize, name: &str) -> Result<&'a [T], Wrong> {
+unsafe fn array<'a, T>(from: *const T, length: usize, name: &str) -> Result<&'a [T], CallError> {
     if length == 0 {
         return Ok(&[]);
     }
     address(from, name)?;
     let bytes = length.checked_mul(size_of::<T>()).filter(|bytes| *bytes <= isize::MAX as usize);
     if bytes.and_then(|bytes| from.addr().checked_add(bytes)).is_none() {
-        return Err(Wrong::new(BAD_LENGTH, format!("{name}: no array has {length} elements")));
+        return Err(CallError::new(BAD_LENGTH, format!("{name}: no array has {length} elements")));
     }
     // SAFETY: not NULL, aligned, within the address space; the rest is the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts(from, length) })
@@ -193,30 +193,31 @@ unsafe fn array<'a, T>(from: *const T, length: usize, name: &str) -> Result<&'a 
 ///
 /// # Safety
 /// As [`array`].
-unsafe fn maybe<'a, T>(from: *const T, length: usize, name: &str) -> Result<Option<&'a [T]>, Wrong> {
+unsafe fn maybe<'a, T>(from: *const T, length: usize, name: &str) -> Result<Option<&'a [T]>, CallError> {
     // SAFETY: as for the caller.
     if from.is_null() { Ok(None) } else { unsafe { array(from, length, name) }.map(Some) }
 }
 
-/// A text from a pointer.
+/// Reads a UTF-8 text that ends in a 0 byte.
 ///
 /// # Safety
 /// What stands there ends in a 0, or is [`LONGEST`] bytes long.
-unsafe fn words<'a>(from: *const c_char, name: &str) -> Result<&'a str, Wrong> {
+unsafe fn words<'a>(from: *const c_char, name: &str) -> Result<&'a str, CallError> {
     address(from, name)?;
     // SAFETY: nothing is read behind the first 0, nor behind the longest text.
     let length = (0..LONGEST).find(|at| unsafe { *from.add(*at) } == 0);
-    let length = length.ok_or_else(|| Wrong::new(BAD_TEXT, format!("{name}: has no end within {LONGEST} bytes")))?;
+    let length =
+        length.ok_or_else(|| CallError::new(BAD_TEXT, format!("{name}: has no end within {LONGEST} bytes")))?;
     // SAFETY: so many bytes were just read.
     let bytes = unsafe { array(from.cast::<u8>(), length, name) }?;
-    std::str::from_utf8(bytes).map_err(|_| Wrong::new(BAD_TEXT, format!("{name}: is no UTF-8")))
+    std::str::from_utf8(bytes).map_err(|_| CallError::new(BAD_TEXT, format!("{name}: is no UTF-8")))
 }
 
 /// Names and values from a pointer and a length.
 ///
 /// # Safety
 /// As [`array`], and [`words`] for each name.
-unsafe fn named<'a>(settings: *const GlappSetting, count: usize) -> Result<Vec<(&'a str, f64)>, Wrong> {
+unsafe fn named<'a>(settings: *const GlappSetting, count: usize) -> Result<Vec<(&'a str, f64)>, CallError> {
     // SAFETY: as for the caller.
     let all = unsafe { array(settings, count, "settings") }?;
     // SAFETY: as for the caller.
@@ -237,7 +238,7 @@ struct Recorded<'a> {
 ///
 /// # Safety
 /// As [`array`], for each of the columns.
-unsafe fn recorded<'a>(columns: *const GlappColumns) -> Result<Recorded<'a>, Wrong> {
+unsafe fn recorded<'a>(columns: *const GlappColumns) -> Result<Recorded<'a>, CallError> {
     // SAFETY: as for the caller.
     let given = unsafe { array(columns, 1, "columns") }?[0];
     let rows = given.rows;
@@ -261,11 +262,11 @@ unsafe fn recorded<'a>(columns: *const GlappColumns) -> Result<Recorded<'a>, Wro
 }
 
 /// A sum of the flags of a sample.
-fn known(flags: u32) -> Result<u8, Wrong> {
+fn known(flags: u32) -> Result<u8, CallError> {
     let sum = u8::try_from(flags).ok().filter(|_| flags <= ALL_FLAGS);
     sum.ok_or_else(|| {
         let what = "must be a sum of 1 (not in automatic), 2 (bad), 4 (OP at its low limit), 8 (at its high limit)";
-        Wrong::refused(format!("flags = {flags}: {what}"))
+        CallError::refused(format!("flags = {flags}: {what}"))
     })
 }
 
@@ -283,7 +284,7 @@ fn without_setpoint(sp: Option<&[f64]>, flags: Option<&[u8]>) -> Option<Vec<u8>>
     Some(marked)
 }
 
-// The doors. -----------------------------------------------------------------------------------------------------------
+// The functions. -----------------------------------------------------------------------------------------------------------
 
 /// The version of the interface that the library has.
 #[unsafe(no_mangle)]
@@ -320,7 +321,7 @@ pub unsafe extern "C" fn glapp_detector_new(
         unsafe { to.write(ptr::null_mut()) };
         // SAFETY: as for the caller.
         let given = unsafe { named(settings, count) }?;
-        let made = Crossings::new(settings::detector(&given)?).map_err(Wrong::refused)?;
+        let made = Crossings::new(settings::detector(&given)?).map_err(CallError::refused)?;
         let number = DETECTORS.add(made)?;
         // SAFETY: not NULL, aligned.
         unsafe { to.write(ptr::without_provenance_mut(number)) };
@@ -412,13 +413,13 @@ pub unsafe extern "C" fn glapp_graph_new(
             // SAFETY: as for the caller.
             let parameters = unsafe { named(one.settings, one.count) }?;
             let module = Module::new(kind, &parameters);
-            made.push((name, module.map_err(|error| Wrong::refused(format!("{name}: {error}")))?));
+            made.push((name, module.map_err(|error| CallError::refused(format!("{name}: {error}")))?));
         }
         // SAFETY: as for the caller.
         let laid = unsafe { array(wires, wire_count, "wires") }?;
         // SAFETY: as for the caller.
         let laid = laid.iter().map(|wire| unsafe { words(*wire, "wire") }).collect::<Result<Vec<_>, _>>()?;
-        let number = GRAPHS.add(Graph::new(h, made, &laid).map_err(Wrong::refused)?)?;
+        let number = GRAPHS.add(Graph::new(h, made, &laid).map_err(CallError::refused)?)?;
         // SAFETY: not NULL, aligned.
         unsafe { to.write(ptr::without_provenance_mut(number)) };
         Ok(OK)
@@ -445,7 +446,7 @@ pub unsafe extern "C" fn glapp_graph_set(graph: *mut GlappGraph, path: *const c_
     guarded(|| {
         // SAFETY: as for the caller.
         let path = unsafe { words(path, "path") }?;
-        GRAPHS.with(graph.addr(), |graph| graph.set(path, value).map(|()| OK).map_err(Wrong::refused))
+        GRAPHS.with(graph.addr(), |graph| graph.set(path, value).map(|()| OK).map_err(CallError::refused))
     })
 }
 
@@ -459,7 +460,7 @@ pub unsafe extern "C" fn glapp_graph_get(graph: *mut GlappGraph, path: *const c_
         let to = place(value, "value")?;
         // SAFETY: as for the caller.
         let path = unsafe { words(path, "path") }?;
-        let found = GRAPHS.with(graph.addr(), |graph| graph.get(path).map_err(Wrong::refused))?;
+        let found = GRAPHS.with(graph.addr(), |graph| graph.get(path).map_err(CallError::refused))?;
         // SAFETY: not NULL, aligned.
         unsafe { to.write(found) };
         Ok(OK)
@@ -483,11 +484,11 @@ pub unsafe extern "C" fn glapp_fit(columns: *const GlappColumns, sign: f64, widt
         // SAFETY: as for the caller.
         let given = unsafe { recorded(columns) }?;
         if !(sign == 0.0 || sign.abs() == 1.0) {
-            return Err(Wrong::refused(format!("sign = {sign}: must be 1, -1, or 0 where it is not known")));
+            return Err(CallError::refused(format!("sign = {sign}: must be 1, -1, or 0 where it is not known")));
         }
         let Recorded { t, sp, pv, op, position, flags } = given;
         if op.is_none() && !t.is_empty() {
-            return Err(Wrong::new(BAD_POINTER, "op: is NULL"));
+            return Err(CallError::new(BAD_POINTER, "op: is NULL"));
         }
         let marked = without_setpoint(sp, flags);
         let samples = Samples { t, pv, sp, op: Some(op.unwrap_or_default()), flags: marked.as_deref().or(flags) };
@@ -521,7 +522,7 @@ pub unsafe extern "C" fn glapp_step_test(
         let pv = without_bad(pv, flags);
         let mut stretch = ManualRows::new(manual);
         stretch.take(&Inspected { t, sp: None, pv: &pv, op, flags }, position);
-        let answer = serde_json::to_string(&stretch.read(&settings)).map_err(Wrong::refused)?;
+        let answer = serde_json::to_string(&stretch.read(&settings)).map_err(CallError::refused)?;
         // SAFETY: as for the caller.
         unsafe { hand_over(&answer, json, "json", room, needed) }
     })
@@ -544,15 +545,15 @@ pub unsafe extern "C" fn glapp_text(
         let message: Message = json(unsafe { words(message, "message") }?, "message")?;
         // SAFETY: as for the caller.
         let reader = if reader.is_null() { "{}" } else { unsafe { words(reader, "reader") }? };
-        let told = sentence(&message.code, &message.numbers, &json(reader, "reader")?).map_err(Wrong::refused)?;
+        let told = sentence(&message.code, &message.numbers, &json(reader, "reader")?).map_err(CallError::refused)?;
         // SAFETY: as for the caller.
         unsafe { hand_over(&told, text, "text", room, needed) }
     })
 }
 
 /// What a text in JSON says.
-fn json<'a, T: serde::Deserialize<'a>>(text: &'a str, name: &str) -> Result<T, Wrong> {
-    serde_json::from_str(text).map_err(|error| Wrong::new(BAD_TEXT, format!("{name}: {error}")))
+fn json<'a, T: serde::Deserialize<'a>>(text: &'a str, name: &str) -> Result<T, CallError> {
+    serde_json::from_str(text).map_err(|error| CallError::new(BAD_TEXT, format!("{name}: {error}")))
 }
 
 /// Analyses a recording; the answer document is a text in JSON.
@@ -570,16 +571,16 @@ pub unsafe extern "C" fn glapp_analyze(
     guarded(|| {
         // SAFETY: as for the caller.
         let task = unsafe { words(task, "task") }?;
-        let task = serde_json::from_str(task).map_err(|error| Wrong::refused(format!("task: {error}")))?;
+        let task = serde_json::from_str(task).map_err(|error| CallError::refused(format!("task: {error}")))?;
         // SAFETY: as for the caller.
         let given = unsafe { recorded(columns) }?;
         let Recorded { t, sp, pv, op, position, flags } = given;
         let all = Inspected { t, sp, pv, op, flags };
         let beginning = position.map(|position| &position[..t.len().min(INSPECTED_ROWS)]);
         let begun = Analysis::new(task, &all.first(INSPECTED_ROWS), beginning);
-        let mut analysis = begun.map_err(Wrong::refused)?;
+        let mut analysis = begun.map_err(CallError::refused)?;
         analysis.take(&all, position);
-        let answer = serde_json::to_string(&analysis.finish(&|_| ()).answer).map_err(Wrong::refused)?;
+        let answer = serde_json::to_string(&analysis.finish(&|_| ()).answer).map_err(CallError::refused)?;
         // SAFETY: as for the caller.
         unsafe { hand_over(&answer, json, "json", room, needed) }
     })
@@ -589,12 +590,21 @@ pub unsafe extern "C" fn glapp_analyze(
 ///
 /// # Safety
 /// `to` has room for so many bytes.
-unsafe fn hand_over(told: &str, to: *mut c_char, name: &str, room: usize, needed: *mut usize) -> Result<i32, Wrong> {
+unsafe fn hand_over(
+    told: &str,
+    to: *mut c_char,
+    name: &str,
+    room: usize,
+    needed: *mut usize,
+) -> Result<i32, CallError> {
     let needs = place(needed, "needed")?;
     // SAFETY: not NULL, aligned.
     unsafe { needs.write(told.len() + 1) };
     if room <= told.len() {
-        return Err(Wrong::new(BAD_LENGTH, format!("{name}: has room for {room} bytes, must have {}", told.len() + 1)));
+        return Err(CallError::new(
+            BAD_LENGTH,
+            format!("{name}: has room for {room} bytes, must have {}", told.len() + 1),
+        ));
     }
     let to = place(to, name)?;
     // SAFETY: not NULL, and with room for so many bytes, as the caller promises.
@@ -657,7 +667,7 @@ fn told(answer: &FitAnswer) -> GlappWidth {
     for (to, byte) in why[..31].iter_mut().zip(answer.word().bytes()) {
         *to = byte as c_char;
     }
-    let verdict = LostMotion::ALL.iter().position(|one| *one == answer.verdict).unwrap_or(LostMotion::ALL.len() - 1);
+    let verdict = FitVerdict::ALL.iter().position(|one| *one == answer.verdict).unwrap_or(FitVerdict::ALL.len() - 1);
     GlappWidth {
         d: number(answer.d),
         low: number(answer.low),

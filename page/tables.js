@@ -1,0 +1,208 @@
+// Tables of text, sheets of workbooks and columns in memory: python/glapp/reading/csv.py, excel.py and tables.py.
+//
+// A table is { names, units, columns, digits, line }: `line` gives the row that a person sees beside a record. `nameless`
+// is what is to be said where it has no line of names, `typed` whether its numbers come as numbers.
+"use strict";
+
+const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
+  const SAMPLE = 1 << 16; // characters that tell how a text is written
+  const HEAD = 1000; // rows that tell what columns hold
+  const NO_TEXT = "is not text, Parquet or Arrow";
+  const NO_ROWS = "has a header but no rows";
+
+  function checkColumns(count) {
+    const most = data.bounds.columns;
+    if (count > most) throw new InputError(`has ${count} columns, at most ${most} are read`, { hint: "split it into files of fewer loops" });
+  }
+
+  // --- text
+
+  /** How a text is written, from its first bytes. */
+  function encoding(raw) {
+    const marks = [["utf-8", [0xef, 0xbb, 0xbf]], ["utf-16le", [0xff, 0xfe]], ["utf-16be", [0xfe, 0xff]]];
+    for (const [name, mark] of marks) if (mark.every((byte, i) => raw[i] === byte)) return name;
+    if (raw.includes(0)) {
+      const zeros = (odd) => raw.filter((byte, i) => i % 2 === odd && byte === 0).length / Math.max(1, raw.length / 2);
+      if (zeros(1) > 0.9) return "utf-16le";
+      if (zeros(0) > 0.9) return "utf-16be";
+      throw new InputError(NO_TEXT);
+    }
+    const control = raw.filter((byte) => byte < 32 && ![9, 10, 12, 13].includes(byte)).length;
+    if (control > 0.01 * raw.length) throw new InputError(NO_TEXT);
+    try {
+      new TextDecoder("utf-8", { fatal: true }).decode(raw, { stream: true });
+      return "utf-8";
+    } catch {
+      return "windows-1252";
+    }
+  }
+
+  /** The text of a file, its lines ended by "\n". */
+  function decoded(bytes) {
+    const raw = bytes.subarray(0, SAMPLE);
+    if (!raw.some((byte) => ![0, 9, 10, 13, 32].includes(byte))) throw new InputError("is empty");
+    const how = encoding(raw);
+    if (how.startsWith("utf-16") && bytes.length % 2) throw new InputError("cannot be read: it ends in the middle of a character");
+    return new TextDecoder(how).decode(bytes).replace(/\r\n?/g, "\n");
+  }
+
+  /** Records of cells, each with the line on which it begins; an empty line has no cell. */
+  function records(text, delimiter) {
+    let line = 1;
+    return Papa.parse(text, { delimiter, quoteChar: '"' }).data.map((row) => {
+      const record = { line, cells: row.length > 1 || row[0] !== "" ? row : [] };
+      line += 1 + row.reduce((sum, cell) => sum + (cell.includes("\n") ? cell.split("\n").length - 1 : 0), 0);
+      return record;
+    });
+  }
+
+  const filled = (text, delimiter) => records(text, delimiter).filter(({ cells }) => cells.length);
+
+  /** The commonest of some numbers, the first of those that are as common. */
+  function commonest(numbers) {
+    const counts = new Map();
+    for (const n of numbers) counts.set(n, (counts.get(n) ?? 0) + 1);
+    return [...counts].reduce((best, one) => (one[1] > best[1] ? one : best), [0, 0]);
+  }
+
+  /** The separator that splits most rows into the same number of cells. */
+  function separator(text) {
+    let best = null;
+    for (const delimiter of ["\t", ";", "|", ","]) {
+      const rows = filled(text, delimiter);
+      const [width, count] = commonest(rows.map((row) => row.cells.length));
+      const score = count / Math.max(rows.length, 1);
+      if (width > 1 && (best === null || score > best.score)) best = { score, delimiter };
+    }
+    if (best === null) {
+      throw new InputError("has only one column", { hint: "separate the columns by comma, semicolon, tab or '|'" });
+    }
+    return best.delimiter;
+  }
+
+  /** The first of the rows that is not as wide as the header, told. */
+  function checkWidths(body, width) {
+    const ragged = body.find((row) => row.cells.length !== width);
+    if (!ragged) return;
+    const n = ragged.cells.length;
+    const hint = ragged === body.at(-1) && n < width ? "the file ends in the middle of a row, is it still being written?" : undefined;
+    throw new InputError(raggedly(n, width), { row: ragged.line, hint });
+  }
+
+  const raggedly = (n, width) => `has ${n} cell${n === 1 ? "" : "s"} where the header has ${width}`;
+
+  /** A table of text. */
+  function ofText(text) {
+    let sample = text.slice(0, SAMPLE);
+    if (sample.length < text.length && sample.includes("\n")) sample = sample.slice(0, sample.lastIndexOf("\n"));
+    const delimiter = separator(sample);
+    let rows = filled(text, delimiter);
+    const seen = filled(sample, delimiter);
+    let [width] = commonest(seen.map((row) => row.cells.length));
+    checkColumns(width);
+    const timed = beginsWithData(seen, width);
+    rows = rows.slice(0, Math.max(bodyEnd(rows, width, timed), 1));
+    let start = rows.findIndex((row) => row.cells.length === width);
+    if (rows.slice(0, start).some((row) => row.cells.length > width)) {
+      start = 0; // not a title above the table, but a header with more names than cells: told as a ragged row
+      width = rows[0].cells.length;
+    }
+    const head = headOf(rows, start, width);
+    const named = namesOf(head);
+    const body = rows.slice(named.nameless ? start : head.rows);
+    if (!body.length) throw new InputError(NO_ROWS);
+    checkWidths(body, width);
+    const known = [...body.slice(0, seen.length), ...body.slice(-50)].flatMap((row) => row.cells.map((cell) => unitOf(cell)?.[0] ?? cell.trim()));
+    const columns = named.names.map((_, i) => ({ kind: "text", cells: body.map((row) => row.cells[i]) }));
+    return { ...named, columns, digits: digitsOf(known), line: (row) => body[row].line };
+  }
+
+  // --- sheets
+
+  const ofDay = (ms) => new Date(ms).toISOString().slice(11, 23).replace(/\.000$/, "");
+
+  /** A cell as a text file has it. */
+  function asText(cell) {
+    if (typeof cell === "string") return cell.trim();
+    if (typeof cell !== "object") return String(cell);
+    if ("span" in cell) return String(cell.span);
+    if ("time" in cell) return ofDay(cell.time);
+    const iso = new Date(cell.moment ?? cell.date).toISOString();
+    return "date" in cell ? iso.slice(0, 10) : iso.slice(0, 23).replace("T", " ").replace(/\.000$/, "");
+  }
+
+  /** Cells as a column of one type; any other is text. */
+  function typed(held) {
+    const having = held.filter((cell) => cell !== "");
+    const all = (kind) => having.every((cell) => typeof cell === "object" && kind in cell);
+    const of = (kind, value) => ({ kind, cells: Float64Array.from(held, (cell) => (cell === "" ? NaN : value(cell))) });
+    if (having.every((cell) => typeof cell === "number")) return of("numbers", Number);
+    if (all("span")) return of("numbers", (cell) => cell.span);
+    const dated = (cell) => typeof cell === "object" && ("date" in cell || "moment" in cell);
+    if (having.every(dated) && having.some((cell) => "moment" in cell)) return of("moments", (cell) => cell.moment ?? cell.date);
+    return { kind: "text", cells: held.map(asText) };
+  }
+
+  /** The columns that hold something: one cell far to the right makes thousands. */
+  function used(rows) {
+    const at = rows[0].flatMap((_, i) => (rows.some((row) => row[i] !== "") ? [i] : []));
+    return at.length < rows[0].length ? rows.map((row) => at.map((i) => row[i])) : rows;
+  }
+
+  /** A sheet with so many rows above its first. */
+  function ofSheet({ name, first, rows: all }) {
+    const rows = used(all);
+    const width = rows[0].length;
+    const told = rows.map((row, i) => ({ line: first + i + 1, cells: row.map(asText) }));
+    const seen = told.slice(0, HEAD);
+    if (width < 2) throw new InputError(width ? "has only one column" : "is empty");
+    const widest = Math.max(0, seen.findIndex(({ cells: row }) => row.filter(Boolean).length > 1));
+    const head = headOf(seen, widest, width);
+    const { names, units, nameless } = namesOf(head);
+    const above = nameless ? widest : head.rows;
+    const ends = told.slice(above);
+    while (ends.length && !ends.at(-1).cells.some(Boolean)) ends.pop();
+    const body = rows.slice(above, above + bodyEnd(ends, width, beginsWithData(seen.slice(above), width)));
+    if (!body.length) throw new InputError(NO_ROWS);
+    const kept = names.flatMap((of, i) => (of || body.some((row) => row[i] !== "") ? [i] : []));
+    const columns = kept.map((i) => typed(body.map((row) => row[i])));
+    const words = columns.flatMap(({ kind, cells }) => (kind === "text" ? cells : [])).filter(Boolean);
+    return {
+      sheet: name, names: kept.map((i) => names[i]), units: kept.map((i) => units[i]), nameless, columns,
+      digits: digitsOf(words), line: (row) => first + above + 1 + row,
+    };
+  }
+
+  /** The sheets of a workbook that hold a table. */
+  function ofWorkbook(bytes) {
+    let held;
+    try {
+      held = Sheets.open(bytes);
+    } catch (fault) {
+      throw new InputError(`is not a readable Excel workbook: ${fault.message}`);
+    }
+    const made = [];
+    let wrong = null;
+    for (const sheet of held) {
+      try {
+        made.push({ ...ofSheet(sheet), typed: true });
+      } catch (fault) {
+        if (!(fault instanceof InputError)) throw fault;
+        wrong ??= fault;
+      }
+    }
+    if (!made.length) throw wrong ?? new InputError("has no sheet with a table");
+    const having = made.filter(({ names }) => names.some((name) => ["pv", "op", "value"].includes(understand(name).role)));
+    return having.length ? having : made;
+  }
+
+  // --- columns in memory
+
+  /** A table of columns; its rows are counted from 1, or as `lines` says. */
+  function ofColumns(names, columns, lines = null) {
+    const seen = columns.flatMap((column) => (column.kind === "text" ? column.cells.slice(0, HEAD).map((cell) => cell.trim()) : []));
+    return { names, units: names.map(() => null), nameless: null, columns, digits: digitsOf(seen.filter(Boolean)), line: (row) => (lines ? lines[row] : row + 1) };
+  }
+
+  return { NO_ROWS, checkColumns, decoded, records, raggedly, ofText, ofSheet, ofWorkbook, ofColumns };
+};

@@ -1,0 +1,106 @@
+"""The right to write a folder, which one process has at a time."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from .errors import InputError
+
+__all__ = ["FolderLock"]
+
+
+class FolderLock:
+    """The right to write a data folder: one process has it, and it ends with that process, however that ends.
+
+    Raises
+    ------
+    InputError
+        Where another process has it: which one, on which computer and since when.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> lock = FolderLock(Path(folder.name))
+    >>> FolderLock.holder(Path(folder.name))["pid"] == os.getpid()
+    True
+    >>> lock.release()
+    >>> FolderLock.holder(Path(folder.name)) is None
+    True
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._path = folder / "lock"
+        self._file = self._path.open("a+", encoding="utf-8")
+        if not _locked(self._file.fileno()):
+            self._file.close()
+            other = _holder_of(self._path)
+            raise InputError(
+                "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
+                file=str(folder),
+                hint="one process writes a data folder: stop that one, or name another folder",
+            )
+        since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
+        found = {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
+        self._file.truncate(0)
+        self._file.write(json.dumps(found))
+        self._file.flush()
+
+    def release(self) -> None:
+        """Give it back."""
+        self._file.truncate(0)
+        self._file.close()
+
+    @staticmethod
+    def holder(folder: Path) -> dict[str, Any] | None:
+        """Who has it: `pid`, `host`, `since`; None where nobody has."""
+        path = folder / "lock"
+        if not path.is_file():
+            return None
+        with path.open("a+", encoding="utf-8") as file:
+            if _locked(file.fileno()):
+                return None
+        return _holder_of(path)
+
+
+_NOBODY = {"pid": "?", "host": "?", "since": "?"}
+
+
+def _holder_of(path: Path) -> dict[str, Any]:
+    """What the holder of a lock wrote into it."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _locked(handle: int) -> bool:
+        os.lseek(handle, 1 << 20, os.SEEK_SET)  # behind the text, which others may read
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        finally:
+            os.lseek(handle, 0, os.SEEK_SET)
+        return True
+
+else:
+    import fcntl
+
+    def _locked(handle: int) -> bool:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True

@@ -1,0 +1,121 @@
+"""What an OPC UA connection tells: the same thing at most once a minute, with how often it happened."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+from .signal import Event, Tell
+
+__all__ = ["REPEATED", "EventFilter"]
+
+REPEATED = 60.0
+"""The same thing is told once in this time, with how often it happened [s]."""
+
+_RUSH = 20
+"""So many tags with the same fault are told each for itself in that time; more are told together."""
+
+
+@dataclass(slots=True)
+class _EventCount:
+    """How often something happened since it was told last."""
+
+    loop: str | None
+    text: str = ""
+    many: str = ""
+    at: float = -math.inf
+    count: int = 0
+
+
+@dataclass(slots=True)
+class _Rush:
+    """How often something happened in very many tags at once."""
+
+    since: float
+    told: int = 0
+    more: int = 0
+    text: str = ""
+
+
+class Tag(Protocol):
+    """What an event is about."""
+
+    loop: str
+
+    @property
+    def name(self) -> str:
+        """Name of the tag, with that of its loop."""
+
+
+class EventFilter:
+    """Events on their way to whoever takes them; what happens again and again is counted.
+
+    Attributes
+    ----------
+    tell : callable or None
+        Takes the events; None as long as nobody does.
+    """
+
+    def __init__(self) -> None:
+        self.tell: Tell | None = None
+        self._told: dict[tuple[str, str | None], _EventCount] = {}
+        self._rushes: dict[str, _Rush] = {}
+
+    def event(self, kind: str, loop: str | None, text: str) -> None:
+        """Tell an event."""
+        if self.tell is not None:
+            self.tell(Event(time.time(), loop, kind, text))
+
+    def often(self, kind: str, text: str, *, tag: Tag | None = None, many: str = "", count: int = 1) -> None:
+        """Tell at once, and then at most once in `REPEATED` seconds, with how often it happened meanwhile.
+
+        Parameters
+        ----------
+        kind, text : str
+            Of the event; each kind is counted for itself, and each tag.
+        tag : Tag, optional
+            What it is about.
+        many : str
+            What is counted, such as values in all.
+        count : int
+            How many it were.
+        """
+        key = (kind, None if tag is None else tag.name)
+        entry = self._told.setdefault(key, _EventCount(None if tag is None else tag.loop))
+        entry.text, entry.many = text, many
+        entry.count += count
+        if time.monotonic() - entry.at >= REPEATED:
+            self._say(kind, entry)
+
+    def once(self, kind: str, loop: str, text: str) -> None:
+        """Tell an event, together with others of its kind where very many tags have it at once."""
+        self._say(kind, _EventCount(loop, text))
+
+    def _say(self, kind: str, entry: _EventCount) -> None:
+        """Tell it, but for what is one of very many: they are counted together."""
+        now = time.monotonic()
+        more = f" ({entry.count} {entry.many})" if entry.count > 1 and entry.many else ""
+        text = entry.text + more
+        entry.at, entry.count = now, 0
+        rush = self._rushes.setdefault(kind, _Rush(now))
+        if now - rush.since >= REPEATED:
+            rush.since, rush.told = now, 0
+        if rush.told < _RUSH:
+            rush.told += 1
+            self.event(kind, entry.loop, text)
+        else:
+            rush.more += 1
+            rush.text = text
+
+    def flush(self, *, due: bool = False) -> None:
+        """Tell what was only counted: all of it, or what is due."""
+        now = time.monotonic()
+        for (kind, _), entry in self._told.items():
+            if entry.count and (not due or now - entry.at >= REPEATED):
+                self._say(kind, entry)
+        for kind, rush in self._rushes.items():
+            if rush.more:
+                self.event(kind, None, f"{rush.more} more tags, such as {rush.text}")
+                rush.more = 0

@@ -868,7 +868,7 @@ mod tests {
         assert!(worn.rank < usual.rank, "likelier comes first");
         assert_eq!((worn.confidence, worn.urgency, worn.next), (usual.confidence, usual.urgency, usual.next));
         assert_eq!((with(99.0, None).p_gap, with(-99.0, None).p_gap), (Some(0.98), Some(0.02)));
-        let none = of(Verdict::NoEstimate, None, Some(fit(LostMotion::Backlash, 5.0, Some(6.0))));
+        let none = of(Verdict::NoEstimate, None, Some(fit(FitVerdict::Backlash, 5.0, Some(6.0))));
         assert_eq!((none.p_gap, none.p_beyond, none.terms, none.prior), (None, None, None, None));
     }
 

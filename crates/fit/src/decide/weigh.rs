@@ -258,7 +258,7 @@ fn wider_by_profile(shown: &SegmentFit) -> Vec<(f64, f64)> {
     for candidate in &shown.candidates {
         for pair in candidate.profile.windows(2).filter(|pair| pair[0].0 > 0.0) {
             let [(from, one), (to, other)] = [pair[0], pair[1]];
-            let density = |rise: f64| (-0.5 * stretch * (candidate.behind.max(0.0) + rise)).exp();
+            let density = |rise: f64| (-0.5 * stretch * (candidate.delta_deviance.max(0.0) + rise)).exp();
             mass.push(((from * to).sqrt(), 0.5 * (density(one) + density(other)) * (to / from).ln()));
         }
     }

@@ -1,5 +1,7 @@
 """Promised power beside simulated power of `glapp.plan_test`: `python -m bench.plan --half B --loops 40`.
 
+The test by hand is made as the guided test is: looked at while it goes on, and ended as soon as it has decided.
+
 Each loop has a twin without its gap: the same process of two lags, PI controller, noise and kind of load. A recording
 of one of the two is analysed, and a test by hand is planned for a gap as wide as that of the first, within limits that
 a person gives. Then the test is made 20 times in either twin, on other days. How often the twin with the gap shows it,
@@ -28,7 +30,7 @@ import numpy as np
 import glapp
 import glapp.plan as planning
 from glapp.controller import Controller
-from glapp.plan import decided, fit_decides, plan_test
+from glapp.plan import fit_decides, plan_test
 from glapp.plant import Plant
 from glapp.scenario import Gaussian, Manual, Scenario, Steps, Walk
 from glapp.simulate import run_many
@@ -37,6 +39,12 @@ DAYS = 20
 """Tests in each twin."""
 
 MINUTES = 120.0
+
+LOOKS = 10
+"""Looks at a test in each of its holds."""
+
+THREE_MOVES = 3
+"""Two moves one way and one back: the test as it is made today."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +143,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     moves = np.array(test.moves) - test.moves[0]
     begin = loop.h * round(30 * loop.lag / loop.h)
     t_end = begin + test.hold * len(moves)
-    first, share, wrong, passed = round(begin / loop.h), dict[str, float](), 0, 0
+    first, share, wrong, passed, decided = round(begin / loop.h), dict[str, float](), 0, 0, list[float]()
     for fault in ("gap", "none"):
         seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS)
         if kind == "by_hand":
@@ -148,7 +156,8 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
         else:
             steps = tuple((begin + i * test.hold, float(move)) for i, move in enumerate(moves))
             days = [replace(loop, setpoint=steps).scenario(fault, seed, t_end) for seed in seeds]
-        found = []
+        found: list[str | None] = []
+        took = []
         for made in run_many(days, progress=False):
             rows = slice(first, None)
             stands = float(np.median(made.pv[first - planning.LATE : first]))
@@ -156,21 +165,38 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
             passed += bool(len(beyond))
             signals: dict[str, Any] = {"t": made.t[rows], "pv": made.pv[rows], "op": made.op[rows]}
             if kind == "by_hand":
-                found.append(decided(glapp.step_test(**signals, manual=True), loop.d))
+                word, ended = _guided(signals, test.hold, loop)
+                found.append(word)
+                took.append(ended - test.hold)  # from the first move on
             else:
                 answer = glapp.fit(**signals, sp=made.sp[rows], loop=recording.loop)
                 found.append(fit_decides(answer, loop.d))
         gaps, none = (sum(one == word for one in found) for word in ("gap", "no_gap"))
         share[fault] = (gaps if fault == "gap" else none) / DAYS
         wrong += none if fault == "gap" else gaps
+        decided += [seconds / 60 for word, seconds in zip(found, took, strict=False) if word is not None]
     return told | {
         "minutes": test.minutes,
-        "three_moves": len(moves) == 4,
+        "three_moves": len(moves) == THREE_MOVES + 1,
         "promised": [test.with_gap, test.without],
         "simulated": [share["gap"], share["none"]],
         "wrong": wrong,
         "passed": passed,
+        "decided_after": decided,
+        "moves": len(moves) - 1,
     }
+
+
+def _guided(signals: dict[str, Any], hold: float, loop: Drawn) -> tuple[str | None, float]:
+    """What a test decides that is looked at `LOOKS` times in each hold, and when [s since its first row]."""
+    t = signals["t"] - signals["t"][0]
+    for at in np.arange(3 * hold, t[-1], hold / LOOKS):  # no reversal comes before
+        rows = slice(0, int(np.searchsorted(t, at)))
+        read = glapp.step_test(**{name: x[rows] for name, x in signals.items()}, manual=True, width=loop.d)
+        if read.asked is not None and read.asked.early is not None:
+            return read.asked.early, float(at)
+    read = glapp.step_test(**signals, manual=True, width=loop.d)
+    return None if read.asked is None else read.asked.found, float(t[-1])
 
 
 def _by_hand(begin: float, hold: float, levels: Any, h: float) -> tuple[Manual, ...]:
@@ -193,6 +219,12 @@ def table(lines: list[dict[str, Any]]) -> str:
     near = np.abs(promised.min(axis=1) - simulated.min(axis=1))
     sure = promised.min(axis=1) >= planning.POWER
     tests = 2 * DAYS * len(made)
+    after = [x for one in made for x in one["decided_after"]]
+    three = np.median([THREE_MOVES * one["minutes"] / one["moves"] for one in made])
+    if after:
+        text.append(
+            f"median time to a decision {np.median(after):.1f} min; three moves, each held to its end, {three:.1f} min"
+        )
     text += [
         f"power within 10 points in {np.sum(near <= 0.1)} of {len(made)} loops, within 20 in {np.sum(near <= 0.2)}",
         f"promised 90 % or more: {sure.sum()} loops, promised {promised[sure].mean():.1%}, simulated "
@@ -200,7 +232,7 @@ def table(lines: list[dict[str, Any]]) -> str:
         f"wrong: {sum(one['wrong'] for one in made)} of {tests} tests",
         f"limits of PV passed: {sum(one['passed'] for one in made)} of {tests} tests, in "
         f"{sum(one['passed'] > 0 for one in made)} loops",
-        f"median time {np.median([one['minutes'] for one in made]):.0f} min; three moves in "
+        f"median time planned {np.median([one['minutes'] for one in made]):.0f} min; three moves in "
         f"{sum(one['three_moves'] for one in made)}; median time to plan "
         f"{np.median([one['seconds'] for one in made]):.1f} s",
     ]

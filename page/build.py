@@ -164,7 +164,10 @@ def of_reading() -> dict[str, Any]:
         },
         "bounds": {"columns": bounds.COLUMNS, "cells": bounds.CELLS, "whole": bounds.WHOLE},
         "structured": {"lists": structured._LISTS, "sample": structured._SAMPLE, "hint": structured._HINT},
-        "markup": {"entities": entities()},
+        "markup": {
+            "entities": entities(),
+            "windows": "".join(html.unescape(f"&#{n};") for n in range(0x80, 0xA0)),
+        },
         "influx": {
             "own": sorted(influx._OWN),
             "annotations": influx._ANNOTATIONS,

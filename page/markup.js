@@ -16,7 +16,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
 
   /** The character of a number, as browsers have it: of 128 to 159 those of Windows. */
   function numbered(n) {
-    if (n >= 0x80 && n < 0xa0) return new TextDecoder("windows-1252").decode(Uint8Array.of(n));
+    if (n >= 0x80 && n < 0xa0) return data.markup.windows[n - 0x80];
     return n === 0 || n > 0x10ffff || (n >= 0xd800 && n < 0xe000) ? "\ufffd" : String.fromCodePoint(n);
   }
 

@@ -266,6 +266,8 @@ function show(said, from) {
       h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
     h("div", { class: "verdict" }, h("p", { class: "lead" }, parts.so),
       h("p", { class: "action" }, h("b", {}, "What to do"), parts.do),
+      provisional || !["likely", "cannot_tell"].includes(answer.confidence) ? null : h("p", { class: "note screen" },
+        "Plan a test with the Python package: ", h("code", {}, `glapp plan-test ${file.name}`)),
       h("details", { class: "why" }, h("summary", {}, "Why"), parts.why.map((text) => h("p", {}, text)))),
     h("div", { class: "pictures" }, h("div", {}, place("op-picture", "OP over time"), place("pv-picture", "PV and SP over time")),
       h("div", { id: "gap-place" })),

@@ -46,17 +46,26 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     return new TextDecoder(how).decode(bytes).replace(/\r\n?/g, "\n");
   }
 
-  /** Records of cells, each with the line on which it begins; an empty line has no cell. */
-  function records(text, delimiter) {
+  /** Records of cells, each with the line on which it begins, and the records with a quote that is not closed; an empty line has no cell. */
+  function parsed(text, delimiter) {
+    const { data: rows, errors } = Papa.parse(text, { delimiter, quoteChar: '"' });
     let line = 1;
-    return Papa.parse(text, { delimiter, quoteChar: '"' }).data.map((row) => {
+    const found = rows.map((row) => {
       const record = { line, cells: row.length > 1 || row[0] !== "" ? row : [] };
       line += 1 + row.reduce((sum, cell) => sum + (cell.includes("\n") ? cell.split("\n").length - 1 : 0), 0);
       return record;
     });
+    return { found, open: errors.filter(({ type }) => type === "Quotes").map(({ row }) => found[Math.min(row, found.length - 1)]) };
   }
 
-  const filled = (text, delimiter) => records(text, delimiter).filter(({ cells }) => cells.length);
+  /** The records of a whole text: what follows an open quote would be lost in its cell. */
+  function records(text, delimiter) {
+    const { found, open } = parsed(text, delimiter);
+    if (open.length) throw new InputError("has a quote that is not closed", { row: open[0].line });
+    return found;
+  }
+
+  const filled = (found) => found.filter(({ cells }) => cells.length);
 
   /** The commonest of some numbers, the first of those that are as common. */
   function commonest(numbers) {
@@ -69,7 +78,7 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
   function separator(text) {
     let best = null;
     for (const delimiter of ["\t", ";", "|", ","]) {
-      const rows = filled(text, delimiter);
+      const rows = filled(parsed(text, delimiter).found);
       const [width, count] = commonest(rows.map((row) => row.cells.length));
       const score = count / Math.max(rows.length, 1);
       if (width > 1 && (best === null || score > best.score)) best = { score, delimiter };
@@ -96,8 +105,8 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     let sample = text.slice(0, SAMPLE);
     if (sample.length < text.length && sample.includes("\n")) sample = sample.slice(0, sample.lastIndexOf("\n"));
     const delimiter = separator(sample);
-    let rows = filled(text, delimiter);
-    const seen = filled(sample, delimiter);
+    let rows = filled(records(text, delimiter));
+    const seen = filled(parsed(sample, delimiter).found);
     let [width] = commonest(seen.map((row) => row.cells.length));
     checkColumns(width);
     const timed = beginsWithData(seen, width);

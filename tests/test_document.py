@@ -44,8 +44,9 @@ WORDS = {
     "fit.recordings",
     "fit.reason",
     "fit.reason_code",
+    "plan",
 }
-"""What Python adds: names, units, sentences, and several recordings of one loop."""
+"""What Python adds: names, units, sentences, several recordings of one loop, and plans of tests."""
 
 CODES = {
     "version",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,10 +14,14 @@ import glapp
 import glapp.plan
 from glapp import InputError, plan_test, recording_from
 from glapp.cli import app
+from glapp.document import to_json
 from glapp.fit import Fit
-from glapp.plan import HOURS_POWER, _more_hours, decided
+from glapp.plan import HOURS_POWER, _more_hours, plan_from, with_plan
+from glapp.planned import Plan
+from glapp.report import planned
+from glapp.report.html import write_report
+from glapp.report.view import LoopView
 from glapp.simulate import Gaussian, Walk, closed_loop
-from glapp.step_test import StepTest
 
 PLANT = ([0.8], [20.0, 1.0], 5.0)
 TRUE_GAP = 1.0
@@ -84,8 +89,8 @@ def test_the_promised_power_is_that_of_the_loop_and_the_limits_hold(planned_from
             ]
             made = loop_runs(d=d, seed=seed, manual=manual, t_end=begin + test.hold * len(moves))
             rows = slice(int(begin), -1)
-            read = glapp.step_test(t=made.t[rows], pv=made.pv[rows], op=made.op[rows], manual=True)
-            found.append(decided(read, TRUE_GAP))
+            read = glapp.step_test(t=made.t[rows], pv=made.pv[rows], op=made.op[rows], manual=True, width=TRUE_GAP)
+            found.append(read.asked.found)
             assert made.op[rows].max() - stands <= LIMITS["op_within"][1] - test.moves[0]
             assert np.ptp(made.pv[rows]) <= test.pv[1] - test.pv[0] + 1.0
     assert np.mean([one == "gap" for one in said[TRUE_GAP]]) >= test.with_gap - 0.15
@@ -196,17 +201,101 @@ def test_more_hours_follow_from_the_growth_of_the_likelihood():
     assert _more_hours(a_fit(20.0, traversals=(100, 100))).power is None
 
 
-def test_what_a_step_test_decides():
-    def read(**limits):
-        return StepTest("FIC1", "", "%", "%", None, **limits)
+def read(d, noise=0.1, width=TRUE_GAP, rows=120):
+    manual = [(i * rows, (i + 1) * rows, op) for i, op in enumerate((50.0, 52.0, 54.0, 52.0))]
+    sigma = Gaussian(sigma=noise)
+    made = closed_loop(PLANT, (0.5, 20.0), d=d, noise=sigma, h=1.0, t_end=4 * rows, manual=manual, seed=2)
+    return glapp.step_test(t=made.t, pv=made.pv, op=made.op, manual=True, width=width)
 
-    assert decided(read(d=1.0, low=0.8, high=1.2), 1.0) == "gap"
-    assert decided(read(d=0.1, low=0.0, high=0.4), 1.0) == "no_gap"
-    assert decided(read(d=0.5, low=0.0, high=1.4), 1.0) is None
-    assert [decided(read(d=0.6, low=low, high=2.0), 1.0) for low in (0.21, 0.19)] == ["gap", None]
-    assert [decided(read(d=0.1, low=0.0, high=high), 1.0) for high in (0.79, 0.81)] == ["no_gap", None]
-    assert decided(read(low=0.7), 1.0) == "gap"
-    assert decided(read(), 1.0) is None
+
+def test_a_step_test_decides_by_its_interval_and_earlier_only_where_it_is_surer():
+    rows = 400
+    for d, noise in ((1.0, 0.02), (0.0, 0.02), (0.5, 0.2), (1.0, 0.3), (0.0, 0.3)):
+        test = read(d, noise, rows=rows)
+        gap, none = test.low > 0.2, test.high < 0.8
+        assert test.asked.found == ("gap" if gap else "no_gap" if none else None), (d, noise)
+        assert test.asked.early in (None, test.asked.found)
+        assert (test.asked.narrower < 0.025) == gap
+    assert read(1.0, 0.02, rows=rows).asked.early == "gap"
+    assert read(0.0, 0.02, rows=rows).asked.early == "no_gap"
+    assert read(1.0, width=None, rows=rows).asked is None
+    with pytest.raises(InputError, match="width: is 0, must be > 0"):
+        read(1.0, width=0.0)
+
+
+def test_a_plan_is_the_same_after_it_was_stored():
+    recording, result = analysed()
+    plan = plan_test(recording, result, width=TRUE_GAP, kinds=("by_hand", "more_hours"), **LIMITS)
+    stored = Plan.of(json.loads(json.dumps(plan.to_dict())))
+    assert stored == plan
+    assert planned.rows(stored) == planned.rows(plan)
+    assert planned.rows(plan)[0] == ("Question", "Is there a gap of 1 %OP?")
+
+
+def test_a_process_that_is_not_well_known_makes_a_promise_smaller(monkeypatch):
+    monkeypatch.setattr(glapp.plan, "SIMULATIONS", 24)
+    known = by_hand()
+    monkeypatch.setattr(glapp.plan, "_time_spread", lambda *_: 0.5)
+    monkeypatch.setattr(glapp.plan, "_gain_spread", lambda *_: 0.5)
+    unknown = by_hand(minutes=known.minutes)
+    assert (unknown.power or 0.0) < known.power
+
+
+def still_open(confidence="likely"):
+    recording, result = analysed()
+    return recording, replace(result, answer=replace(result.answer, confidence=confidence))
+
+
+def test_an_answer_that_is_open_gets_a_plan_and_no_other():
+    recording, result = still_open()
+    planned_too = with_plan([recording], result, width=TRUE_GAP, kinds=("by_hand",), **LIMITS)
+    assert planned_too.plan.by_hand.power >= 0.5
+    document = json.loads(to_json([planned_too]))["loops"][0]
+    assert document["plan"]["tests"][0]["moves"] == list(planned_too.plan.by_hand.moves)
+    assert LoopView("loop-FIC1", planned_too).planned == planned.rows(planned_too.plan)
+    recording, found = still_open("found")
+    assert with_plan([recording], found, **LIMITS).plan is None
+    recording, silent = still_open("cannot_tell")
+    none = with_plan([recording], silent, op_within=(65.0, 45.0))
+    assert "op_within: is 65 to 45" in none.plan.reason
+    assert json.loads(to_json([none]))["loops"][0]["plan"]["width"] is None
+    [(name, text)] = LoopView("loop-FIC1", none).planned
+    assert name == "No plan" and "op_within" in text
+
+
+def test_the_newest_of_several_recordings_that_tells_the_process_is_planned_from():
+    recording, result = analysed()
+    still = recording_from(
+        {"t": np.arange(600.0), "PV": np.full(600, 40.0), "OP": np.full(600, 50.0), "SP": np.full(600, 40.0)},
+        glapp.Loop(name="FIC1"),
+    )
+    plan = plan_from([recording, still], result, width=TRUE_GAP, kinds=("by_hand",), **LIMITS)
+    assert plan.by_hand.moves[0] == 50.0, "the test begins where the loop stands now"
+    with pytest.raises(InputError, match="were not fitted"):
+        plan_from([still], glapp.analyze(still), width=TRUE_GAP)
+
+
+def test_the_report_shows_what_would_decide(tmp_path):
+    recording, result = still_open()
+    result = with_plan([recording], result, width=TRUE_GAP, kinds=("by_hand",), **LIMITS)
+    write_report([result], tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "What would decide" in page
+    assert "It decides in" in page
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--plan", "--no-fit"), "--plan works on the fit"),
+        (("--op-within", "40", "60"), "add --plan"),
+    ],
+)
+def test_analyze_refuses_limits_without_a_plan(tmp_path, words, told):
+    file = tmp_path / "FIC1.csv"
+    loop_runs(t_end=600.0).write_csv(file)
+    found = CliRunner().invoke(app, ["analyze", str(file), *words])
+    assert told in str(found.exception)
 
 
 def asked_of(tmp_path, *more):
@@ -234,7 +323,7 @@ def test_the_command_tells_why_nothing_fits(tmp_path):
     assert told.exit_code == 1
     text = " ".join(told.stdout.split())
     assert "OP within 45 to 65, PV within 34 to 52, at most 2 min" in text
-    assert "no: the shortest test takes" in text
+    assert "No: the shortest test takes" in text
     refused = asked_of(tmp_path, "--op-within", "65", "45")
     assert refused.exit_code == 1
     assert "op_within" in refused.stderr

@@ -379,6 +379,10 @@ WRONG = {
         "t;SP;PV\n" + "0;1;2,5\n" * 20_000 + "1;1.234;2,5\n" + "2;1;2,5\n" * 20_000,
         ", row 20002, column SP: '1.234' may be with a decimal point, or thousands: other numbers have a decimal comma",
     ),
+    "cut within its last cell": (
+        't,SP,PV,OP\n"0","1","2","43"\n"1","1","2","44"\n"2","1","2","4',
+        ", row 4: ends within a quoted cell; the file is cut, is it still being written?",
+    ),
     "two kinds of thousands": (
         "t;SP;PV\n0;1;2\n1;1.234,5;1,234.5\n",
         ": '1.234,5' and others have a decimal comma, others a decimal point",

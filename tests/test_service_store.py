@@ -24,7 +24,7 @@ from glapp.folder_lock import FolderLock
 from glapp.service import store as of_memory
 from glapp.service.recordings import SignalStore, loop_of
 from glapp.service.signal import Event, Signal, Value
-from glapp.service.store import Entry, Reader, Store, StoreFull, backup, restore
+from glapp.service.store import SCHEMA, Entry, Reader, Store, StoreFull, backup, restore
 
 HERE = Path(__file__).parent
 
@@ -263,7 +263,7 @@ def foreign(statements: str) -> bytes:
     [
         (b"", "has 0 bytes"),
         (foreign("CREATE TABLE notes (text TEXT)"), "is none of glapp's: schema 0 without"),
-        (foreign("CREATE TABLE loops (id, name); PRAGMA user_version = 1"), "is none of glapp's: schema 1 without"),
+        (foreign(f"CREATE TABLE loops (id); PRAGMA user_version = {SCHEMA}"), f"is none of glapp's: schema {SCHEMA}"),
         (foreign("CREATE TABLE notes (text TEXT); PRAGMA user_version = -3"), "is none of glapp's: schema -3 without"),
     ],
     ids=["0 bytes", "foreign", "foreign of our version", "negative version"],

@@ -124,6 +124,7 @@ BESIDE_ON_THE_PAGE = {
         "The first reason that applied",
         "Findings on the recording",
         "A line is a family",
+        "Plan a test with",
         "Drag to zoom, double-click",
         "The evidence, for the engineer",
         "What a PLC would show, from zero",

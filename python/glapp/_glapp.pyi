@@ -629,6 +629,12 @@ def fit_thresholds() -> dict[str, tuple[float, str]]:
 def width_trend(t: Sequence[float], d: Sequence[float], error: Sequence[float] | None = None) -> dict[str, Any]:
     """Whether and how fast a width changes: widths [OP unit] at times [s], with standard errors where known."""
 
+def width_fall(t: Sequence[float], d: Sequence[float], error: Sequence[float]) -> dict[str, Any] | None:
+    """Whether a width [OP unit] has fallen from one time [s] to the next; `error` are standard errors."""
+
+def performance(rows: Batch, turn: float) -> dict[str, Any] | None:
+    """Deviation of PV, travel and reversals of OP in rows in automatic; OP has turned where it went back by `turn`."""
+
 class ManualRows:
     """The rows in manual of a recording, and the step test in them.
 
@@ -639,8 +645,10 @@ class ManualRows:
     def add(self, batch: Batch) -> None: ...
     def kept(self) -> Batch | None:
         """The rows in manual in one; None where there are none."""
-    def read(self, integrating: bool, op_span: float | None, positioner_dead_band: float | None) -> dict[str, Any]:
-        """The step test: numbers and codes, without sentences."""
+    def read(
+        self, integrating: bool, op_span: float | None, positioner_dead_band: float | None, width: float | None
+    ) -> dict[str, Any]:
+        """The step test: numbers and codes, without sentences; of the width in question whether it is decided."""
 
 class Windows:
     """Cuts a history into windows of `length` rows and keeps the best one of each epoch, in bounded memory.

@@ -280,6 +280,8 @@ class StepTestWidth(_Part):
     """Lower 95 % limit [`unit`]."""
     high: Value
     """Upper 95 % limit [`unit`]."""
+    decided: Literal["gap", "no_gap"] | None
+    """What the test was made to decide, and has decided; null of any other test."""
 
 
 class Terms(_Part):
@@ -423,6 +425,60 @@ class Answer(_Part):
     """Why, a sentence each."""
 
 
+class PlannedTest(_Part):
+    """A test that would decide whether there is a gap, or why there is none of its kind."""
+
+    kind: Literal["by_hand", "setpoint", "more_hours"]
+    """OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs."""
+    reason: str | None
+    """Why no such test can be proposed; null where one can."""
+    moves: list[float]
+    """OP [`unit`] or SP, one after the other, the first where the loop stood; empty for more hours."""
+    hold: Value
+    """Time at each of them [s]."""
+    minutes: Value
+    """Time from the first move on [min]."""
+    op: Range | None
+    """Least and greatest OP in any simulation [`unit`]."""
+    pv: Range | None
+    """Least and greatest PV in any simulation."""
+    power: Value
+    """Probability that it decides: the smaller of the next two."""
+    with_gap: Value
+    """Share of the simulations with the gap that show it."""
+    without: Value
+    """Share of the simulations without it that show that there is none."""
+    false: Value
+    """Share of all simulations that end in the wrong answer."""
+    simulations: Count
+    """Simulations of either kind."""
+
+
+class Plan(_Part):
+    """What would decide whether there is a gap."""
+
+    name: str
+    """Loop."""
+    source: str
+    """Recording that it was planned from."""
+    unit: str
+    """Unit of OP."""
+    pv_unit: str
+    """Unit of PV."""
+    width: Value
+    """Width in question [`unit`]."""
+    op_within: Annotated[list[Value], Field(min_length=2, max_length=2), Columns(("_low", "_high"))]
+    """Limits of OP that no test passes [`unit`]."""
+    pv_within: Annotated[list[Value], Field(min_length=2, max_length=2), Columns(("_low", "_high"))]
+    """Limits of PV."""
+    within: float
+    """Time that a test may take [min]."""
+    tests: list[PlannedTest]
+    """One of each kind."""
+    reason: str | None
+    """Why nothing could be planned; null where something could."""
+
+
 class LoopAnswer(_Part):
     """The answer for one loop: `answer` is the one, all else is what it stands on."""
 
@@ -464,6 +520,8 @@ class LoopAnswer(_Part):
     """What was read from OP's moves, with a given controller too; null without OP."""
     fit: FitAnswer | None
     """Width with an interval from OP and PV; null without OP."""
+    plan: Plan | None
+    """What would decide, where `--plan` asked for it and the answer is open; else null."""
 
 
 class Document(_Part):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any, Literal
 
@@ -19,21 +19,21 @@ from numpy.typing import NDArray
 from . import _glapp
 from .controller import Ideal
 from .errors import InputError
-from .fit import Fit, fit
+from .estimate import analyze
+from .fit import Fit, Process, fit
 from .loop import Loop
+from .planned import Kind, Limits, Plan, Planned
 from .plant import Plant
 from .progress import Progress
 from .recording import Recording, joined
 from .result import Result
 from .scenario import Manual, Samples, Scenario, Valve
 from .simulate import run, run_many
-from .step_test import StepTest, step_test
+from .step_test import step_test
 
-__all__ = ["Kind", "Plan", "Planned", "plan_test"]
+__all__ = ["Kind", "Plan", "Planned", "plan_from", "plan_test", "with_plan"]
 
 Floats = NDArray[np.float64]
-Limits = tuple[float, float]
-Kind = Literal["by_hand", "setpoint", "more_hours"]
 Found = Literal["gap", "no_gap"]
 
 BEYOND = 1.5
@@ -51,13 +51,6 @@ Where a recording does not tell the gap, it often does not tell the process eith
 
 WORTH = 0.5
 """A test that decides less often is not proposed."""
-
-MARGIN = 0.2
-"""A step test decides where its interval begins so far above 0, or ends so far below the width [widths].
-
-Where the load wanders, the 95 % interval holds the width in 91 to 95 of 100 tests: at 0 and at the width itself one in
-twenty would decide wrongly.
-"""
 
 POWER = 0.9
 """A test that decides so often is proposed; of those the shortest, and of these the one that moves PV least."""
@@ -102,98 +95,11 @@ PER_TRAVERSAL = 0.5
 """Likelihood ratio that the fit asks for each time OP goes through the width."""
 
 
-@dataclass(frozen=True, slots=True)
-class Planned:
-    """One kind of test.
-
-    Attributes
-    ----------
-    kind : "by_hand", "setpoint", "more_hours"
-        OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs.
-    reason : str or None
-        Why no such test can be proposed; None where it can, and all that follows is known.
-    moves : tuple of float
-        OP [OP unit], or SP [PV unit], one after the other, the first where the loop stood at the end of the recording.
-        Empty for more hours.
-    hold : float or None
-        Time at each of them [s].
-    minutes : float or None
-        Time for all of it, without that at the beginning that is recorded before the first move.
-    op, pv : (float, float) or None
-        Least and greatest OP and PV in any of the simulations, with the process gain 1.5 times its upper limit. None
-        for more hours.
-    power : float or None
-        Probability that it decides: the smaller of the next two.
-    with_gap, without : float or None
-        Share of the simulations with the gap that end in *gap*, and of those without it that end in *no gap* of that
-        width. `without` is None for more hours.
-    false : float or None
-        Share of all simulations that end in the wrong answer.
-    simulations : int
-        Simulations of either kind; 0 for more hours, whose power follows from the likelihood.
-    """
-
-    kind: Kind
-    reason: str | None = None
-    moves: tuple[float, ...] = ()
-    hold: float | None = None
-    minutes: float | None = None
-    op: Limits | None = None
-    pv: Limits | None = None
-    power: float | None = None
-    with_gap: float | None = None
-    without: float | None = None
-    false: float | None = None
-    simulations: int = 0
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class Plan:
-    """What would decide.
-
-    Attributes
-    ----------
-    name, source, unit, pv_unit : str
-        Loop, file, units of OP and PV.
-    width : float
-        Total width of the gap in question [OP unit].
-    op_within, pv_within : (float, float)
-        Limits that no test passes [OP unit, PV unit].
-    within : float
-        Time that a test may take [min].
-    tests : tuple of Planned
-        By hand, by setpoint steps, by more hours.
-    """
-
-    name: str
-    source: str
-    unit: str
-    pv_unit: str
-    width: float
-    op_within: Limits
-    pv_within: Limits
-    within: float
-    tests: tuple[Planned, ...]
-
-    def __repr__(self) -> str:
-        told = ", ".join(
-            f"{one.kind} {'refused' if one.power is None else f'{one.power:.0%} in {one.minutes:.0f} min'}"
-            for one in self.tests
-        )
-        return f"<Plan {self.name}: a gap of {self.width:.3g} {self.unit}; {told}>"
-
-    def __getitem__(self, kind: Kind) -> Planned:
-        return next(one for one in self.tests if one.kind == kind)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp plan-test --json` writes it."""
-        return asdict(self)
-
-
 def plan_test(
     recording: Recording,
     result: Result,
     *,
+    begins: Recording | None = None,
     op_within: Limits | None = None,
     pv_within: Limits | None = None,
     minutes: float = 60.0,
@@ -208,13 +114,14 @@ def plan_test(
     fit's *found*, or *none seen* above a limit below the width. PV is simulated as P·valve + w: P is the fitted
     process, the valve follows OP with a gap of the width, or without, and w is what is left of the recorded PV, taken
     from a place of the recording that is another one in each simulation. It is the same w with the gap and without:
-    that of the two which leaves less of the recording.
+    that of the two which leaves less of the recording. Gain and times of the process are drawn from within their 95 %
+    limits, anew in each simulation: a process that is not well known makes a promise smaller.
 
     More hours: −2·Δln L of no gap grows in proportion to time, and has the variance of 4 times its growth. Told are the
     hours after which it exceeds what the fit asks for in 80 %.
 
-    Known bias: valve, process and load are those of the fit. Where the true gain is smaller than the fitted one, or the
-    process slower, less is decided than promised. A valve that sticks is simulated as one with a gap.
+    Known bias: valve and load are those of the fit. Where the true gain is below its limits, or the process slower than
+    its limits allow, less is decided than promised. A valve that sticks is simulated as one with a gap.
 
     Parameters
     ----------
@@ -222,6 +129,8 @@ def plan_test(
         The loop's recording.
     result : Result
         What `glapp.analyze` says of it.
+    begins : Recording, optional
+        A later recording of the loop, at whose end the test begins; the same where not given.
     op_within, pv_within : (float, float), optional
         Limits of OP [OP unit] and PV [PV unit] for the test; the least and greatest value in the recording where not
         given.
@@ -265,7 +174,7 @@ def plan_test(
     if unknown := set(kinds) - {"by_hand", "setpoint", "more_hours"}:
         raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
     asked = _width(result) if width is None else width
-    loop = _Fitted.of(recording, result, asked, op_within, pv_within)
+    loop = _Fitted.of(recording, result, asked, op_within, pv_within, begins or recording)
     told = progress or (lambda _: None)
     tests = []
     for i, kind in enumerate(kinds):
@@ -289,6 +198,58 @@ def plan_test(
         within=minutes,
         tests=tuple(tests),
     )
+
+
+TRIED = 3
+"""Of several recordings so many are tried, the newest first, until one tells the process."""
+
+
+def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> Plan:
+    """Plan a test for a loop with one recording or several: from the newest one whose fit tells the process.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        In the order of time; the test begins where the last one ends.
+    result : Result
+        What `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
+    **asked
+        As in `plan_test`.
+
+    Raises
+    ------
+    InputError
+        As `plan_test`, of the newest recording that could be fitted.
+    """
+    width = asked.pop("width", None) or _width(result)
+    refused: list[tuple[bool, InputError]] = []
+    for recording in reversed(recordings[-TRIED:]):
+        alone = result if recording.source == result.source else analyze(recording)
+        try:
+            return plan_test(recording, alone, width=width, begins=recordings[-1], **asked)
+        except InputError as error:
+            refused.append((alone.fit is None or alone.fit.process is None, error))
+    raise min(refused, key=lambda one: one[0])[1]  # what stands against a long recording tells more
+
+
+def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
+    """The result with `Result.plan`: what would decide, where a gap is *likely* or the data *cannot tell*.
+
+    Parameters
+    ----------
+    recordings, result, **asked
+        As in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
+    """
+    if result.answer.confidence not in ("likely", "cannot_tell"):
+        return result
+    try:
+        plan = plan_from(recordings, result, **asked)
+    except InputError as error:
+        none = (math.nan, math.nan)
+        within = asked.get("minutes", 60.0)
+        unit, pv_unit = result.unit, result.loop.pv_unit or "PV unit"
+        plan = Plan(result.name, result.source, unit, pv_unit, math.nan, none, none, within, (), str(error))
+    return replace(result, plan=plan)
 
 
 def _width(result: Result) -> float:
@@ -318,6 +279,9 @@ class _Fitted:
     plant: Plant
     strong: Plant
     """The process with the largest gain that is planned for."""
+    gain_spread: float
+    """Standard deviation of ln Kp, and that of the logarithm of the process' times, by their 95 % limits."""
+    time_spread: float
     integrating: bool
     settling: float
     left: _Left
@@ -331,7 +295,13 @@ class _Fitted:
 
     @classmethod
     def of(
-        cls, recording: Recording, result: Result, width: float, op_within: Limits | None, pv_within: Limits | None
+        cls,
+        recording: Recording,
+        result: Result,
+        width: float,
+        op_within: Limits | None,
+        pv_within: Limits | None,
+        begins: Recording,
     ) -> _Fitted:
         found = result.fit
         if found is not None and found.through_pv is not None:
@@ -351,7 +321,8 @@ class _Fitted:
                 **where,
                 hint=f'write process = {{ type = "{told}" }} in a loops.toml if that is so',
             )
-        gains = _gains(process.kp, recording.loop.kp(), (found.judgement or {}).get("confidence") == "found")
+        widened = _widened((found.judgement or {}).get("confidence") == "found")
+        gains = _gains(process.kp, recording.loop.kp(), widened)
         if gains is None:
             raise InputError(
                 f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g}",
@@ -362,11 +333,12 @@ class _Fitted:
         op, pv = _rows(recording, best["t_start"], best["t_end"], h)
         plant, strong = (_plant(gain, best, h) for gain in gains)
         settling = _settling(plant)
+        given = recording.loop.kp() is not None
         skip = min(len(pv) // 4, int(settling / h))
         either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
         left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
         within = {"op": op_within, "pv": pv_within}
-        stands = _last_values(recording)
+        stands = _last_values(begins)
         for name, x in (("op", op), ("pv", pv)):
             low, high = within[name] or (float(np.nanmin(x)), float(np.nanmax(x)))
             within[name] = low, high
@@ -387,6 +359,8 @@ class _Fitted:
             h=h,
             plant=plant,
             strong=strong,
+            gain_spread=0.0 if given else _gain_spread(process.kp, widened),
+            time_spread=_time_spread(process, widened),
             integrating=process.integrating,
             settling=settling,
             left=left,
@@ -402,21 +376,65 @@ class _Fitted:
         """So many values of what is left of PV, from another place with each seed, 0 at the sample `at`."""
         return self.left.piece(n, at, np.random.default_rng(seed))
 
+    def process(self, seed: int) -> Plant:
+        """A process as the recording allows it: gain and times drawn from within their limits, anew with each seed."""
+        random = np.random.default_rng([seed, 2])
+        gain, time = (
+            math.exp(spread * float(np.clip(random.standard_normal(), -_LIMIT, _LIMIT)))
+            for spread in (self.gain_spread, self.time_spread)
+        )
+        order = len(self.plant.den) - 1
+        num = [gain * x for x in self.plant.num]
+        den = [x * time ** (order - i - self.integrating) for i, x in enumerate(self.plant.den)]
+        plant = Plant(num, den, self.plant.dead_time * time)
+        return plant if np.abs(plant.poles).max() * self.h < 3.0 else Plant(num, self.plant.den, self.plant.dead_time)
+
     def swing(self, n: int) -> Limits:
         """How far PV goes by itself from where it stands, within so many samples."""
         pieces = [self.disturbance(n, 0, seed) for seed in range(SIMULATIONS)]
         return min(float(x.min()) for x in pieces), max(float(x.max()) for x in pieces)
 
 
-def _gains(fitted: Sequence[float], given: float | None, found: bool) -> tuple[float, float] | None:
+def _widened(found: bool) -> float:
+    """By how much the fit has widened the limits of the process."""
+    off: float = _glapp.fit_thresholds()["PROCESS_OFF" if found else "PROCESS_OFF_IF_NOT_FOUND"][0]
+    return off
+
+
+def _gains(fitted: Sequence[float], given: float | None, widened: float) -> tuple[float, float] | None:
     """Process gain, and the largest that is planned for; None where it is not known."""
     kp, low, high = fitted
-    widened = _glapp.fit_thresholds()["PROCESS_OFF" if found else "PROCESS_OFF_IF_NOT_FOUND"][0]
     most, least = max(abs(low), abs(high)) / widened, min(abs(low), abs(high)) * widened
     if low * high <= 0 or most > KNOWN * least:
         return None
     kp = kp if given is None else given
     return kp, math.copysign(BEYOND * max(abs(kp), most if given is None else 0.0), kp)
+
+
+_LIMIT = NormalDist().inv_cdf(0.975)
+"""A 95 % limit is so many standard deviations away."""
+
+MOST_SPREAD = 0.5
+"""Standard deviation of the logarithm of what has no upper limit: 95 % within a factor of 2.7 either way."""
+
+
+def _gain_spread(kp: Sequence[float], widened: float) -> float:
+    """Standard deviation of ln Kp by its 95 % limits, as they were before the fit widened them.
+
+    Of 49 loops of `bench.plan` (half A) whose gain is known well enough to plan, these limits hold the true gain in 46;
+    the widened ones are for the others.
+    """
+    ends = [abs(x) for x in kp[1:]]
+    least, most = min(ends) * widened, max(ends) / widened
+    return math.log(most / least) / (2.0 * _LIMIT) if most > least > 0.0 else 0.0
+
+
+def _time_spread(process: Process, widened: float) -> float:
+    """The same of dead time and lags together, which are known better than either, by the upper limit of the lags."""
+    dead, (lag, _, high) = process.dead_time[0], process.lag
+    if not dead + lag > 0.0 or not math.isfinite(high):
+        return MOST_SPREAD
+    return min(math.log(max(1.0, (dead + high / widened) / (dead + lag))) / _LIMIT, MOST_SPREAD)
 
 
 def _last_values(recording: Recording) -> dict[str, float]:
@@ -635,20 +653,17 @@ def _tried(
 ) -> list[tuple[float, Found | None]]:
     """What the step test says of simulated tests, with the gap and without."""
     each = [(d, seed) for d in (loop.width, 0.0) for seed in seeds]
-    simulations = run_many([_scenario(loop, loop.plant, d, levels, hold, seed) for d, seed in each], progress=False)
+    simulations = run_many(
+        [_scenario(loop, loop.process(seed), d, levels, hold, seed) for d, seed in each], progress=False
+    )
     first = round(2 * hold / loop.h)
     judged = []
     for (d, _), s in zip(each, simulations, strict=True):
-        read = step_test(t=s.t[first:], pv=s.pv[first:] + loop.pv, op=s.op[first:] + loop.op, manual=True)
-        judged.append((d, decided(read, loop.width)))
+        read = step_test(
+            t=s.t[first:], pv=s.pv[first:] + loop.pv, op=s.op[first:] + loop.op, manual=True, width=loop.width
+        )
+        judged.append((d, None if read.asked is None else read.asked.found))
     return judged
-
-
-def decided(test: StepTest, width: float) -> Found | None:
-    """What a step test says of a gap of that width: there is a gap, there is none so wide, or nothing."""
-    if test.low is not None and test.low > MARGIN * width:
-        return "gap"
-    return "no_gap" if test.high is not None and test.high < (1.0 - MARGIN) * width else None
 
 
 def _planned(
@@ -697,7 +712,15 @@ def _setpoint(loop: _Fitted, minutes: float) -> Planned:
         levels = tuple(step * (i % 2) for i in range(n + 1))
         pv, op = _reached(loop, law, levels, apart)
         if _within(pv, loop.pv_within) and _within(op, loop.op_within):
-            return _planned("setpoint", begins, levels, apart, _fitted(loop, law, levels, apart, FITTED), pv, op)
+            judged = _fitted(loop, law, levels, apart, FITTED)
+            found = _planned("setpoint", begins, levels, apart, judged, pv, op)
+            if (found.power or 0.0) >= WORTH:
+                return found
+            return Planned(
+                "setpoint",
+                f"{n} setpoint steps of {abs(step):.3g}, {apart / 60:.1f} min apart, decide in "
+                f"{100 * (found.power or 0.0):.0f} % only",
+            )
         passed = (
             f"setpoint steps of {abs(step):.3g} take PV from {pv[0]:.4g} to {pv[1]:.4g} and OP from {op[0]:.4g} to "
             f"{op[1]:.4g}, beyond the limits"
@@ -742,11 +765,13 @@ def _fitted(
 ) -> list[tuple[float, Found | None]]:
     """What the fit says of simulated setpoint steps, with the gap and without."""
     each = [(d, seed) for d in (loop.width, 0.0) for seed in range(100, 100 + count)]
-    simulations = run_many(
-        [_stepped(loop, law, loop.plant, d, levels, apart, seed) for d, seed in each], progress=False
-    )
     judged: list[tuple[float, Found | None]] = []
-    for (d, _), s in zip(each, simulations, strict=True):
+    for d, seed in each:
+        try:
+            s = run(_stepped(loop, law, loop.process(seed), d, levels, apart, seed))
+        except InputError:  # that process runs away under the controller: nothing is decided
+            judged.append((d, None))
+            continue
         judged.append((d, fit_decides(fit(t=s.t, sp=s.sp, pv=s.pv, op=s.op, loop=loop.loop), loop.width)))
     return judged
 

@@ -26,6 +26,7 @@ from .trace import Trace
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .planned import Plan
     from .step_test import StepTest
 
 __all__ = ["REASONS", "Answer", "Confidence", "Corrected", "HalfPeriods", "Harm", "Limit", "Moves", "Next", "Origin"]
@@ -255,11 +256,15 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class StepTestWidth:
-    """Width that a step test in the recording gives, with its 95 % limits [OP unit]."""
+    """Width that a step test in the recording gives, with its 95 % limits [OP unit].
+
+    `decided` is what the test was made to decide, and has decided: "gap" or "no_gap"; None of any other test.
+    """
 
     d: float
     low: float | None
     high: float | None
+    decided: Literal["gap", "no_gap"] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -459,7 +464,8 @@ def decide(
         "span": span_of(loop),
         "acceptable": loop.acceptable_dead_band,
         "prior": loop.prior(),
-        "step_test": None if test is None else {"d": test.d, "low": test.low, "high": test.high},
+        "step_test": test
+        and {"d": test.d, "low": test.low, "high": test.high, "decided": test.asked and test.asked.found},
         "harm": [{"pv_share": one.pv_share, "op_share": one.op_share} for one in harm],
     }
     return Answer.of(_glapp.summary(json.dumps(facts)))
@@ -546,6 +552,8 @@ class Result:
         The width from zero crossings with its known bias taken out; None without detections.
     step_test : StepTest or None
         What a step test in the recording's first half million rows gives (`glapp.step_test`), where it gives a width.
+    plan : Plan or None
+        What would decide whether there is a gap (`glapp.plan_test`), where that was asked for and is open.
     columns : dict
         Role to the column or tag that was taken: where a position was measured, the width may be that of the position
         alone, and `repr` says so.
@@ -577,6 +585,7 @@ class Result:
     corrected: Corrected | None = None
     step_test: StepTest | None = None
     messages: list[dict[str, Any]] = field(default_factory=list)
+    plan: Plan | None = None
     columns: dict[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -737,6 +746,7 @@ class Result:
             "controller": controller,
             "identified": None if self.identification is None else self.identification.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),
+            "plan": None if self.plan is None else self.plan.to_dict(),
         }
 
     def _answered(self) -> dict[str, Any]:

@@ -19,7 +19,32 @@ from .loop import Loop
 from .recording import Batch, Recording, with_op_unit
 from .samples import recording_of
 
-__all__ = ["Hold", "Reading", "StepTest", "step_test"]
+__all__ = ["Asked", "Hold", "Reading", "StepTest", "step_test"]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Whether the test has decided a width in question.
+
+    Attributes
+    ----------
+    width : float
+        The width [`StepTest.unit`].
+    narrower, wider : float | None
+        Probability that the gap is narrower than a fifth of it, and that it is wider than four fifths; None where the
+        test gives no width.
+    found : {"gap", "no_gap"} | None
+        What the test decides if it is over: one of the two probabilities is below 2.5 %. None: it is open.
+    early : {"gap", "no_gap"} | None
+        What it decides while it goes on, at 0.1 %: then it may be ended. Who looks many times would otherwise decide
+        wrongly more often than in 2.5 %.
+    """
+
+    width: float
+    narrower: float | None
+    wider: float | None
+    found: Literal["gap", "no_gap"] | None
+    early: Literal["gap", "no_gap"] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +148,8 @@ class StepTest:
         What a person should know beside the numbers.
     note_codes : tuple of dict
         The same as codes with their numbers.
+    asked : Asked | None
+        Whether the test has decided the width in question; None where none was asked for.
     travel : StepTest | None
         The same read off the valve's position, where it was recorded: PV stands for travel, Kp for travel per OP.
     t0 : datetime | None
@@ -151,6 +178,7 @@ class StepTest:
     readings: tuple[Reading, ...] = ()
     notes: tuple[str, ...] = ()
     note_codes: tuple[dict[str, Any], ...] = ()
+    asked: Asked | None = None
     travel: StepTest | None = None
     t0: datetime | None = None
     signals: Batch | None = field(default=None, repr=False, compare=False)
@@ -173,6 +201,7 @@ def step_test(
     flags: ArrayLike | None = None,
     loop: Loop | None = None,
     manual: bool = False,
+    width: float | None = None,
 ) -> StepTest:
     """Read gap and process gain off the step test that a recording holds.
 
@@ -195,6 +224,8 @@ def step_test(
         Settings that go with samples.
     manual : bool
         Take the whole recording as made in manual; for one without a mode column.
+    width : float, optional
+        Width in question [OP unit], > 0: `StepTest.asked` says whether the test has decided it.
 
     Returns
     -------
@@ -204,7 +235,7 @@ def step_test(
     Raises
     ------
     InputError
-        Where the recording cannot be read, or `manual` is given for one that has a mode column.
+        Where the recording cannot be read, `manual` is given for one that has a mode column, or the width is not > 0.
 
     Examples
     --------
@@ -216,6 +247,8 @@ def step_test(
     >>> print(f"{found.d:.1f} ({found.low:.1f} to {found.high:.1f}), Kp {found.kp:.1f}")
     2.0 (1.9 to 2.0), Kp 0.8
     """
+    if width is not None and not width > 0:
+        raise InputError(f"is {width:g}, must be > 0", parameter="width", value=width, bound="> 0")
     recording = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
     has_mode = "MODE" in recording.columns
     if manual and has_mode:
@@ -236,6 +269,7 @@ def step_test(
         loop.process.type == "integrating",
         None if span is None else span[1] - span[0],
         None if positioner is None else positioner.dead_band,
+        width,
     )
     return replace(step_test_from_core(found, recording, loop), signals=kept)
 
@@ -262,7 +296,7 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
     def sentence(code: dict[str, Any] | None) -> str:
         return "" if code is None else _glapp.to_text(f"step_test.{code['code']}", words | code)
 
-    reason, notes = found.pop("reason"), tuple(found.pop("notes"))
+    reason, notes, asked = found.pop("reason"), tuple(found.pop("notes")), found.pop("asked")
     readings = [one | {"op": tuple(one["op"]), "pv": tuple(one["pv"])} for one in found.pop("readings")]
     return replace(
         blank,
@@ -270,6 +304,7 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
         reason_code=reason,
         notes=tuple(sentence(note) for note in notes),
         note_codes=notes,
+        asked=None if asked is None else Asked(**asked),
         holds=tuple(Hold(**hold) for hold in found.pop("holds")),
         readings=tuple(
             Reading(**one | {"evidence": sentence(one["evidence"])}, evidence_code=one["evidence"]) for one in readings

@@ -351,18 +351,18 @@ def table_8_1() -> Shown:
         "second, four of the five PID rows come out within 5 % of the thesis' estimates, and PI controllers show no "
         "gap.",
         numbers=tuple(numbers),
-        difference="The thesis gives neither noise nor sample time nor load step. A search over about 160 settings "
-        "(noise uniform and Gaussian of ± 0.1 to 1 %, each value held for 0.02 to 1.2 s; Tf = Td/5, Ti/10 and Ti/2; a "
-        "load step of 0, 30 and 100 %; values stored every 0.02 to 2 s) looked for one that explains all rows, with "
-        "(7.5). The nearest: σ = 0.14 % held for 0.1 s, h = 0.05 s, Tf = Td/5, a load step of 30 %, values stored once "
-        "a second (thesis 3.3: the estimation ran on stored signals). Noise that is new in every sample of the "
-        "simulation gives half as many detections, or fewer. What remains: Ziegler-Nichols PID has 55 detections in "
-        "the "
-        "thesis and Ziegler-Nichols PI 8, more than any seed here; AMIGO frequency has 77, to the digit MIGO's number, "
-        "and Lambda PID reads 4.49 of 3 detections where the seeds here end at about 4. Under PI a run makes one or "
-        "two "
-        "detections of noise, near 0.1 %, which are not shown as widths here. The detector that ships counts the "
-        "derivative part (7.6) and reads lower; the corrected width of `glapp.analyze` takes that out.",
+        difference="The thesis gives neither noise nor sample time nor load step. A search over about 190 settings "
+        "looked for one that explains all rows, with (7.5): uniform noise of ± 0.1 to 0.6 % and Gaussian "
+        "noise of σ = 0.08 to 0.25 %, each value held for 0.06 to 1.2 s; Tf = Td/5, Ti/10 and Ti/2; a load "
+        "step of 0, 30 and 100 %; values stored every 0.02 to 2 s. The nearest: σ = 0.14 % held for 0.1 s, h "
+        "= 0.05 s, Tf = Td/5, a load step of 30 %, values stored once a second (thesis 3.3: the estimation "
+        "ran on stored signals). Noise of ± 0.05 to 1 % that is new in every sample of the simulation gives "
+        "half as many detections, or fewer. What remains: Ziegler-Nichols PID has 55 detections in the "
+        "thesis and Ziegler-Nichols PI 8, more than any seed here; AMIGO frequency has 77, to the digit "
+        "MIGO's number, and Lambda PID reads 4.49 of 3 detections where the seeds here end at about 4. Under "
+        "PI a run makes one or two detections of noise, near 0.1 %, which are not shown as widths here. The "
+        "detector that ships counts the derivative part (7.6) and reads lower; the corrected width of "
+        "`glapp.analyze` takes that out.",
         draw=draw,
         why="held noise and stored values explain most rows; the counts of both Ziegler-Nichols rows and of AMIGO "
         "frequency, and Lambda's width, stay off",

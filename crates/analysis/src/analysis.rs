@@ -384,6 +384,7 @@ impl Analysis {
             integrating: self.task.integrating,
             op_span: op_limits.map(|(low, high)| high - low),
             positioner_dead_band: self.task.positioner_dead_band,
+            width: None,
         };
         let mut rows = ManualRows::new(Manual::Flagged);
         rows.take(&inspected(&self.beginning), self.beginning.position.as_deref());

@@ -82,7 +82,12 @@ impl AnalysisResult {
             acceptable,
             prior,
             step_test: self.step_test.as_ref().and_then(|test| {
-                let width = |d| StepTestWidth { d, low: test.low, high: test.high };
+                let width = |d| StepTestWidth {
+                    d,
+                    low: test.low,
+                    high: test.high,
+                    decided: test.asked.and_then(|asked| asked.found),
+                };
                 test.d.map(width)
             }),
             harm: harm.into_iter().collect(),

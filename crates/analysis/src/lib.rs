@@ -18,6 +18,7 @@ mod harm;
 pub mod identify;
 mod inspected;
 mod origin;
+mod performance;
 pub mod quality;
 mod signals;
 pub mod step_test;
@@ -36,10 +37,11 @@ pub use glapp_fit::{Cause, Judgement, Width, WidthKind};
 pub use harm::{Cells as HarmCells, Harm, harm};
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
+pub use performance::{Performance, performance};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};
 pub use step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 pub use summary::{
     Acceptable, Confidence, Contradiction, Evidence, Facts, FitFacts, Health, Limit, LimitOrigin, Moves, NOMINAL_LIMIT,
     Next, NextStep, One, Part, StepTestWidth, Struck, Summary, Urgency, Valve,
 };
-pub use trend::{Change, WidthTrend, trend};
+pub use trend::{Change, Fall, WidthTrend, fall, trend};

@@ -23,6 +23,7 @@
 //! integrating process slopes stand for levels. What is said beside the numbers is a code with its numbers: [`Reason`],
 //! [`Note`], [`Evidence`]. `docs/step-test.md` has how often the interval held the truth.
 
+mod asked;
 mod blocks;
 mod holds;
 mod moves;
@@ -32,6 +33,7 @@ mod rows;
 mod settling;
 mod verdict;
 
+pub use asked::{Asked, Found};
 pub use rows::{ManualRows, ManualStretch};
 
 use serde::{Deserialize, Serialize};
@@ -62,6 +64,8 @@ pub struct StepTestSettings {
     pub op_span: Option<f64>,
     /// Dead band that the positioner is set to [% of travel], where it is known.
     pub positioner_dead_band: Option<f64>,
+    /// Width in question, > 0 [OP unit]: [`StepTest::asked`] says whether the test has decided it.
+    pub width: Option<f64>,
 }
 
 /// Dead band and process gain as a step test shows them, or why it shows none.
@@ -95,6 +99,8 @@ pub struct StepTest {
     pub readings: Vec<Reading>,
     /// What a person should know beside the numbers.
     pub notes: Vec<Note>,
+    /// Whether the test has decided the width in question; none where none was asked for.
+    pub asked: Option<Asked>,
     /// The test as read from the valve's position, where it was recorded, with travel \[%\] in place of PV.
     pub travel: Option<Box<StepTest>>,
 }

@@ -8,6 +8,7 @@
 use crate::crossings::Verdict;
 use crate::fitted::FitVerdict;
 use crate::harm::Harm;
+use crate::step_test::Found;
 use crate::trend::{Change, WidthTrend};
 use glapp_core::Reason;
 use glapp_fit::{Cause, Confidence as FitConfidence, Judgement, LEAST_DOUBT, Terms, USUAL_PRIOR, Weighed, WidthKind};
@@ -28,6 +29,9 @@ const HARM_UNKNOWN: f64 = 0.5;
 
 /// Words of a fit that cannot tell, and whose upper limit stands: none and a gap up to it fit alike.
 const OPEN: [&str; 2] = ["may_be_a_gap", "families_disagree"];
+
+/// Word of what a step test decided.
+const TEST: &str = "step_test";
 
 /// Word of a fit that found a gap which is not all: where the valve turns PV strays from the model, as one that sticks makes it.
 const MORE: &str = "gap_and_more";
@@ -99,6 +103,9 @@ pub struct StepTestWidth {
     pub low: Option<f64>,
     /// Upper limit.
     pub high: Option<f64>,
+    /// What the test was made to decide, and has decided; none of a test that nobody made for a question.
+    #[serde(default)]
+    pub decided: Option<Found>,
 }
 
 /// How sure it is that there is a dead band.
@@ -371,8 +378,13 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// The one answer of these facts.
+    /// The one answer of these facts. Where normal operation leaves it open and a step test was made for the question and has
+    /// decided it, the test answers.
     pub fn of(facts: &Facts) -> Self {
+        if let Some(fit) = facts.fit.as_ref().and_then(|fit| fit.decided_by(facts.step_test?)) {
+            let decided = Self { evidence: Some(Evidence::Strong), ..Self::of_fit(facts, &fit) };
+            return Self { rank: decided.ranked(), ..decided };
+        }
         let answers = |fit: &&FitFacts| fit.d.is_some() || fit.verdict == FitVerdict::Oscillation;
         let decided = match facts.fit.as_ref().filter(answers) {
             Some(fit) => Self::of_fit(facts, fit),
@@ -650,6 +662,23 @@ impl Facts {
 }
 
 impl FitFacts {
+    /// What is so once a step test has decided what these leave open; none where the fit has found a gap itself, or nothing is
+    /// decided.
+    fn decided_by(&self, test: StepTestWidth) -> Option<Self> {
+        let before = self.judged();
+        let found = test.decided.filter(|_| before.confidence != FitConfidence::Found)?;
+        let low = test.low.unwrap_or(0.0);
+        let (confidence, cause, width_kind, verdict) = match found {
+            Found::Gap => {
+                (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Interval), FitVerdict::Backlash)
+            }
+            Found::NoGap => (FitConfidence::NoneSeen, None, None, FitVerdict::Sound),
+        };
+        let judgement = Some(Judgement { confidence, cause, width_kind, ..before });
+        let d = Some(test.d);
+        Some(Self { verdict, why: TEST.into(), d, low: Some(low), high: test.high, judgement, ..self.clone() })
+    }
+
     /// What the ladder says; where nobody asked it, what the verdict does.
     fn judged(&self) -> Judgement {
         self.judgement.unwrap_or_else(|| {
@@ -819,11 +848,30 @@ mod tests {
 
     #[test]
     fn a_step_test_in_the_recording_is_used_where_one_would_be_asked_for() {
-        let test = StepTestWidth { d: 2.0, low: Some(1.8), high: Some(2.2) };
+        let test = StepTestWidth { d: 2.0, low: Some(1.8), high: Some(2.2), decided: None };
         let with = |fit| Summary::of(&Facts { fit: Some(fit), step_test: Some(test), ..Facts::default() });
         let unsure = with(fit(FitVerdict::CannotTell, 1.0, None));
         assert_eq!((unsure.next.step, unsure.next.tested, unsure.step_test), (Next::RecordMore, true, Some(test)));
         assert!(!with(fit(FitVerdict::Sound, 0.0, Some(1.0))).next.tested);
+    }
+
+    #[test]
+    fn a_step_test_that_was_made_for_it_decides_what_the_fit_leaves_open() {
+        let with = |fit, (d, low, high), decided| {
+            let test = StepTestWidth { d, low: Some(low), high: Some(high), decided };
+            Summary::of(&Facts { fit: Some(fit), step_test: Some(test), span: Some(100.0), ..Facts::default() })
+        };
+        let likely = || judged(FitConfidence::Likely, Some(WidthKind::Interval), 1.2, Some(4.0));
+        let gap = with(likely(), (2.0, 1.8, 2.2), Some(Found::Gap));
+        assert_eq!((gap.confidence, gap.valve), (Confidence::Found, Valve::Gap));
+        assert_eq!((gap.width, gap.low, gap.high), (Some(2.0), Some(1.8), Some(2.2)));
+        assert_eq!((gap.acceptable, gap.next.tested), (Some(Acceptable::Beyond), true));
+        let none = with(likely(), (0.1, 0.0, 0.4), Some(Found::NoGap));
+        assert_eq!((none.confidence, none.width, none.high), (Confidence::Sound, None, Some(0.4)));
+        assert_eq!(none.next.step, Next::Nothing);
+        assert_eq!(with(likely(), (2.0, 0.0, 4.0), None).confidence, Confidence::Likely);
+        let found = with(fit(FitVerdict::Backlash, 5.0, Some(6.0)), (0.1, 0.0, 0.4), Some(Found::NoGap));
+        assert_eq!((found.confidence, found.low), (Confidence::Found, Some(5.0)), "no test takes away what was found");
     }
 
     /// A fit that the ladder has judged.

@@ -203,7 +203,8 @@ int32_t glapp_fit(const glapp_columns *columns, double sign, glapp_width *width)
 
 /* Reads dead band and process gain off the step test in a recording. SP is not needed; without OP the answer says so. Settings:
  * "manual" 1: all rows were made in manual, 0 (default): those with GLAPP_FLAG_NOT_AUTO; "integrating" 1: the process integrates;
- * "op_span": width of OP's span [OP unit]; "positioner_dead_band": what the positioner is set to [% of travel].
+ * "op_span": width of OP's span [OP unit]; "positioner_dead_band": what the positioner is set to [% of travel];
+ * "width": width in question [OP unit], of which "asked" then says whether the test has decided it.
  * The answer is written to `json`, which has `room` bytes, as a text in JSON that ends in a 0 (docs/step-test.md has its
  * fields); `needed` gets the bytes that it takes. Where `room` is less, nothing is written: GLAPP_BAD_LENGTH. */
 int32_t glapp_step_test(const glapp_columns *columns, const glapp_setting *settings, size_t count, char *json, size_t room,

@@ -52,6 +52,7 @@ pub(crate) fn step_test(given: &[(&str, f64)]) -> Result<(Manual, StepTestSettin
             "integrating" => settings.integrating = yes(name, *value)?,
             "op_span" => settings.op_span = Some(above(name, *value, 0.0)?),
             "positioner_dead_band" => settings.positioner_dead_band = Some(above(name, *value, 0.0)?),
+            "width" => settings.width = Some(above(name, *value, 0.0)?),
             other => return Err(CallError::refused(format!("{other}: there is no such setting of a step test"))),
         }
     }

@@ -242,6 +242,23 @@ pub fn width_trend<'py>(
     plain(py, &glapp_analysis::trend(&t.iter().enumerate().map(width).collect::<Vec<_>>()))
 }
 
+/// Whether a width has fallen from one time to the next, as after a repair; None where it has not.
+#[pyfunction]
+pub fn width_fall<'py>(py: Python<'py>, t: Vec<f64>, d: Vec<f64>, error: Vec<f64>) -> PyResult<Bound<'py, PyAny>> {
+    if d.len() != t.len() || error.len() != t.len() {
+        return Err(PyValueError::new_err("t, d and error must be of the same length"));
+    }
+    let width = |(i, t): (usize, &f64)| Width { t: *t, d: d[i], error: Some(error[i]) };
+    plain(py, &glapp_analysis::fall(&t.iter().enumerate().map(width).collect::<Vec<_>>()))
+}
+
+/// How a loop does in these rows; None where too few are in automatic.
+#[pyfunction]
+pub fn performance<'py>(py: Python<'py>, rows: Batch<'_>, turn: f64) -> PyResult<Bound<'py, PyAny>> {
+    let (rows, _) = rows.rows()?;
+    plain(py, &py.detach(|| glapp_analysis::performance(&rows, turn)))
+}
+
 /// What one record says.
 fn answered<'py>(py: Python<'py>, record: SegmentAnswer<SegmentFit>) -> PyResult<Bound<'py, PyDict>> {
     let SegmentAnswer { start, end, starts, h, answer } = record;

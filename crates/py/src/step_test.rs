@@ -52,8 +52,9 @@ impl ManualRows {
         integrating: bool,
         op_span: Option<f64>,
         positioner_dead_band: Option<f64>,
+        width: Option<f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let settings = StepTestSettings { integrating, op_span, positioner_dead_band };
+        let settings = StepTestSettings { integrating, op_span, positioner_dead_band, width };
         plain(py, &py.detach(|| self.rows.read(&settings)))
     }
 }

@@ -14,7 +14,8 @@ from rich.text import Text
 
 from .._glapp import to_text
 from ..escape import for_spreadsheet, one_line
-from ..report import words
+from ..planned import Plan
+from ..report import planned, words
 from ..result import Result
 from ..row import columns, rows
 from ..writing import write_file
@@ -50,11 +51,32 @@ def analyze(
         bool, typer.Option("--no-fit", metavar="", help="Leave out the fit of OP and PV, which takes a second a loop.")
     ] = False,
     why: Annotated[bool, typer.Option("--why", metavar="", help="Say what each answer stands on.")] = False,
+    plan: Annotated[
+        bool,
+        typer.Option(
+            "--plan",
+            metavar="",
+            help="Where the answer is open, say which test would decide: up to a minute a loop.",
+        ),
+    ] = False,
+    op_within: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="With --plan, limits of OP; those of the recording where not given."),
+    ] = None,
+    pv_within: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="With --plan, limits of PV; those of the recording where not given."),
+    ] = None,
+    minutes: Annotated[float, typer.Option(metavar="NUMBER", help="With --plan, longest test.")] = 60.0,
 ) -> None:
     """Estimate the dead band of every loop, and say how sure that is and why not surer."""
     to_output = table is not None and str(table) == "-"
     if json and to_output:
         raise CommandError("--json and --csv - both write to standard output; name a file for --csv")
+    if no_fit and plan:
+        raise CommandError("--plan works on the fit, and --no-fit leaves it out")
+    if not plan and (op_within is not None or pv_within is not None):
+        raise CommandError("--op-within and --pv-within are limits of a planned test: add --plan")
     if table is not None and not to_output:
         check_output("--csv", table, read_by(files), TABLE)
     if report is not None:
@@ -62,7 +84,8 @@ def analyze(
     opened = open_files(files, options, as_loop)
     if not json and not to_output and as_loop is None and can_ask():
         opened = asked(opened, options.settings())
-    answers = analyze_all(opened, trust, fit=not no_fit)
+    limits = {"op_within": op_within, "pv_within": pv_within, "minutes": minutes} if plan else None
+    answers = analyze_all(opened, trust, fit=not no_fit, plan=limits)
     results = [a.result() if isinstance(a, Refused) else a for a in answers]
     faults = []  # a file that cannot be written is no reason to lose the answers on the screen
     if table is not None and not to_output:
@@ -114,6 +137,14 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
     show_table(fitting(_columns(results), 4))
     out.print()
     out.print(words.summary(results))
+    for result in results:
+        if result.plan is not None:
+            out.print(f"\nWhat would decide, {one_line(_name(result))}:", soft_wrap=True)
+            out.print(Padding(key_values(_planned(result.plan)), (0, 0, 0, 2)))
+
+
+def _planned(plan: Plan) -> list[tuple[str, str]]:
+    return [(name, one_line(text)) for name, text in planned.rows(plan)]
 
 
 def _block(result: Result, why: bool) -> None:
@@ -131,6 +162,9 @@ def _block(result: Result, why: bool) -> None:
         rows.append(("by", result.by_position))
     out.print(head)
     out.print(Padding(key_values([(label, one_line(text)) for label, text in rows]), (0, 0, 1, 2)))
+    if result.plan is not None:
+        out.print(Padding("What would decide", (0, 0, 0, 2)))
+        out.print(Padding(key_values(_planned(result.plan)), (0, 0, 1, 4)))
 
 
 def _columns(results: Sequence[Result]) -> list[Column]:

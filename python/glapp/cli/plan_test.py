@@ -13,9 +13,9 @@ from rich.progress import Progress
 from ..errors import InputError
 from ..escape import in_quotes, one_line
 from ..estimate import analyze
-from ..plan import Plan, Planned
 from ..plan import plan_test as plan
-from ..report.words import number, op_unit
+from ..planned import Plan
+from ..report import planned
 from .inputs import Valve, open_files, recording_of
 from .options import Options, with_options
 from .screen import err, key_values, out, say_error
@@ -94,43 +94,6 @@ the reason is told.
         raise typer.Exit(1)
 
 
-_NAMES = {"by_hand": "OP by hand", "setpoint": "Setpoint steps", "more_hours": "More hours"}
-
-
 def _show(one: Plan) -> None:
     out.print(one_line(f"{one.name}  ({one.source})"), style="bold", soft_wrap=True)
-    limits = f"OP within {_limits(one.op_within)}, PV within {_limits(one.pv_within)}, at most {one.within:g} min"
-    rows = [("Question", f"is there a gap of {number(one.width)} {op_unit(one.unit)}?"), ("Limits", limits)]
-    rows += [(_NAMES[test.kind], _text_of(test, one)) for test in one.tests]
-    out.print(key_values([(name, one_line(text)) for name, text in rows]))
-
-
-def _text_of(test: Planned, of: Plan) -> str:
-    if test.power is None or test.minutes is None:
-        return f"no: {test.reason}"
-    if test.kind == "more_hours":
-        more = f"{number(test.minutes / 60)} h" if test.minutes > 120 else f"{test.minutes:.0f} min"
-        return f"{more} more of the same show the gap in {_share(test.power)}, if there is one (not simulated)"
-    assert test.hold is not None
-    what, unit = ("OP", op_unit(of.unit)) if test.kind == "by_hand" else ("SP", of.pv_unit)
-    moves = " → ".join(number(x, 4) for x in test.moves)
-    text = f"{what} {moves} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
-    if test.pv is not None and test.op is not None:
-        text += f"PV stays within {_limits(test.pv)}"
-        text += ". " if test.kind == "by_hand" else f", OP within {_limits(test.op)}. "
-    return text + (
-        f"It decides in {_share(test.power)}: {_share(test.with_gap)} of {test.simulations} simulations with the gap "
-        f"show it, {_share(test.without)} of as many without show that there is none"
-    )
-
-
-def _share(of: float | None) -> str:
-    return "–" if of is None else f"{100 * of:.0f} %"
-
-
-def _limits(of: tuple[float, float]) -> str:
-    return f"{number(of[0], 4)} to {number(of[1], 4)}"
-
-
-def _time(seconds: float) -> str:
-    return f"{number(seconds / 60)} min" if seconds >= 60 else f"{number(seconds)} s"
+    out.print(key_values([(name, one_line(text)) for name, text in planned.rows(one)]))

@@ -249,14 +249,15 @@ async def _serve(
         if hurries:
             plant.follow = one.feedforward.caught_up
         hosts = ("127.0.0.1", "localhost", "[::1]", address["host"])
-        opened = ApiServer(app_of(one, Users(store), hosts=hosts), **address)
+        api = app_of(one, Users(store), hosts=hosts)
+        opened = ApiServer(api, **address)
         source = OpcUa(connection, known, since=one.ingest.since())
         write_file(data / "api-url", opened.url)  # who waits for it reads the whole of it
         out.print(
             f"Watching {len(known)} loops at {connection.url}; data in {data}, API at {opened.url}.", soft_wrap=True
         )
         say_first_login(data)
-        work = [one.run(source), opened.open()]
+        work = [one.run(source), opened.open(), *api.state.proof.work()]
         if ours is not None:
             answers = await stack.enter_async_context(AnswerServer(one.status, **ours))
             out.print(f"Answers and DeviceHealth at {answers.url}, to be read only.", soft_wrap=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from threading import Event
 from time import monotonic
+from typing import Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -14,6 +15,7 @@ from ..errors import InputError, unforeseen
 from ..escape import one_line
 from ..estimate import analyze
 from ..many import analyze_recordings
+from ..plan import with_plan
 from ..recording import Recording
 from ..result import Result
 from .inputs import Refused, Valve
@@ -25,8 +27,10 @@ PATIENCE = 1.0
 """A progress bar appears after so many seconds."""
 
 
-def analyze_all(opened: Sequence[Recording | Valve | Refused], trust: bool, fit: bool) -> list[Result | Refused]:
-    """Analyse in parallel; the answers in the order of what was opened."""
+def analyze_all(
+    opened: Sequence[Recording | Valve | Refused], trust: bool, fit: bool, plan: Mapping[str, Any] | None = None
+) -> list[Result | Refused]:
+    """Analyse in parallel; the answers in the order of what was opened, with a plan within limits where one is open."""
     done = [0.0] * len(opened)
     stop = Event()
 
@@ -40,9 +44,12 @@ def analyze_all(opened: Sequence[Recording | Valve | Refused], trust: bool, fit:
         if isinstance(entry, Refused):
             return entry
         try:
-            if isinstance(entry, Valve):
-                return analyze_recordings(entry.recordings, trust=trust, fit=fit, progress=progress)
-            return analyze(entry, trust=trust, fit=fit, progress=progress)
+            recordings = entry.recordings if isinstance(entry, Valve) else [entry]
+            if len(recordings) > 1:
+                result = analyze_recordings(recordings, trust=trust, fit=fit, progress=progress)
+            else:
+                result = analyze(recordings[0], trust=trust, fit=fit, progress=progress)
+            return result if plan is None else with_plan(recordings, result, **plan)
         except InputError as error:
             return Refused(entry.name, entry.source, error, entry.loop)
         except Exception as error:  # not to lose the answers of all other loops

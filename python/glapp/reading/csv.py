@@ -226,6 +226,10 @@ class CsvSource(Source):
                     what = f"has a row of more than {bounds.LINE >> 20} MiB, which ends not before byte {size}"
                     hint = "is it a table of text? save it anew"
                     raise InputError(what, file=self.label, bound=f"≤ {bounds.LINE >> 20} MiB", hint=hint)
+            if rest.count(b'"') % 2 and not rest.endswith(b'"'):  # "44 that is cut to "4 would be a wrong number
+                line = sum(1 for _ in self._lines())
+                what, hint = "ends within a quoted cell", "the file is cut, is it still being written?"
+                raise InputError(what, file=self.label, row=line, hint=hint)
             if rest.strip(b"\r\n"):
                 yield rest, 1.0
 

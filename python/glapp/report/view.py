@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from . import figures, words
+from . import figures, planned, words
 from .fit_figure import fit_figure, loop_figures, trend_figure
 
 if TYPE_CHECKING:
@@ -104,6 +104,11 @@ class LoopView:
     def why(self) -> list[str]:
         """Tell what the answer stands on."""
         return words.why(self.r)
+
+    @property
+    def planned(self) -> TableRows:
+        """What would decide, where that was asked for and the answer is open."""
+        return [] if self.r.plan is None else list(planned.rows(self.r.plan))
 
     @property
     def source(self) -> TableRows:

@@ -34,6 +34,7 @@ from .. import __version__
 from ..errors import InputError
 from .listener import Listener, ListenerLimits, logged_in, network
 from .monitor import Monitor
+from .proof import Proof, routes
 from .signal import Event
 from .store import StoreFull
 from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, station_key
@@ -146,6 +147,9 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     _reading_routes(app, api)
     _command_routes(app, api)
     _user_routes(app, api)
+    app.state.proof = Proof(monitor)
+    viewer, operator = (Depends(api.at_least(role)) for role in (Role.VIEWER, Role.OPERATOR))
+    routes(app, app.state.proof, viewer, operator, api.known, api.done, api.looked)
     _metrics_route(app, api, logins)
     return app
 

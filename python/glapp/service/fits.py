@@ -6,6 +6,7 @@ import faulthandler
 import json
 import math
 import os
+from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,10 @@ from ..estimate import analyze
 from ..loop import Loop
 from ..many import analyze_recordings
 from ..result import Result
+from .guide import read_test
 from .recordings import SignalStore
+from .repairs import repaired_at
+from .store import NAME, Reader
 
 __all__ = ["answer", "answered", "row_of"]
 
@@ -52,7 +56,9 @@ def answer(to: Connection, folder: Path, settings: str, begin: float, end: float
 
 
 def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:
-    """What all kept recordings of a loop say together, as a row of `answers`.
+    """What all kept recordings of a loop say together, as a row of `answers`: those since the last repair of its valve.
+
+    A guided step test that has decided answers where normal operation leaves it open.
 
     Parameters
     ----------
@@ -69,11 +75,29 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
         Where there is no recording, or it cannot be read.
     """
     loop = Loop(**json.loads(settings))
+    test = None
+    if (folder / NAME).exists():  # a demonstration is fitted before it has one
+        with Reader(folder) as reader:
+            begin = max(begin, repaired_at(reader, loop.name, end))
+            test = reader.guided_test(loop.name)
     recordings = SignalStore(folder).recordings(loop, begin, end)
     if not recordings:
         raise InputError("has no recording to fit yet", loop=loop.name)
     result = analyze(recordings[0]) if len(recordings) == 1 else analyze_recordings(recordings)
-    return row_of(result, begin, end)
+    return row_of(_with_test(result, test, SignalStore(folder), loop, begin), begin, end)
+
+
+def _with_test(
+    result: Result, test: Mapping[str, Any] | None, signals: SignalStore, loop: Loop, begin: float
+) -> Result:
+    """The result, with the guided test that has decided what normal operation leaves open."""
+    state = None if test is None else test["state"]
+    if state is None or state["found"] is None or state["begins"] < begin:
+        return result
+    # With the last row of the test, whose time is rounded where it is stored.
+    rows = signals.read(loop.name, state["begins"] - 1e-3, state["ends"] + 1e-3)
+    read = read_test(rows, loop, test["asked"]["width"])  # type: ignore[index]  # there is a state
+    return result if read is None or read.d is None else result.decided_with(step_test=read)
 
 
 def row_of(result: Result, begin: float, end: float) -> dict[str, Any]:
@@ -89,6 +113,8 @@ def row_of(result: Result, begin: float, end: float) -> dict[str, Any]:
     one = result.answer
     fitted = result.fit is not None and one.verdict == result.fit.verdict
     reason = result.fit.reason if result.fit is not None and fitted else result.reason
+    if one.step_test is not None and one.step_test.decided is not None:
+        reason = result.texts()["why"][0]
     found = result.settings
     values = {"k": found.k, "ti": found.ti, "td": found.td, "kp": found.kp}
     learnt = {

@@ -197,6 +197,11 @@ class Monitor:
                 self.ingest.lost(watched)
             self.feedforward.connection_lost(watched, f"the connection was lost: {event.text}")
 
+    @property
+    def now(self) -> float:
+        """The service's clock [s since 1970 UTC]."""
+        return self._clock()
+
     # Running
 
     async def step(self) -> None:

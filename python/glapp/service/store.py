@@ -76,7 +76,25 @@ CREATE TABLE tokens (
 CREATE TABLE shown (id INTEGER PRIMARY KEY CHECK (id = 1), time REAL NOT NULL, body TEXT NOT NULL);
 """
 
-_MIGRATIONS = (_FIRST,)
+_SECOND = """
+CREATE TABLE plans (
+    id INTEGER PRIMARY KEY, loop INTEGER NOT NULL REFERENCES loops (id), time REAL NOT NULL, person TEXT NOT NULL,
+    asked TEXT NOT NULL, plan TEXT, refused TEXT
+);
+CREATE INDEX plans_loop ON plans (loop, id);
+CREATE TABLE guided_tests (
+    id INTEGER PRIMARY KEY, loop INTEGER NOT NULL REFERENCES loops (id), begun REAL NOT NULL, person TEXT NOT NULL,
+    asked TEXT NOT NULL, state TEXT NOT NULL, ended REAL
+);
+CREATE INDEX guided_tests_loop ON guided_tests (loop, id);
+CREATE TABLE repairs (
+    id INTEGER PRIMARY KEY, loop INTEGER NOT NULL REFERENCES loops (id), time REAL NOT NULL, noted REAL NOT NULL,
+    person TEXT NOT NULL, note TEXT NOT NULL
+);
+CREATE INDEX repairs_loop ON repairs (loop, time)
+"""
+
+_MIGRATIONS = (_FIRST, _SECOND)
 """What leads from one version of the schema to the next; a database that is version n has had the first n."""
 
 SCHEMA = len(_MIGRATIONS)
@@ -356,6 +374,41 @@ class Reader:
             row["before"], row["after"] = json.loads(row["before"]), json.loads(row["after"])
         return found
 
+    def plan(self, loop: str) -> dict[str, Any] | None:
+        """The last plan of a test that was asked for: `asked` with its limits, and `plan` or why it was `refused`."""
+        return _parsed(self._last("plans", loop), "asked", "plan")
+
+    def guided_test(self, loop: str) -> dict[str, Any] | None:
+        """The last guided step test: what was `asked`, its `state`, and when it `ended`; None: it goes on."""
+        return _parsed(self._last("guided_tests", loop), "asked", "state")
+
+    def repairs(self, loop: str) -> list[dict[str, Any]]:
+        """The repairs of a loop's valve that persons have noted, the newest first."""
+        return self.rows(
+            "SELECT id, time, noted, person, note FROM repairs WHERE loop = (SELECT id FROM loops WHERE name = ?) "
+            "ORDER BY time DESC, id DESC",
+            loop,
+        )
+
+    def plans_waiting(self) -> list[dict[str, Any]]:
+        """The plans that are asked for and not made yet, in their order, with the `name` of the loop."""
+        return self.rows(
+            "SELECT plans.id, name, asked FROM plans JOIN loops ON loops.id = plans.loop "
+            "WHERE plan IS NULL AND refused IS NULL ORDER BY plans.id"
+        )
+
+    def guided_tests_going_on(self) -> list[dict[str, Any]]:
+        """The guided tests that go on, with the `name` of the loop."""
+        return self.rows(
+            "SELECT guided_tests.id, name, begun, person, asked, state FROM guided_tests "
+            "JOIN loops ON loops.id = guided_tests.loop WHERE ended IS NULL ORDER BY guided_tests.id"
+        )
+
+    def _last(self, table: str, loop: str) -> dict[str, Any] | None:
+        return self.one(
+            f"SELECT * FROM {table} WHERE loop = (SELECT id FROM loops WHERE name = ?) ORDER BY id DESC LIMIT 1", loop
+        )
+
     def settings(self, loop: str) -> dict[str, Any]:
         """What persons have set of a loop."""
         found = self._db.execute(
@@ -420,6 +473,13 @@ class Reader:
         """When the service last wrote what it shows, and that."""
         row = self._db.execute("SELECT time, body FROM shown").fetchone()
         return None if row is None else (row["time"], json.loads(row["body"]))
+
+
+def _parsed(row: dict[str, Any] | None, *columns: str) -> dict[str, Any] | None:
+    """A row with these columns read as JSON."""
+    if row is not None:
+        row |= {column: None if row[column] is None else json.loads(row[column]) for column in columns}
+    return row
 
 
 class Store(Reader):
@@ -642,6 +702,47 @@ class Store(Reader):
                 [(loop, name, json.dumps(value), when, person) for name, value in (settings or {}).items()],
             )
             self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", (states or {}).items())
+
+    def ask_plan(self, loop: str, now: float, person: str, asked: Mapping[str, Any]) -> None:
+        """Store that somebody asks for a plan of a test."""
+        with self._writing():
+            self._db.execute(
+                "INSERT INTO plans (loop, time, person, asked) VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?)",
+                (loop, now, person, json.dumps(asked)),
+            )
+
+    def keep_plan(self, id: int, plan: Mapping[str, Any] | None, refused: str | None) -> None:
+        """Store a plan that was asked for, or why there is none."""
+        told = None if plan is None else json.dumps(plan)
+        with self._writing():
+            self._db.execute("UPDATE plans SET plan = ?, refused = ? WHERE id = ?", (told, refused, id))
+
+    def begin_guided_test(
+        self, loop: str, now: float, person: str, asked: Mapping[str, Any], state: Mapping[str, Any]
+    ) -> None:
+        """Store a guided test that begins."""
+        with self._writing():
+            self._db.execute(
+                "INSERT INTO guided_tests (loop, begun, person, asked, state) "
+                "VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?, ?)",
+                (loop, now, person, json.dumps(asked), json.dumps(state)),
+            )
+
+    def keep_guided_test(self, id: int, state: str, ended: float | None) -> None:
+        """Store where a guided test is, as JSON, and when it ended; one that has ended stays as it is."""
+        with self._writing():
+            self._db.execute(
+                "UPDATE guided_tests SET state = ?, ended = ? WHERE id = ? AND ended IS NULL", (state, ended, id)
+            )
+
+    def note_repair(self, loop: str, at: float, now: float, person: str, note: str) -> None:
+        """Store a repair of a loop's valve."""
+        with self._writing():
+            self._db.execute(
+                "INSERT INTO repairs (loop, time, noted, person, note) "
+                "VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?, ?)",
+                (loop, at, now, person, note),
+            )
 
     def put_user(self, name: str, role: str, password: str, now: float) -> None:
         """Store a user, with a password that is hashed, and end all logins of that name."""

@@ -27,6 +27,7 @@ from .compensate import why_off
 from .compensate_page import CompensationPage
 from .pages import Station, command, dialog_of, frame, heading, moment, quiet
 from .parameters import FIRST, GROUPS, PARAMETERS, changed, command_text, field
+from .proof_page import ProofCards
 from .sessions import Session
 from .step_test_page import Wizard
 from .under_way import UnderWay
@@ -105,6 +106,10 @@ class _Page:
         self.answered: int | None = None
         loop = station.view.loops[name]
         self.pv_unit, self.op_unit = loop.pv_unit or "", loop.op_label
+        self.proof = ProofCards(station, session, name, self._between)
+
+    async def _between(self, begin: float, end: float) -> dict[str, Any]:
+        return await signals(self.station, self.session, self.name, begin, end)
 
     @property
     def status(self) -> dict[str, Any]:
@@ -124,6 +129,7 @@ class _Page:
         with ui.element("div").classes("loop"):
             with ui.element("div"):
                 self._answer()
+                self.proof.build()
                 self._buttons()
                 self._values()
             with ui.element("div"):
@@ -188,7 +194,7 @@ class _Page:
     def _signals(self) -> None:
         with ui.element("div").classes("card"):
             with ui.element("div").classes("bar"):
-                heading("SignalStore", 2)
+                heading("Signals", 2)
                 ui.element("span").classes("grow")
                 if any(self._spans()):
                     scales = {True: f"Scale: {100 * charts.PART:g} % of span", False: "by noise"}
@@ -666,11 +672,7 @@ class _Page:
 
     async def compensate(self) -> None:
         """What it will do before it does it, and what it has done."""
-
-        async def between(begin: float, end: float) -> dict[str, Any]:
-            return await signals(self.station, self.session, self.name, begin, end)
-
-        page = CompensationPage(self.station, self.session, self.name, self._ask, between)
+        page = CompensationPage(self.station, self.session, self.name, self._ask, self._between)
         if (known := await page.known()) is not None:
             with dialog_of(f"{self.name}: compensation"):
                 await page.build(*known)
@@ -690,3 +692,4 @@ def loop_page(station: Station, request: Request, name: str) -> None:
         page.show()
         ui.timer(0.02, page.often)  # what the service is asked for comes when the page is there, however slow it is
         ui.timer(2.0, page.seldom)
+        ui.timer(1.0, page.proof.refresh)

@@ -428,6 +428,8 @@ class View:
             return "" if low is None and high is None else f"{number(low)} to {number(high)} {unit}"
         if low is None and high is None:
             return f"≈ {number(width)} {unit}"
+        if high is None:
+            return f"> {number(low)} {unit}"
         return f"{number(width)} {unit} ({number(low)} to {number(high)})"
 
     def verdict(self, loop: str) -> str:

@@ -162,6 +162,11 @@ impl Posterior {
         self.limits(&self.project(over, Some(under)), middle / divisor, deviation)
     }
 
+    /// Probability that `over`ᵀβ/`under`ᵀβ is below x, for `under`ᵀβ > 0.
+    pub(super) fn ratio_below(&self, x: f64, over: &[f64], under: &[f64]) -> f64 {
+        self.share(&self.project(over, Some(under)), x)
+    }
+
     fn limits(&self, of: &[Projected], middle: f64, deviation: f64) -> Limits {
         let reach = 100.0 * deviation + 1e-12 * middle.abs();
         let at = |share: f64| {

@@ -1,5 +1,6 @@
 //! The rows of a recording that were made in manual, and the stretches of them without a gap.
 
+use super::asked::Asked;
 use super::{LEAST_ROWS, Manual, Note, Reason, StepTest, StepTestSettings, verdict};
 use crate::{Inspected, median};
 use glapp_core::GAP_STEPS;
@@ -78,7 +79,8 @@ impl ManualRows {
 
     /// Reads the step test in the rows taken so far: off PV, and off the valve's position where it was recorded.
     pub fn read(&self, settings: &StepTestSettings) -> StepTest {
-        let refused = |reason| StepTest { integrating: settings.integrating, ..StepTest::refused(reason) };
+        let (integrating, asked) = (settings.integrating, settings.width.map(Asked::open));
+        let refused = |reason| StepTest { integrating, asked, ..StepTest::refused(reason) };
         if !self.has_op {
             return refused(Reason::NoOp);
         }
@@ -93,9 +95,9 @@ impl ManualRows {
         if stretches.is_empty() {
             return refused(Reason::NoStretch { rows: LEAST_ROWS });
         }
-        let mut found = verdict::read(t, op, pv, &stretches, settings.integrating);
+        let mut found = verdict::read(t, op, pv, &stretches, settings.integrating, settings.width);
         if position.iter().any(|x| x.is_finite()) {
-            found.travel = Some(Box::new(verdict::read(t, op, position, &stretches, false)));
+            found.travel = Some(Box::new(verdict::read(t, op, position, &stretches, false, settings.width)));
         }
         if let Some(d) = found.d {
             let percent = settings.op_span.map(|span| span / 100.0);

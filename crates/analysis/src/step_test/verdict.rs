@@ -1,5 +1,6 @@
 //! From holds to the dead band, the process gain and their intervals, or the reason why there are none.
 
+use super::asked::Asked;
 use super::blocks::{Blocks, matrix};
 use super::holds::{Node, holds};
 use super::moves::{Move, difference, moves};
@@ -22,12 +23,19 @@ const STAYS: f64 = 0.2;
 const NOT_OVER: f64 = 1e-3;
 
 /// Reads one signal's answer (PV's or the position's) to the moves of OP.
-pub(super) fn read(t: &[f64], op: &[f64], y: &[f64], stretches: &[Range<usize>], integrating: bool) -> StepTest {
+pub(super) fn read(
+    t: &[f64],
+    op: &[f64],
+    y: &[f64],
+    stretches: &[Range<usize>],
+    integrating: bool,
+    width: Option<f64>,
+) -> StepTest {
     let mut steps: Vec<f64> =
         stretches.iter().flat_map(|part| t[part.clone()].windows(2).map(|pair| pair[1] - pair[0])).collect();
     let signals = Signals { t, op, y, h: median(&mut steps) };
     let (nodes, tolerance) = holds(op, y, stretches);
-    Test { signals, nodes, tolerance, integrating }.answer()
+    Test { signals, nodes, tolerance, integrating, width }.answer()
 }
 
 struct Test<'a> {
@@ -35,13 +43,16 @@ struct Test<'a> {
     nodes: Vec<Node>,
     tolerance: f64,
     integrating: bool,
+    /// In question.
+    width: Option<f64>,
 }
 
 impl Test<'_> {
     /// Finds what settled, what each move says, and what they say together.
     fn answer(mut self) -> StepTest {
         let integrating = self.integrating;
-        let refused = |reason| StepTest { integrating, ..StepTest::refused(reason) };
+        let asked = self.width.map(Asked::open);
+        let refused = |reason| StepTest { integrating, asked, ..StepTest::refused(reason) };
         if self.nodes.is_empty() {
             return refused(Reason::NeverHeld { rows: LEAST_ROWS });
         }
@@ -55,6 +66,7 @@ impl Test<'_> {
             integrating,
             holds: self.holds(&[], &[]),
             settle: (!integrating).then_some(settle),
+            asked,
             ..StepTest::default()
         };
         if settled.len() < 3 {
@@ -189,9 +201,12 @@ impl Test<'_> {
             let most = answer.low.abs().max(answer.high.abs());
             let at_least = (one.travel.abs() - most / kp.low).max(0.0);
             told.low = Some(at_least);
+            told.asked = self.width.map(|width| Asked::at_least(width, at_least));
             return refused(told, Reason::AtLeast { reversal: one.travel.abs(), at_least });
         }
-        let d = fit.ratio(&unit(columns.len() - 1, columns.len()), &at_gain).map(|d| d.max(0.0));
+        let at_gap = unit(columns.len() - 1, columns.len());
+        let d = fit.ratio(&at_gap, &at_gain).map(|d| d.max(0.0));
+        told.asked = self.width.map(|width| Asked::by(width, |x| fit.ratio_below(x, &at_gap, &at_gain)));
         if d.low == 0.0 {
             notes.push(Note::ReachesZero { high: d.high });
         }

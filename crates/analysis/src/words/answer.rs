@@ -196,6 +196,11 @@ const SENTENCES: &[(&str, &str)] = &[
     ("why against", "Against it: {terms}."),
     ("why term", "{label} (odds × {times:number})"),
     ("why to_limit", "At this rate it reaches the limit in {days:.0f} days."),
+    (
+        "why decided gap",
+        "A step test made for this question shows a dead band of {d:op} ({low:number} to {high:number}).",
+    ),
+    ("why decided no_gap", "A step test made for this question shows that there is none wider than {high:op}."),
     ("why step_test", "The step test in this recording gives {d:op} ({low:number} to {high:number})."),
     // What stands behind a width of the zero crossings.
     ("crossed from", "This comes from {detections:count detection} in {half_periods:count half-period}."),
@@ -392,8 +397,17 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
         return crossed(facts, reader);
     };
     let tell = |told: Message| text(&told.code, &told.numbers, reader);
-    let mut told = vec![sentence(&fit.reason)];
-    told.extend(weighed(facts, reader)?);
+    let mut told = Vec::new();
+    let decided = facts.step_test.as_ref().and_then(|test| Some((test, test.decided.as_ref()?)));
+    if let Some((test, found)) = decided {
+        let gives = facts.message(&format!("why decided {found}"));
+        told.push(tell(gives.with("d", test.d).with("low", test.low).with("high", test.high))?);
+    }
+    told.push(sentence(&fit.reason));
+    // What a test has decided is no longer a matter of how probable it is.
+    if decided.is_none() {
+        told.extend(weighed(facts, reader)?);
+    }
     if let Some((counted, all)) = fit.recordings.filter(|(_, all)| *all > 0) {
         let counts = facts.message("why counted").with("counted", Value::Count(counted)).with("all", Value::Count(all));
         told.push(tell(counts)?);
@@ -401,7 +415,9 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
     if let Some(days) = facts.trend.as_ref().and_then(|trend| trend.days_to_limit) {
         told.push(tell(facts.message("why to_limit").with("days", days))?);
     }
-    if let Some(test) = facts.step_test.as_ref().filter(|test| test.d.is_some() && !facts.next.tested) {
+    if let Some(test) =
+        facts.step_test.as_ref().filter(|test| test.d.is_some() && !facts.next.tested && test.decided.is_none())
+    {
         let gives = facts.message("why step_test").with("d", test.d).with("low", test.low).with("high", test.high);
         told.push(tell(gives)?);
     }

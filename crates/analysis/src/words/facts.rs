@@ -51,7 +51,7 @@ pub struct AnswerFacts {
     /// Width of OP's span [OP unit], where it is known.
     pub span: Option<f64>,
     /// What a step test in the recording gives.
-    pub step_test: Option<Width>,
+    pub step_test: Option<Tested>,
     /// What the fit says; none where nothing was fitted.
     pub fit: Option<Fit>,
     /// What the zero crossings say.
@@ -104,16 +104,18 @@ pub struct Trend {
     pub days_to_limit: Option<f64>,
 }
 
-/// A width with its limits [OP unit].
+/// The width of a step test with its limits [OP unit].
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
-pub struct Width {
+pub struct Tested {
     /// [OP unit]
     pub d: Option<f64>,
     /// [OP unit]
     pub low: Option<f64>,
     /// [OP unit]
     pub high: Option<f64>,
+    /// *gap* or *no_gap* where the test was made for that question and has decided it.
+    pub decided: Option<String>,
 }
 
 /// What the fit says beyond the answer.

@@ -1,0 +1,122 @@
+"""A plan of tests: what would decide whether a valve has a gap. `glapp.plan` makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+__all__ = ["Kind", "Limits", "Plan", "Planned"]
+
+Limits = tuple[float, float]
+Kind = Literal["by_hand", "setpoint", "more_hours"]
+
+
+def _pair(of: Sequence[float] | None) -> Limits | None:
+    return None if of is None else (of[0], of[1])
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One kind of test.
+
+    Attributes
+    ----------
+    kind : "by_hand", "setpoint", "more_hours"
+        OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs.
+    reason : str or None
+        Why no such test can be proposed; None where it can, and all that follows is known.
+    moves : tuple of float
+        OP [OP unit], or SP [PV unit], one after the other, the first where the loop stood at the end of the recording.
+        Empty for more hours.
+    hold : float or None
+        Time at each of them [s].
+    minutes : float or None
+        Time for all of it, without that at the beginning that is recorded before the first move.
+    op, pv : (float, float) or None
+        Least and greatest OP and PV in any of the simulations, with the process gain 1.5 times its upper limit. None
+        for more hours.
+    power : float or None
+        Probability that it decides: the smaller of the next two.
+    with_gap, without : float or None
+        Share of the simulations with the gap that end in *gap*, and of those without it that end in *no gap* of that
+        width. `without` is None for more hours.
+    false : float or None
+        Share of all simulations that end in the wrong answer.
+    simulations : int
+        Simulations of either kind; 0 for more hours, whose power follows from the likelihood.
+    """
+
+    kind: Kind
+    reason: str | None = None
+    moves: tuple[float, ...] = ()
+    hold: float | None = None
+    minutes: float | None = None
+    op: Limits | None = None
+    pv: Limits | None = None
+    power: float | None = None
+    with_gap: float | None = None
+    without: float | None = None
+    false: float | None = None
+    simulations: int = 0
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Plan:
+    """What would decide.
+
+    Attributes
+    ----------
+    name, source, unit, pv_unit : str
+        Loop, file, units of OP and PV.
+    width : float
+        Total width of the gap in question [OP unit].
+    op_within, pv_within : (float, float)
+        Limits that no test passes [OP unit, PV unit].
+    within : float
+        Time that a test may take [min].
+    tests : tuple of Planned
+        By hand, by setpoint steps, by more hours.
+    reason : str or None
+        Why nothing could be planned at all, where that is no error: in the answer of `glapp.analyze`.
+    """
+
+    name: str
+    source: str
+    unit: str
+    pv_unit: str
+    width: float
+    op_within: Limits
+    pv_within: Limits
+    within: float
+    tests: tuple[Planned, ...]
+    reason: str | None = None
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any]) -> Plan:
+        """The plan that `to_dict` told."""
+        pairs = ("op_within", "pv_within")
+        tests = tuple(
+            Planned(**test | {"moves": tuple(test["moves"])} | {key: _pair(test[key]) for key in ("op", "pv")})
+            for test in told["tests"]
+        )
+        return cls(**{**told, "tests": tests, **{key: tuple(told[key]) for key in pairs}})
+
+    @property
+    def by_hand(self) -> Planned | None:
+        """The test with OP by hand, where one can be proposed."""
+        return next((one for one in self.tests if one.kind == "by_hand" and one.power is not None), None)
+
+    def __repr__(self) -> str:
+        told = ", ".join(
+            f"{one.kind} {'refused' if one.power is None else f'{one.power:.0%} in {one.minutes:.0f} min'}"
+            for one in self.tests
+        )
+        return f"<Plan {self.name}: a gap of {self.width:.3g} {self.unit}; {told}>"
+
+    def __getitem__(self, kind: Kind) -> Planned:
+        return next(one for one in self.tests if one.kind == kind)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same in plain types, as `glapp plan-test --json` writes it."""
+        return asdict(self)

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 import glapp
 from glapp import _glapp
-from glapp.document import LoopAnswer, to_json
+from glapp.document import LoopAnswer, Terms, to_json
 from glapp.recording import Batch
 from glapp.row import columns, rows
 from glapp.simulate import closed_loop
@@ -56,6 +56,7 @@ CODES = {
     "fit.position",
     "fit.change",
     "fit.judgement",
+    "fit.weighed",
     "step_test",
     "messages",
     "identification",
@@ -109,16 +110,18 @@ def worn(kp: float = 1.0) -> glapp.Recording:
 
 
 def with_all_parts() -> dict[str, Any]:
-    """A one answer that has a trend, a step test, harm and a width of the crossings that does not stand."""
+    """A one answer that has a trend, weights, a step test, harm and a width of the crossings that does not stand."""
     widths = [1.0 + 0.01 * i for i in range(6)]
     trend = _glapp.width_trend([86400.0 * i for i in range(6)], widths, [0.01] * 6)
     fit = {"verdict": "backlash", "why": "gap", "d": 1.0, "low": 0.9, "high": 1.1, "lr_no_gap": 90.0, "lr_needed": 15.0}
+    terms = {name: 0.1 for name in Terms.model_fields}
+    weighed = {"log_bayes_factor": 2.0, "terms": terms, "wider": [[0.5, 1.0], [1.5, 0.0]]}
     facts = {
         "crossings": "estimate",
         "d_hat": 0.2,
         "detections": 9,
         "rejected": None,
-        "fit": fit | {"trend": trend},
+        "fit": fit | {"trend": trend, "weighed": weighed},
         "span": 100.0,
         "acceptable": None,
         "step_test": {"d": 1.0, "low": 0.8, "high": 1.2},

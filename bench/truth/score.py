@@ -80,6 +80,7 @@ def tables(scored: Rows) -> str:
         ("Identifiable gaps: missed", _missed(scored, judging)),
         ("Gaps that cannot be identified", _unidentifiable(scored, sizing)),
         ("Regular oscillations: is it the valve?", _regular(scored, judging)),
+        ("Who decides how many", _decided(scored, methods)),
         ("Causes", "\n\n".join(f"*{m}*\n\n" + _confusion(_by(scored, method=m)) for m in judging)),
         ("Identifiable gaps: where the width goes wrong", _where(scored, sizing)),
         ("Time", _time(scored, methods)),
@@ -205,6 +206,25 @@ def _regular(scored: Rows, methods: Sequence[str]) -> str:
             cells.append(" / ".join(f"{100 * part / n:.0f}" for part in parts))
         body.append([cause, str(len({row.truth.name for row in rows})), *cells])
     return markdown(["truth", "records", *(f"{m} [%]" for m in methods)], body)
+
+
+def _decided(scored: Rows, methods: Sequence[str]) -> str:
+    """How many records a method decides, rightly and wrongly: regular oscillations, and all of them."""
+    body = []
+    for method in methods:
+        cells = [method]
+        for every in ([row for row in _by(scored, method=method) if row.truth.regular], _by(scored, method=method)):
+            right = wrong = 0
+            for row in every:
+                faulty = row.truth.cause in FAULTY
+                # A bound that is true denies nothing.
+                denied = row.verdict in DENIAL and (row.high is None or row.truth.d > row.high)
+                right += row.alarm if faulty else row.verdict in DENIAL
+                wrong += denied if faulty else row.alarm
+            cells += [str(len(every)), str(right), str(wrong), str(len(every) - right - wrong)]
+        body.append(cells)
+    head = ["method", "regular oscillations", "right", "wrong", "undecided", "all records", "right", "wrong"]
+    return markdown([*head, "undecided"], body)
 
 
 def _confusion(rows: Rows) -> str:

@@ -616,6 +616,13 @@ def fit_valve(
 def fit_judgement(evidence: str) -> dict[str, Any]:
     """What the ladder says of an answer's `evidence`, as JSON: confidence, cause, width_kind, oscillates, reason."""
 
+def fit_weighed(evidence: str) -> dict[str, Any]:
+    """An answer's `evidence`, as JSON, weighed.
+
+    `quantities`: of each its value, whether a greater one speaks for a dead band, and its log-odds; `log_bayes_factor`,
+    None where the record cannot be read; `learned`: which fit and records the weights are from.
+    """
+
 def fit_thresholds() -> dict[str, tuple[float, str]]:
     """Value and unit of every threshold of a verdict, by its name."""
 

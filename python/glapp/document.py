@@ -284,6 +284,41 @@ class StepTestWidth(_Part):
     """What the test was made to decide, and has decided; null of any other test."""
 
 
+class Terms(_Part):
+    """What each kind of evidence adds to the log-odds of a dead band, beyond what it says of a usual record."""
+
+    likelihood: float
+    """Likelihood ratio of no gap."""
+    rival_load: float
+    """The same beside the load that rivals the gap most."""
+    traversals: float
+    """How often OP went through the width."""
+    width: float
+    """The width against OP's range."""
+    noise: float
+    """What the gap makes of PV against PV's noise."""
+    sampling: float
+    """How far rows are apart."""
+    evenness: float
+    """Whether OP swings evenly, or the load repeats itself."""
+    load_changes: float
+    """Whether the load changes as often as OP goes through the gap."""
+    model: float
+    """How well the model explains PV."""
+    families: float
+    """Whether all families of models see the gap."""
+    agreement: float
+    """Whether windows or recordings agree."""
+    plateau: float
+    """Whether PV stands while OP goes through the gap."""
+    cycle: float
+    """Whether the loop's own cycle is the recorded one."""
+    process: float
+    """How well the process is known, and whether a load undoes what the valve does."""
+    rules: float
+    """What the rules of the ladder make of all that."""
+
+
 class Harm(_Part):
     """What the gap does to the loop: shares from 0 to 1."""
 
@@ -347,11 +382,15 @@ class Answer(_Part):
     evidence: Literal["none", "weak", "strong", "very_strong"] | None
     """How strongly the recording speaks for a gap; null without a fit."""
     p_gap: Value
-    """Probability of a dead band; not worked out yet."""
+    """Probability of a dead band, 0.02 to 0.98; null where no evidence was weighed."""
     p_beyond: Value
-    """Probability of one beyond the limit; not worked out yet."""
-    terms: None
-    """What speaks for and against a dead band; not worked out yet."""
+    """Probability of one beyond the limit."""
+    terms: Terms | None
+    """What each kind of evidence adds to the log-odds of a dead band; above 0 it speaks for one."""
+    log_bayes_factor: Value
+    """ln of how many times likelier the evidence is with a dead band than without."""
+    prior: Value
+    """Share of valves with a dead band that `p_gap` starts from."""
     limit: Limit | None
     """What is acceptable; null where nobody said it and the span is not known."""
     acceptable: Literal["within", "beyond", "open"] | None

@@ -232,6 +232,7 @@ def _task(loop: Loop) -> dict[str, Any]:
         "op_percent": loop.op_label == "%",
         "exclusion": _exclusion(loop),
         "acceptable": loop.acceptable_dead_band,
+        "prior": loop.prior(),
         "positioner_dead_band": None if loop.positioner is None else loop.positioner.dead_band,
         "tf": loop.tf,
         "n": loop.n,

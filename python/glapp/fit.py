@@ -181,6 +181,9 @@ class Fit:
         The trend as the one answer has it (`glapp.result.Moves`).
     judgement : dict or None
         What the ladder says: `confidence`, `cause`, `width_kind`, `oscillates`; None where nothing could be fitted.
+    weighed : dict or None
+        The evidence for a dead band: `log_bayes_factor`, the `terms` that add to it, and `wider`: widths [`unit`] with
+        the probability that the dead band is wider, if there is one. None where there is nothing to weigh.
     """
 
     verdict: Verdict
@@ -201,6 +204,7 @@ class Fit:
     through_pv: Fit | None = None
     change: dict[str, Any] | None = None
     judgement: dict[str, Any] | None = None
+    weighed: dict[str, Any] | None = None
     message: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -387,7 +391,7 @@ def fit_recordings(
     found: dict[str, Any] = {"pv": {"unfit": ("few", 0.0)}, "position": None}
     if fitted:
         found = _glapp.fit_valve(fitted, sign, fitting)
-    decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement")}
+    decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement", "weighed")}
     through_pv = replace(_valve(found["pv"], recordings, known), **decided)
     if found["position"] is None:
         return through_pv
@@ -503,7 +507,8 @@ def fit_from_core(
     """Put what the core answered, with all that PV and the valve's position said, into words."""
     if pv is None:
         return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
-    through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"], judgement=answer["judgement"])
+    decided = {name: answer[name] for name in ("change", "judgement", "weighed")}
+    through_pv = replace(_through_pv(pv, loop, sinusoid), **decided)
     if position is None:
         return through_pv
     return _together(answer, _at_valve(position, loop), through_pv, loop)
@@ -517,7 +522,7 @@ def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop
     own = loop.positioner.dead_band if loop.positioner is not None else None
     numbers["own"] = own if at_valve.found else None
     reason = to_text(f"fit.{answer['position']}", numbers)
-    decided = {name: answer[name] for name in ("verdict", "low", "high", "change", "judgement")}
+    decided = {name: answer[name] for name in ("verdict", "low", "high", "change", "judgement", "weighed")}
     return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 

@@ -189,6 +189,9 @@ class Loop(Checked):
         Type of the valve and part of the plant, for reports.
     acceptable_dead_band : float, optional
         Dead band that is tolerated [% of OP span], > 0, ≤ 100.
+    dead_band_prior : float, optional
+        Share of the plant's valves that are known to have a dead band [%], > 0, < 100; 25 where not given. It changes
+        how probable a dead band is said to be, and the order of loops, never what is found.
     sample_time : float, optional
         Time between rows [s], > 0, ≤ 10⁷; needed only where the recording has no time column.
     time_zone : str, optional
@@ -251,6 +254,7 @@ class Loop(Checked):
     valve: str | None = None
     area: str | None = None
     acceptable_dead_band: Annotated[float, Field(gt=0, le=100)] | None = None
+    dead_band_prior: Annotated[float, Field(gt=0, lt=100)] | None = None
     sample_time: Annotated[float, Field(gt=0, le=1e7)] | None = None
     time_zone: str | None = None
     time_format: TimeFormat | None = None
@@ -315,6 +319,16 @@ class Loop(Checked):
         except InputError as error:
             error.loop = self.name
             raise
+
+    def prior(self) -> float | None:
+        """Share of the plant's valves that have a dead band, 0 to 1; None where it is not given.
+
+        Examples
+        --------
+        >>> Loop(name="F", dead_band_prior=40).prior()
+        0.4
+        """
+        return None if self.dead_band_prior is None else self.dead_band_prior / 100
 
     def kp(self) -> float | None:
         """Static process gain Kp [PV unit / OP unit], None where it is not given.

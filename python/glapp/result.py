@@ -47,7 +47,7 @@ Confidence = Literal["found", "likely", "cannot_tell", "none_seen", "sound", "re
 Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
 Floats = NDArray[np.float64]
 
-_FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed", "judgement")
+_FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed", "judgement", "weighed")
 """What the one answer hangs on of a fit, beside the change of its width in time."""
 
 
@@ -336,8 +336,14 @@ class Answer:
         is excluded.
     evidence : "none", "weak", "strong", "very_strong" or None
         How strongly the recording speaks for a gap; None without a fit.
-    p_gap, p_beyond, terms : None
-        Probability of a dead band, of one beyond the limit, and what speaks for it: not worked out yet.
+    p_gap, p_beyond : float or None
+        Probability of a dead band, and of one beyond the limit, 0.02 to 0.98; None where no evidence was weighed.
+    terms : dict or None
+        What each kind of evidence adds to the log-odds of a dead band; above 0 it speaks for one.
+    log_bayes_factor : float or None
+        ln of how many times likelier the evidence is with a dead band than without.
+    prior : float or None
+        Share of valves with a dead band that `p_gap` starts from: `Loop.dead_band_prior`, or 0.25.
     limit : Limit or None
         What is acceptable; None where nobody said it and the span is not known.
     acceptable : "within", "beyond", "open" or None
@@ -380,7 +386,9 @@ class Answer:
     evidence: Literal["none", "weak", "strong", "very_strong"] | None
     p_gap: float | None
     p_beyond: float | None
-    terms: None
+    terms: dict[str, float] | None
+    log_bayes_factor: float | None
+    prior: float | None
     limit: Limit | None
     acceptable: Literal["within", "beyond", "open"] | None
     next: Next
@@ -455,6 +463,7 @@ def decide(
         "fit": of_fit,
         "span": span_of(loop),
         "acceptable": loop.acceptable_dead_band,
+        "prior": loop.prior(),
         "step_test": test
         and {"d": test.d, "low": test.low, "high": test.high, "decided": test.asked and test.asked.found},
         "harm": [{"pv_share": one.pv_share, "op_share": one.op_share} for one in harm],

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from ..answer import MethodAnswer
 from ..records import Record
-from . import ellipse, fit, haegglund, he, horch, thesis, yamashita
+from . import ellipse, fit, haegglund, he, horch, slope, thesis, yamashita
 
 METHODS: dict[str, Callable[[Record], MethodAnswer]] = {
     "fit": fit.answer,
@@ -16,5 +16,6 @@ METHODS: dict[str, Callable[[Record], MethodAnswer]] = {
     "He": he.answer,
     "Horch": horch.answer,
     "Yamashita": yamashita.answer,
+    "slope ratio": slope.answer,
 }
 """In the order of the tables."""

@@ -60,6 +60,8 @@ pub struct Task {
     pub exclusion: Option<Exclusion>,
     /// Widest dead band that is acceptable, where that is said [% of OP's span].
     pub acceptable: Option<f64>,
+    /// Share of the plant's valves that have a dead band, where that is said.
+    pub prior: Option<f64>,
     /// Dead band that the positioner is set to [% of travel], where it is known.
     pub positioner_dead_band: Option<f64>,
     /// Filter time of the detector; none: a ladder is tried \[s\].
@@ -87,6 +89,7 @@ impl Default for Task {
             op_percent: None,
             exclusion: None,
             acceptable: None,
+            prior: None,
             positioner_dead_band: None,
             tf: None,
             n: DETECTIONS,
@@ -317,7 +320,7 @@ impl Analysis {
         let corrected = answer.corrected.as_ref().and_then(words::of_correction);
         answer.messages = [said, words::of_crossings(&answer), corrected].into_iter().flatten().collect();
         let span = op_limits.map(|(low, high)| high - low);
-        answer.answer = Summary::of(&answer.facts(span, self.task.acceptable, harm));
+        answer.answer = Summary::of(&answer.facts(span, [self.task.acceptable, self.task.prior], harm));
         Done { answer, crossings, fitted, op: self.op }
     }
 

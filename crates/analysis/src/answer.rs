@@ -58,8 +58,8 @@ impl AnalysisResult {
     /// The layout of this release.
     pub const VERSION: u32 = 3;
 
-    /// What the one answer is made of; `span` is the width of OP's [OP unit].
-    pub(crate) fn facts(&self, span: Option<f64>, acceptable: Option<f64>, harm: Option<Harm>) -> Facts {
+    /// What the one answer is made of; `span` is the width of OP's [OP unit]; the two numbers as in [`Facts`].
+    pub(crate) fn facts(&self, span: Option<f64>, [acceptable, prior]: [Option<f64>; 2], harm: Option<Harm>) -> Facts {
         let most = self.reasons.iter().rev().max_by_key(|(_, count)| *count);
         Facts {
             crossings: self.crossings,
@@ -75,10 +75,12 @@ impl AnalysisResult {
                 lr_no_gap: fit.lr_no_gap,
                 lr_needed: fit.lr_needed,
                 judgement: fit.judgement,
+                weighed: fit.weighed.clone(),
                 trend: fit.change,
             }),
             span,
             acceptable,
+            prior,
             step_test: self.step_test.as_ref().and_then(|test| {
                 let width = |d| StepTestWidth {
                     d,

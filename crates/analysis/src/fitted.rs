@@ -4,8 +4,8 @@ use crate::crossings::Exclusion;
 use crate::origin::fitted_gain_serves;
 use crate::trend::{DAY, WidthTrend, of_found};
 use glapp_fit::{
-    AtValve, Batch, FitProblem, JointAnswer, Judgement, PositionAnswer, Recorded, Samples, SegmentAnswer, Tell,
-    Together, Trend, Unfit, ValveAnswer,
+    AtValve, Batch, Confidence, FitProblem, JointAnswer, Judgement, PositionAnswer, Recorded, Samples, SegmentAnswer,
+    Tell, Together, Trend, Unfit, ValveAnswer, Weighed,
 };
 use serde::{Deserialize, Serialize};
 
@@ -177,6 +177,9 @@ pub struct FitAnswer {
     pub trend: Option<(f64, f64)>,
     /// What the ladder says; none where nothing could be fitted.
     pub judgement: Option<Judgement>,
+    /// The evidence for a dead band weighed; none where there is none to weigh, where the valve's position settles the answer, and where
+    /// recordings exclude each other.
+    pub weighed: Option<Weighed>,
     /// The change with all that is told of it, as the one answer has it.
     pub change: Option<WidthTrend>,
     /// The windows that were fitted.
@@ -201,6 +204,7 @@ impl FitAnswer {
             position: None,
             trend: None,
             judgement: None,
+            weighed: None,
             change: None,
             windows: Vec::new(),
         }
@@ -251,6 +255,7 @@ impl FitAnswer {
             }),
             trend: joint.trend.map(a_day),
             judgement: Some(joint.judgement),
+            weighed: Weighed::of(&joint.evidence, best).filter(|_| sinusoid.is_none() && !excluded(joint)),
             change: joint.trend.map(|found| of_found(Some(found), found.widths)),
             windows: records.iter().map(window).collect(),
             ..Self::none(sinusoid.map_or(FitWhy::Evidence(joint.reason), FitWhy::Finding), Signal::PV)
@@ -301,6 +306,7 @@ impl FitAnswer {
                 low: Some(here.0.min(there.0)),
                 high: here.1.zip(there.1).map(|(one, other)| one.max(other)),
                 judgement: if both { settled.judgement } else { None },
+                weighed: None,
                 ..settled
             }
             .with_verdict(verdict);
@@ -353,6 +359,11 @@ impl FitWhy {
     fn unfit(why: Unfit) -> Self {
         Self::Unfit(why.name(), why.number())
     }
+}
+
+/// Whether recordings of one valve exclude each other's widths: what one of them says is not what all say.
+fn excluded(joint: &Together) -> bool {
+    joint.judgement.confidence == Confidence::CannotTell && joint.reason == "recordings_disagree"
 }
 
 fn a_day(trend: Trend) -> (f64, f64) {

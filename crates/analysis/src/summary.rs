@@ -11,7 +11,7 @@ use crate::harm::Harm;
 use crate::step_test::Found;
 use crate::trend::{Change, WidthTrend};
 use glapp_core::Reason;
-use glapp_fit::{Cause, Confidence as FitConfidence, Judgement, WidthKind};
+use glapp_fit::{Cause, Confidence as FitConfidence, Judgement, LEAST_DOUBT, Terms, USUAL_PRIOR, Weighed, WidthKind};
 use serde::ser::SerializeStruct;
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -54,6 +54,9 @@ pub struct Facts {
     pub span: Option<f64>,
     /// Widest dead band that is acceptable, where that is said [% of span].
     pub acceptable: Option<f64>,
+    /// Share of the plant's valves that have a dead band, where that is said; it changes probability and ranking, and no rung.
+    #[serde(default)]
+    pub prior: Option<f64>,
     /// Total width that a step test in the recording gives, where it gives one.
     #[serde(default)]
     pub step_test: Option<StepTestWidth>,
@@ -83,6 +86,9 @@ pub struct FitFacts {
     /// What the ladder says; none: what follows from the verdict.
     #[serde(default)]
     pub judgement: Option<Judgement>,
+    /// The evidence weighed; none where there is none to weigh.
+    #[serde(default)]
+    pub weighed: Option<Weighed>,
     /// How the width changes in time, where the fit has widths of several times.
     #[serde(default)]
     pub trend: Option<WidthTrend>,
@@ -331,12 +337,16 @@ pub struct Summary {
     pub high_percent_span: Option<f64>,
     /// How strongly the recording speaks for a gap; none without a fit.
     pub evidence: Option<Evidence>,
-    /// Probability of a dead band, and of one beyond the limit: not worked out yet.
+    /// Probability of a dead band, never nearer to 0 or 1 than [`LEAST_DOUBT`]; none where no evidence was weighed.
     pub p_gap: Option<f64>,
-    /// See `p_gap`.
+    /// Probability of one beyond the limit; none where no limit in OP units is known either.
     pub p_beyond: Option<f64>,
-    /// What speaks for and against a dead band, by name: not worked out yet.
-    pub terms: Option<()>,
+    /// What each kind of evidence adds to the log-odds of a dead band.
+    pub terms: Option<Terms>,
+    /// Logarithm of the Bayes factor: how many times likelier the evidence is with a dead band than without.
+    pub log_bayes_factor: Option<f64>,
+    /// Share of valves with a dead band that `p_gap` starts from.
+    pub prior: Option<f64>,
     /// What is acceptable; none where nobody said it and the span is not known.
     pub limit: Option<Limit>,
     /// How the width stands to what is acceptable; none where either is not known.
@@ -359,8 +369,9 @@ pub struct Summary {
     /// What valves of one kind of urgency are ranked by: how many times wider than what is acceptable the gap surely is, times its
     /// harm. None where no gap was fitted or the span is not known.
     pub score: Option<f64>,
-    /// The place of the loop in every list: the most urgent first, among equals gaps first, those with a score by it, then the
-    /// widest in % of span, then those whose widths cannot be compared. Smaller comes first, number by number.
+    /// The place of the loop in every list: the most urgent first, among equals gaps first, those with a score by it, then by the
+    /// probability of a dead band beyond the limit, then the widest in % of span, then those whose widths cannot be compared. Smaller
+    /// comes first, number by number.
     pub rank: (u8, u8, u8, f64),
     /// Why the crossings' width is struck; none where it stands or there is none.
     pub struck: Option<Struck>,
@@ -439,6 +450,10 @@ impl Summary {
             _ => Urgency::Low,
         };
         let nominal = limit.is_some_and(|limit| limit.origin == LimitOrigin::Nominal);
+        let prior = facts.prior.unwrap_or(USUAL_PRIOR);
+        let weighed = fit.weighed.as_ref();
+        let shown = |p: f64| p.clamp(LEAST_DOUBT, 1.0 - LEAST_DOUBT);
+        let beyond = |weighed: &Weighed, width| weighed.probability(prior) * weighed.is_wider(width);
         let work = valve == Valve::Gap && acceptable != Some(Acceptable::Within);
         let harm = (valve == Valve::Gap && !facts.harm.is_empty()).then(|| Harm::mean(&facts.harm));
         let surely = low.filter(|_| valve == Valve::Gap).and_then(|low| facts.percent(low));
@@ -451,6 +466,11 @@ impl Summary {
             width_kind: if bound { Some(WidthKind::Bound) } else { judged.width_kind.filter(|_| told) },
             oscillates: judged.oscillates || fit.verdict == FitVerdict::Oscillation,
             evidence: Some(fit.evidence()),
+            p_gap: weighed.map(|weighed| shown(weighed.probability(prior))),
+            p_beyond: weighed.zip(limit.and_then(|limit| limit.width)).map(|(of, width)| shown(beyond(of, width))),
+            terms: weighed.map(|weighed| weighed.terms),
+            log_bayes_factor: weighed.map(|weighed| weighed.log_bayes_factor),
+            prior: weighed.map(|_| prior),
             // First is what a person called too wide; what nobody did can wait for the next round.
             urgency: if nominal { urgency.min(Urgency::Medium) } else { urgency },
             health: if work { Health::MaintenanceRequired } else { Health::Normal },
@@ -521,6 +541,8 @@ impl Summary {
             p_gap: None,
             p_beyond: None,
             terms: None,
+            log_bayes_factor: None,
+            prior: None,
             limit: facts.limit(),
             acceptable,
             next: NextStep { step: next, tested: facts.step_test.is_some() && next.asks_for_a_test() },
@@ -549,11 +571,13 @@ impl Summary {
             Valve::NoGap => 2,
             Valve::Refused => 3,
         };
-        let (comparable, width) = match (self.score, self.width_percent_span, self.width) {
+        let beyond = self.p_beyond.filter(|_| self.valve == Valve::Unknown);
+        let (comparable, width) = match (self.score, beyond, self.width_percent_span, self.width) {
             (Some(score), ..) => (0, -score),
-            (None, Some(percent), _) => (1, -percent),
-            (None, None, Some(width)) => (2, -width),
-            _ => (3, 0.0),
+            (None, Some(probability), ..) => (1, -probability),
+            (None, None, Some(percent), _) => (2, -percent),
+            (None, None, None, Some(width)) => (3, -width),
+            _ => (4, 0.0),
         };
         (urgency, valve, comparable, width)
     }
@@ -726,6 +750,7 @@ mod tests {
             lr_no_gap,
             lr_needed,
             judgement: None,
+            weighed: None,
             trend: None,
         }
     }
@@ -872,6 +897,27 @@ mod tests {
         let narrow = likely(1.0, Some(3.0));
         assert_eq!((narrow.next.step, narrow.urgency), (Next::Review, Urgency::None));
         assert_eq!(likely(3.0, Some(5.0)).urgency, Urgency::Low);
+    }
+
+    #[test]
+    fn the_prior_changes_probability_and_rank_and_no_rung() {
+        let with = |log_bayes_factor: f64, prior| {
+            let wider = vec![(1.0, 1.0), (4.0, 0.5), (7.0, 0.0)];
+            let weighed = Some(Weighed { log_bayes_factor, terms: Terms::default(), wider });
+            let fit = FitFacts { weighed, ..judged(FitConfidence::Likely, Some(WidthKind::Interval), 3.0, Some(6.0)) };
+            // 2 % of 200 are 4.
+            Summary::of(&Facts { fit: Some(fit), span: Some(200.0), acceptable: Some(2.0), prior, ..Facts::default() })
+        };
+        let usual = with(3.0_f64.ln(), None);
+        assert_eq!((usual.p_gap.map(|p| (1e9 * p).round() / 1e9), usual.prior), (Some(0.5), Some(USUAL_PRIOR)));
+        assert!((usual.p_beyond.unwrap() - 0.25).abs() < 1e-9);
+        let worn = with(3.0_f64.ln(), Some(0.5));
+        assert!((worn.p_gap.unwrap() - 0.75).abs() < 1e-9);
+        assert!(worn.rank < usual.rank, "likelier comes first");
+        assert_eq!((worn.confidence, worn.urgency, worn.next), (usual.confidence, usual.urgency, usual.next));
+        assert_eq!((with(99.0, None).p_gap, with(-99.0, None).p_gap), (Some(0.98), Some(0.02)));
+        let none = of(Verdict::NoEstimate, None, Some(fit(FitVerdict::Backlash, 5.0, Some(6.0))));
+        assert_eq!((none.p_gap, none.p_beyond, none.terms, none.prior), (None, None, None, None));
     }
 
     #[test]

@@ -65,6 +65,7 @@ const SUBJECTS: &[Subject] = &[
     labels::EVIDENCE,
     labels::URGENCY,
     labels::VALVE,
+    labels::TERM,
     labels::VERDICT,
     labels::MEANING,
     position::SUBJECT,

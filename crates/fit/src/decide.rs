@@ -9,4 +9,6 @@ pub(crate) mod thresholds;
 pub(crate) mod trend;
 pub(crate) mod valve;
 pub(crate) mod verdict;
+pub(crate) mod weigh;
+pub(crate) mod weights;
 pub(crate) mod witness;

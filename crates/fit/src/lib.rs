@@ -30,6 +30,8 @@ pub use decide::thresholds::THRESHOLDS;
 pub use decide::trend::{Trend, Width};
 pub use decide::valve::{RecordingAnswer, ValveAnswer};
 pub use decide::verdict::{Evidence, Hidden, Verdict};
+pub use decide::weigh::{LEAST_DOUBT, Terms, USUAL_PRIOR, Weighed};
+pub use decide::weights::LEARNED;
 pub use decide::witness::{cycle::Cycle, plateau::Plateau};
 pub use model::structure::{Noise, Structure};
 pub use position::{AtValve, PositionAnswer, Shown, fit_position};

@@ -5,7 +5,7 @@ use crate::position;
 use crate::windows::{Batch, columns};
 use glapp_analysis::{FitVerdict, Fitted, FittedValve, fitted, fitted_valve, words};
 use glapp_fit::{
-    Evidence, JointAnswer, Judgement, PositionAnswer, Prediction, SegmentAnswer, SegmentFit, THRESHOLDS, Tell,
+    Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, SegmentAnswer, SegmentFit, THRESHOLDS, Tell,
     Together, Trend, Unfit, ValveAnswer, Verdict, Width,
 };
 use numpy::PyArray1;
@@ -171,6 +171,22 @@ pub fn fit_judgement<'py>(py: Python<'py>, evidence: &str) -> PyResult<Bound<'py
     let (judgement, reason) = evidence.judged();
     let out = plain(py, &judgement)?.cast_into::<PyDict>()?;
     out.set_item("reason", reason)?;
+    Ok(out)
+}
+
+/// The `evidence` of an answer weighed: of each quantity its value, whether a greater one speaks for a dead band, and its log-odds; and
+/// the logarithm of the Bayes factor, None where the record cannot be read.
+#[pyfunction]
+pub fn fit_weighed<'py>(py: Python<'py>, evidence: &str) -> PyResult<Bound<'py, PyDict>> {
+    let evidence: Evidence = serde_json::from_str(evidence).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let quantities = PyDict::new(py);
+    for (name, value, rises, worth) in evidence.quantities() {
+        quantities.set_item(name, (value, rises, worth))?;
+    }
+    let out = PyDict::new(py);
+    out.set_item("quantities", quantities)?;
+    out.set_item("log_bayes_factor", evidence.weighed().map(|(factor, _)| factor))?;
+    out.set_item("learned", LEARNED)?;
     Ok(out)
 }
 

@@ -65,7 +65,9 @@ mod _glapp {
     #[pymodule_export]
     const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]
-    use crate::fit::{fit, fit_judgement, fit_thresholds, fit_valve, performance, width_fall, width_trend};
+    use crate::fit::{
+        fit, fit_judgement, fit_thresholds, fit_valve, fit_weighed, performance, width_fall, width_trend,
+    };
     #[pymodule_export]
     use crate::history::History;
     #[pymodule_export]

@@ -12,6 +12,7 @@ import typer
 from rich.padding import Padding
 from rich.text import Text
 
+from .._glapp import to_text
 from ..escape import for_spreadsheet, one_line
 from ..planned import Plan
 from ..report import planned, words
@@ -174,7 +175,8 @@ def _columns(results: Sequence[Result]) -> list[Column]:
         columns.append(Column("dead band\n(95 %)", [words.headline(result) or "–" for result in results], True))
     else:
         columns.append(Column("d̂", [words.quantity(r.d_hat, words.op_unit(r.unit)) for r in results], True))
-    columns.append(Column("valve" if fitted else "verdict", [_verdict(result) for result in results]))
+    verdicts = [_verdict(result, probable=True) for result in results]
+    columns.append(Column("valve" if fitted else "verdict", verdicts))
     columns.append(Column("to do", [words.todo(result) for result in results]))
     columns.append(Column("how soon", [words.URGENCIES[result.answer.urgency].lower() for result in results]))
     counts, reasons, quality = (list(column) for column in zip(*map(_cells, results), strict=True))
@@ -190,12 +192,14 @@ def _name(result: Result) -> str:
     return f"{result.name} ({len(several)} recordings)" if several else result.name
 
 
-def _verdict(result: Result) -> Text:
-    """The one verdict, and of crossings alone whether their width is acceptable."""
+def _verdict(result: Result, probable: bool = False) -> Text:
+    """The one verdict, whether its width is acceptable, and if asked how probable a gap is where that is open."""
     answer = result.answer
     parts = [words.VERDICTS[answer.verdict].lower()]
     if answer.acceptable is not None and answer.acceptable != "open":
         parts.append("too wide" if answer.acceptable == "beyond" else "acceptable")
+    if probable and answer.confidence in ("likely", "cannot_tell") and answer.p_gap is not None:
+        parts.append(to_text("answer.probable", {"p_gap": answer.p_gap}))
     return styled(", ".join(parts), style=_STYLES[answer.valve])
 
 

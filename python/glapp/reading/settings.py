@@ -24,6 +24,7 @@ _COMMENTS = {
     "pv_span": "range of the PV instrument [PV unit]",
     "op_span": "range of OP [OP unit]",
     "acceptable_dead_band": "% of OP span",
+    "dead_band_prior": "% of valves",
     "sample_time": "s",
     "tf": "s",
     "controller.k": "gain",

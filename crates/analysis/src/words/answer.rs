@@ -179,6 +179,10 @@ const SENTENCES: &[(&str, &str)] = &[
     ("short step_test", "step test"),
     ("short remedy", "step test"),
     ("short tested", "read test"),
+    // How probable a dead band is.
+    ("probable", "gap: {p_gap:share} likely"),
+    ("probable beyond", "gap: {p_gap:share} likely, wider than {percent:number}\u{a0}% of span: {p_beyond:share}"),
+    ("so probable", "{so}; gap: {p_gap:share} likely."),
     // Why.
     ("why counted", "{counted} of {all} recordings count."),
     ("why crossings", "The simple method reads {d_hat:about}."),
@@ -186,6 +190,11 @@ const SENTENCES: &[(&str, &str)] = &[
     ("why crossings below", "The simple method reads {d_hat:about}, too low; ignore it."),
     ("why crossings sound", "The simple method reads {d_hat:about}, from noise or load; ignore it."),
     ("why crossings none", "The simple method gives no width: {reason}."),
+    ("why probable", "A dead band is {p_gap:share} likely{beyond}, if {prior:share} of the plant's valves have one."),
+    ("why beyond", ", one wider than {percent:number}\u{a0}% of span {p_beyond:share}"),
+    ("why for", "For a dead band: {terms}."),
+    ("why against", "Against it: {terms}."),
+    ("why term", "{label} (odds × {times:number})"),
     ("why to_limit", "At this rate it reaches the limit in {days:.0f} days."),
     (
         "why decided gap",
@@ -287,7 +296,15 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let span = clause(span.map(|percent| Message::new("answer.of_span").with("percent", percent)));
     let reason = facts.crossings.reason.clone().unwrap_or_default();
     let told = facts.message(code).with("span", span).with("beside", beside(facts)).with("reason", bare(&reason));
-    text(&told.code, &told.numbers, reader)
+    let told = text(&told.code, &told.numbers, reader)?;
+    // What is found, or shows no gap, says so; where it is open, the planner chooses by how probable a gap is.
+    match facts.p_gap.filter(|_| ["likely", "cannot_tell"].contains(&confidence)) {
+        Some(p_gap) => {
+            let more = Message::new("answer.so probable").with("so", bare(&told)).with("p_gap", p_gap);
+            text(&more.code, &more.numbers, reader)
+        }
+        None => Ok(told),
+    }
 }
 
 /// What the width is beyond, or how it has changed; empty where neither is to be told.
@@ -387,6 +404,10 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
         told.push(tell(gives.with("d", test.d).with("low", test.low).with("high", test.high))?);
     }
     told.push(sentence(&fit.reason));
+    // What a test has decided is no longer a matter of how probable it is.
+    if decided.is_none() {
+        told.extend(weighed(facts, reader)?);
+    }
     if let Some((counted, all)) = fit.recordings.filter(|(_, all)| *all > 0) {
         let counts = facts.message("why counted").with("counted", Value::Count(counted)).with("all", Value::Count(all));
         told.push(tell(counts)?);
@@ -404,6 +425,50 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
         told.push(crossing(facts, reader)?);
     }
     Ok(told.into_iter().filter(|text| !text.is_empty()).collect())
+}
+
+/// Terms that move the odds by less than this factor are not named, nor more than so many on either side.
+const SAYS_LITTLE: f64 = 1.15;
+const MOST_TERMS: usize = 4;
+
+/// How probable a dead band is, what speaks for one and what against; nothing where no evidence was weighed.
+fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
+    let (Some(p_gap), Some(prior)) = (facts.p_gap, facts.prior) else { return Ok(Vec::new()) };
+    let tell = |told: Message| text(&told.code, &told.numbers, reader);
+    let beyond = beyond(facts)
+        .map(|(percent, p)| Message::new("answer.why beyond").with("percent", percent).with("p_beyond", p));
+    let told = Message::new("answer.why probable").with("p_gap", p_gap).with("prior", prior);
+    let mut all = vec![tell(told.with("beyond", clause(beyond)))?];
+    let mut terms: Vec<(&String, f64)> = facts.terms.iter().flatten().map(|(name, worth)| (name, *worth)).collect();
+    terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    for (code, way) in [("answer.why for", 1.0), ("answer.why against", -1.0)] {
+        let counts = terms.iter().filter(|(_, worth)| way * worth > SAYS_LITTLE.ln()).take(MOST_TERMS);
+        let each = counts.map(|(name, worth)| {
+            let label = text(&format!("term.{name}"), &Message::new("").numbers, reader)?;
+            tell(Message::new("answer.why term").with("label", label).with("times", worth.exp()))
+        });
+        let each = each.collect::<Result<Vec<_>, _>>()?;
+        if !each.is_empty() {
+            all.push(tell(Message::new(code).with("terms", each.join(", ")))?);
+        }
+    }
+    Ok(all)
+}
+
+/// The limit [% of span] and the probability of a dead band that is wider.
+fn beyond(facts: &AnswerFacts) -> Option<(f64, f64)> {
+    facts.limit.as_ref().and_then(|limit| limit.percent_span).zip(facts.p_beyond)
+}
+
+/// How probable a dead band is, in a few words; empty where no evidence was weighed.
+fn probable(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
+    let Some(p_gap) = facts.p_gap else { return Ok(String::new()) };
+    let told = match beyond(facts) {
+        Some((percent, p)) => Message::new("answer.probable beyond").with("percent", percent).with("p_beyond", p),
+        None => Message::new("answer.probable"),
+    };
+    let told = told.with("p_gap", p_gap);
+    text(&told.code, &told.numbers, reader)
 }
 
 /// What the zero crossings say beside a fit, in one line.
@@ -500,6 +565,8 @@ pub struct AnswerTexts {
     pub why: Vec<String>,
     /// The one width that a list shows, with its interval; empty where nothing is known of it.
     pub headline: String,
+    /// How probable a dead band is, in a few words; empty where no evidence was weighed.
+    pub probable: String,
     /// That width in % of OP's span; empty where the span is not known, or the headline says so already.
     pub of_span: String,
     /// What a PLC would show.
@@ -521,6 +588,7 @@ pub fn texts_of(facts: &AnswerFacts, reader: &Reader) -> Result<AnswerTexts, Tex
         short: short(facts, reader)?,
         why: why(facts, reader)?,
         headline: headline(facts, 1.0, reader)?,
+        probable: probable(facts, reader)?,
         of_span: of_span(facts, reader)?,
         plc: plc(facts, reader)?,
         crossing: crossing(facts, reader)?,

@@ -2,6 +2,7 @@
 
 use super::Message;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// The one answer of a loop under the names of its document, and beside it what its sentences need more. All of it may be absent.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -27,6 +28,14 @@ pub struct AnswerFacts {
     pub high: Option<f64>,
     /// How strongly the recording speaks for a gap.
     pub evidence: Option<String>,
+    /// Probability of a dead band, and of one beyond the limit.
+    pub p_gap: Option<f64>,
+    /// See `p_gap`.
+    pub p_beyond: Option<f64>,
+    /// Share of valves with a dead band that `p_gap` starts from.
+    pub prior: Option<f64>,
+    /// What each kind of evidence adds to the log-odds of a dead band.
+    pub terms: Option<BTreeMap<String, f64>>,
     /// How the width stands to the limit.
     pub acceptable: Option<String>,
     /// What to do next.

@@ -8,6 +8,27 @@ pub(super) const URGENCY: Subject = Subject { name: "urgency", sentences: URGENC
 pub(super) const EVIDENCE: Subject = Subject { name: "evidence", sentences: STRENGTHS, variants: plain };
 pub(super) const MEANING: Subject = Subject { name: "meaning", sentences: MEANINGS, variants: plain };
 
+pub(super) const TERM: Subject = Subject { name: "term", sentences: TERMS, variants: plain };
+
+/// What speaks for a dead band, or against it.
+const TERMS: &[(&str, &str)] = &[
+    ("likelihood", "a model with a gap against one without"),
+    ("rival_load", "a gap against the load that would look most like it"),
+    ("traversals", "how often OP went through the gap"),
+    ("width", "the gap's width against OP's moves"),
+    ("noise", "what the gap makes of PV against its noise"),
+    ("sampling", "how often rows are recorded"),
+    ("evenness", "how evenly OP swings"),
+    ("load_changes", "how often the load changes"),
+    ("model", "how well the model explains PV"),
+    ("families", "whether all models see the gap"),
+    ("agreement", "whether parts of the recording agree"),
+    ("plateau", "whether PV stands still while OP goes through the gap"),
+    ("cycle", "whether the loop with such a gap would swing as recorded"),
+    ("process", "how well the process is known"),
+    ("rules", "the rules that decide between found, likely and cannot tell"),
+];
+
 /// The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
 const VERDICTS: &[(&str, &str)] = &[
     ("backlash", "Backlash"),

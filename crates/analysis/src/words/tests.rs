@@ -112,6 +112,30 @@ fn with(mut facts: Json, more: Json) -> Json {
 }
 
 #[test]
+fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
+    use serde_json::json;
+    let weighed = json!({
+        "p_gap": 0.84, "p_beyond": 0.6, "prior": 0.25, "limit": {"percent_span": 1.0, "origin": "nominal"},
+        "terms": {"noise": 0.69, "likelihood": 1.4, "model": 0.01, "plateau": -0.7},
+    });
+    let likely = texts_for(with(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})), weighed.clone()));
+    assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%; gap: 84% likely.");
+    assert_eq!(likely.probable, "gap: 84% likely, wider than 1\u{a0}% of span: 60%");
+    assert_eq!(
+        likely.why[1..4],
+        [
+            "A dead band is 84% likely, one wider than 1\u{a0}% of span 60%, if 25% of the plant's valves have one.",
+            "For a dead band: a model with a gap against one without (odds × 4.06), what the gap makes of PV against its \
+             noise (odds × 1.99).",
+            "Against it: whether PV stands still while OP goes through the gap (odds × 0.497).",
+        ]
+    );
+    let found = texts_for(with(with(gap(), json!({"confidence": "found"})), weighed));
+    assert_eq!(found.so, texts_for(gap()).so, "what is found needs no probability");
+    assert_eq!((texts_for(gap()).probable.as_str(), texts_for(gap()).why.len()), ("", 2));
+}
+
+#[test]
 fn an_answer_has_three_parts() {
     use serde_json::json;
     let found = texts_for(gap());

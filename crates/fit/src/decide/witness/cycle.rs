@@ -53,6 +53,12 @@ impl Cycle {
         let near = |part: f64, by: f64| part <= 1.0 + by && part * (1.0 + by) >= 1.0;
         self.law > LAW && near(self.period, OWN_PERIOD) && near(self.swing, OWN_SWING)
     }
+
+    /// How near the two are: 1 where they are the same, 0 where period or swing are off by twice what is its own, or further.
+    pub(crate) fn nearness(&self) -> f64 {
+        let off = |part: f64, by: f64| if part > 0.0 { part.ln().abs() / (2.0 * by.ln_1p()) } else { 1.0 };
+        1.0 - off(self.period, OWN_PERIOD).max(off(self.swing, OWN_SWING)).min(1.0)
+    }
 }
 
 /// The law of a PI controller, a step at a time [OP unit/PV unit].

@@ -1,0 +1,1 @@
+"""Weights of the evidence for a dead band: `python -m bench.weigh`; see `__main__`."""

@@ -1,0 +1,317 @@
+//! Evidence weighed: a probability that the valve has a dead band, and what speaks for it and against it.
+//!
+//! The log-odds are a sum,
+//!
+//! ```text
+//! ln p/(1−p) = ln π/(1−π) + B + Σ fᵢ(xᵢ)
+//! ```
+//!
+//! π is the share of valves that have a dead band, known beforehand. B + Σ fᵢ is the logarithm of the Bayes factor. Each xᵢ is a quantity
+//! of the [`Evidence`], each fᵢ a broken line that rises or falls all the way, as an engineer would expect, and stays constant beyond its
+//! ends: a value outside of what was learned counts no more than the last one inside. `python -m bench.weigh` learns the lines from
+//! simulated records of known truth and writes them into [`weights`](super::weights). The mean of each line over those records is 0, so
+//! that fᵢ is what xᵢ says beyond what it says of a usual record.
+//!
+//! The rungs of the ladder do not hang on it; the rung is one of the quantities.
+
+use crate::decide::judgement::Confidence;
+use crate::decide::segment::SegmentFit;
+use crate::decide::thresholds::{ANSWERS, LAW, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
+use crate::decide::verdict::{Evidence, Hidden, judge};
+use crate::decide::weights::{BASE, CURVES};
+use crate::decide::witness::cycle::Cycle;
+use serde::{Deserialize, Serialize};
+
+/// Share of valves with a dead band where nobody said another: surveys of plants find a fifth to a third of valves worn.
+pub const USUAL_PRIOR: f64 = 0.25;
+
+/// No probability that is shown is nearer to 0 or to 1 than this.
+pub const LEAST_DOUBT: f64 = 0.02;
+
+/// What each kind of evidence adds to the log-odds of a dead band: above 0 it speaks for one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Terms {
+    /// Likelihood ratio of no gap, no load that repeats itself beside it.
+    pub likelihood: f64,
+    /// The same beside the load that rivals the gap most.
+    pub rival_load: f64,
+    /// How often OP went through the width.
+    pub traversals: f64,
+    /// The width against OP's range.
+    pub width: f64,
+    /// What the gap makes of PV against PV's noise.
+    pub noise: f64,
+    /// How far rows are apart against how fast process and OP are.
+    pub sampling: f64,
+    /// Whether OP swings evenly, or the load repeats itself.
+    pub evenness: f64,
+    /// Whether the load changes as often as OP goes through the gap.
+    pub load_changes: f64,
+    /// How well the model explains PV.
+    pub model: f64,
+    /// Whether all families of models see the gap.
+    pub families: f64,
+    /// Whether windows or recordings agree.
+    pub agreement: f64,
+    /// Whether PV stands while OP goes through the gap.
+    pub plateau: f64,
+    /// Whether the loop's own cycle is the recorded one.
+    pub cycle: f64,
+    /// How well the process is known, and whether a load undoes what the valve does.
+    pub process: f64,
+    /// What the rules of the ladder make of all that.
+    pub rules: f64,
+}
+
+/// The evidence of a record, or of several, weighed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Weighed {
+    /// Logarithm of the Bayes factor: how many times likelier the evidence is with a dead band than without.
+    pub log_bayes_factor: f64,
+    /// What each kind of evidence adds to it.
+    pub terms: Terms,
+    /// Widths [OP unit], and the probability that the dead band is wider, if there is one.
+    pub wider: Vec<(f64, f64)>,
+}
+
+/// A quantity of the evidence.
+pub(super) struct Quantity {
+    /// Its name in the table of weights.
+    pub(super) name: &'static str,
+    /// Whether a greater one speaks for a dead band.
+    rises: bool,
+    of: fn(&Evidence) -> f64,
+    term: fn(&mut Terms) -> &mut f64,
+}
+
+macro_rules! quantities {
+    ($($name:literal $way:literal $term:ident: $of:expr;)*) => {
+        /// All of them, in the order of the table of weights.
+        pub(super) const QUANTITIES: &[Quantity] =
+            &[$(Quantity { name: $name, rises: $way, of: $of, term: |terms| &mut terms.$term }),*];
+    };
+}
+
+quantities! {
+    "lr_aperiodic" true likelihood: |e| e.lr_aperiodic.max(0.0).ln_1p();
+    "lr_no_gap" true rival_load: |e| e.lr_no_gap.max(0.0).ln_1p();
+    "lr_against" false rival_load: |e| (-e.lr_no_gap).max(0.0).ln_1p();
+    "lr_of_needed" true rival_load: |e| e.lr_no_gap.max(0.0).ln_1p() - e.lr_needed.ln_1p();
+    "lr_a_pass" true traversals: |e| e.lr_no_gap.max(0.0).ln_1p() - ((e.passes[0] + e.passes[1]) as f64).ln_1p();
+    "passes" true traversals: |e| (e.passes[0].min(e.passes[1]) as f64).ln_1p();
+    "one_way" false traversals: |e| flag(e.one_way);
+    "d_of_range" true width: |e| ratio(e.d, e.range).ln();
+    "most_of_range" false width: |e| ratio(e.d, e.range);
+    "immobile" false width: |e| flag(e.immobile);
+    "none_above" false width: none_above;
+    "d_of_noise" true noise: |e| ratio(e.d, e.noisy_below).ln();
+    "settles" true sampling: |e| e.settles.max(LEAST).ln();
+    "rows_in_gap" true sampling: |e| ratio(e.d, e.unsampled_below).ln();
+    "coarse" false sampling: |e| flag(e.coarse || e.at_once);
+    "lined_below" false sampling: |e| ratio(e.lined_below, e.d).ln();
+    "even_swing" false evenness: |e| flag(e.even_swing);
+    "periodic_load" false evenness: |e| flag(e.periodic_load);
+    "hidden_by_changes" false load_changes: |e| flag(matches!(e.hidden, Some(Hidden::Changes)));
+    "autocorrelation" false model: |e| e.autocorrelation.abs();
+    "lr_no_answer" true model: |e| e.lr_no_answer.max(0.0).ln_1p();
+    "low_of_d" true families: |e| if e.d > 0.0 { e.low / e.d } else { 0.0 };
+    "dissent" false families: |e| flag(e.dissent);
+    "agree" true agreement: agree;
+    "dispersion" false agreement: |e| e.dispersion.max(1.0).ln();
+    "stands" true plateau: stands;
+    "follows_behind" true plateau: follows_behind;
+    "own_cycle" true cycle: |e| if follows_law(e) { e.cycle.as_ref().map_or(0.0, Cycle::nearness) } else { 0.0 };
+    "rests" false cycle: |e| flag(rests(e));
+    "cancels" false process: |e| e.cancels.max(LEAST).ln();
+    "lag_error" false process: |e| e.lag_error.max(LEAST).ln();
+    "rung" true rules: rung;
+}
+
+/// What is less is as much: logarithms stay finite.
+const LEAST: f64 = 1e-3;
+
+fn flag(is: bool) -> f64 {
+    f64::from(u8::from(is))
+}
+
+/// One over the other, between [`LEAST`] and its inverse.
+fn ratio(one: f64, other: f64) -> f64 {
+    (one.max(0.0) / other.max(1e-300)).clamp(LEAST, 1.0 / LEAST)
+}
+
+/// How far below OP's range a gap is excluded, where none is one of the widths that are not; 0 where none is excluded.
+fn none_above(e: &Evidence) -> f64 {
+    e.high.filter(|_| e.low <= 0.0).map_or(0.0, |high| ratio(e.range, high).ln().max(0.0))
+}
+
+/// Share of records with the width of all; half where there are too few.
+fn agree(e: &Evidence) -> f64 {
+    let [agree, all] = e.agree;
+    if all > 2 { agree as f64 / all as f64 } else { 0.5 }
+}
+
+/// Share of OP's ways through the gap in which PV stands, as if there had been three more without.
+fn stands(e: &Evidence) -> f64 {
+    let [ways, stands] = [e.plateau.ways, e.plateau.stands].map(|[up, down]| (up + down) as f64);
+    stands / (ways + 3.0)
+}
+
+/// By how much more PV follows OP behind the gap than within it, less where few ways show it.
+fn follows_behind(e: &Evidence) -> f64 {
+    let ways = (e.plateau.ways[0] + e.plateau.ways[1]) as f64;
+    (e.plateau.behind - e.plateau.within).clamp(-1.0, 2.0) * ways / (ways + 5.0)
+}
+
+/// The rung of the ladder, from none seen to found: its rules know of evidence that counts for nothing where something else holds, which
+/// no sum can say.
+fn rung(e: &Evidence) -> f64 {
+    match judge(e).0.confidence {
+        Confidence::NoneSeen => 0.0,
+        Confidence::CannotTell => 1.0,
+        Confidence::Likely => 2.0,
+        Confidence::Found => 3.0,
+    }
+}
+
+fn follows_law(e: &Evidence) -> bool {
+    e.cycle.as_ref().is_some_and(|cycle| cycle.law > LAW)
+}
+
+/// Whether OP swings though the fitted loop comes to rest by itself.
+fn rests(e: &Evidence) -> bool {
+    follows_law(e) && (e.oscillates || e.even_swing) && e.cycle.as_ref().is_some_and(|cycle| cycle.period == 0.0)
+}
+
+/// The height of a broken line of (x, y) in rising order of x; beyond its ends that of the end.
+fn height(line: &[[f64; 2]], x: f64) -> f64 {
+    let after = line.partition_point(|[at, _]| *at <= x);
+    match (after.checked_sub(1).map(|i| line[i]), line.get(after)) {
+        (Some([x0, y0]), Some([x1, y1])) => y0 + (y1 - y0) * (x - x0) / (x1 - x0),
+        (Some([_, y]), None) | (None, Some(&[_, y])) => y,
+        (None, None) => 0.0,
+    }
+}
+
+impl Evidence {
+    /// Name, value, whether a greater one speaks for a dead band, and log-odds of each quantity that is weighed.
+    pub fn quantities(&self) -> impl Iterator<Item = (&'static str, f64, bool, f64)> {
+        QUANTITIES.iter().zip(CURVES).map(|(quantity, (_, line))| {
+            let x = (quantity.of)(self);
+            (quantity.name, x, quantity.rises, height(line, x))
+        })
+    }
+
+    /// Logarithm of the Bayes factor and what adds to it; None where no model of the loop explains PV, or PV does not answer OP.
+    pub fn weighed(&self) -> Option<(f64, Terms)> {
+        if self.autocorrelation.abs() > MAX_AUTOCORRELATION || self.lr_no_answer < ANSWERS {
+            return None;
+        }
+        let mut terms = Terms::default();
+        let mut sum = BASE;
+        for (quantity, (.., worth)) in QUANTITIES.iter().zip(self.quantities()) {
+            *(quantity.term)(&mut terms) += worth;
+            sum += worth;
+        }
+        Some((sum, terms))
+    }
+}
+
+impl Weighed {
+    /// Of what all say, and the record that shows it best; None where that cannot be read.
+    pub fn of(all: &Evidence, shown: &SegmentFit) -> Option<Self> {
+        let (log_bayes_factor, terms) = all.weighed()?;
+        let wider = match all.high {
+            Some(high) if all.low > 0.0 && high > all.d => wider_by_limits(all.d, all.low, high),
+            _ => wider_by_profile(shown),
+        };
+        Some(Self { log_bayes_factor, terms, wider })
+    }
+
+    /// The probability of a dead band where a share `prior` of valves has one.
+    pub fn probability(&self, prior: f64) -> f64 {
+        1.0 / (1.0 + (-(self.log_bayes_factor + (prior / (1.0 - prior)).ln())).exp())
+    }
+
+    /// The probability that the dead band is wider than `width`, if there is one.
+    pub fn is_wider(&self, width: f64) -> f64 {
+        let line: Vec<[f64; 2]> = self.wider.iter().map(|(d, p)| [*d, *p]).collect();
+        height(&line, width)
+    }
+}
+
+/// Widths on either side of the most likely one, in standard deviations, that stand for all.
+const PLACES: [f64; 9] = [-3.0, -2.0, -1.28, -0.67, 0.0, 0.67, 1.28, 2.0, 3.0];
+/// Share of a normal distribution above each.
+const ABOVE: [f64; 9] = [0.999, 0.977, 0.9, 0.75, 0.5, 0.25, 0.1, 0.023, 0.001];
+
+/// A normal distribution on either side of the most likely width, the limits at 1.96 standard deviations.
+fn wider_by_limits(d: f64, low: f64, high: f64) -> Vec<(f64, f64)> {
+    let at = |place: f64| d + place / 1.96 * if place < 0.0 { d - low } else { high - d };
+    PLACES.iter().zip(ABOVE).map(|(place, above)| (at(*place).max(0.0), above)).collect()
+}
+
+/// By the likelihood over the width of all families, each as likely as it explains PV; ln L is stretched as much as the limits are moved
+/// out against those of a chi-square, and widths are as likely beforehand as their logarithms.
+fn wider_by_profile(shown: &SegmentFit) -> Vec<(f64, f64)> {
+    let stretch = RISE_OF_PROCESS / shown.rise.max(RISE_OF_PROCESS);
+    let mut mass: Vec<(f64, f64)> = Vec::new();
+    for candidate in &shown.candidates {
+        for pair in candidate.profile.windows(2).filter(|pair| pair[0].0 > 0.0) {
+            let [(from, one), (to, other)] = [pair[0], pair[1]];
+            let density = |rise: f64| (-0.5 * stretch * (candidate.delta_deviance.max(0.0) + rise)).exp();
+            mass.push(((from * to).sqrt(), 0.5 * (density(one) + density(other)) * (to / from).ln()));
+        }
+    }
+    mass.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f64 = mass.iter().map(|(_, of)| of).sum();
+    let mut above = all;
+    let mut wider = Vec::with_capacity(mass.len());
+    for (d, of) in mass {
+        above -= 0.5 * of;
+        wider.push((d, (above / all.max(1e-300)).clamp(0.0, 1.0)));
+        above -= 0.5 * of;
+    }
+    wider
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_line_goes_one_way_and_has_its_quantity() {
+        assert_eq!(QUANTITIES.len(), CURVES.len());
+        for (quantity, (name, line)) in QUANTITIES.iter().zip(CURVES) {
+            assert_eq!(quantity.name, name);
+            for pair in line.windows(2) {
+                assert!(pair[0][0] < pair[1][0], "{name}");
+                let rises = pair[1][1] - pair[0][1];
+                assert!(if quantity.rises { rises >= 0.0 } else { rises <= 0.0 }, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_its_ends_a_line_is_level() {
+        let line = [[0.0, -1.0], [2.0, 1.0], [3.0, 1.5]];
+        let at = [-9.0, 0.0, 1.0, 2.0, 2.5, 3.0, 9.0].map(|x| height(&line, x));
+        assert_eq!(at, [-1.0, -1.0, 0.0, 1.0, 1.25, 1.5, 1.5]);
+        assert_eq!(height(&[], 1.0), 0.0);
+    }
+
+    #[test]
+    fn the_prior_moves_the_odds_and_nothing_else() {
+        let weighed = Weighed { log_bayes_factor: 3.0_f64.ln(), terms: Terms::default(), wider: Vec::new() };
+        assert!((weighed.probability(0.5) - 0.75).abs() < 1e-12);
+        assert!((weighed.probability(0.25) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_width_between_limits_is_wider_than_the_most_likely_one_in_half_of_cases() {
+        let wider = wider_by_limits(2.0, 1.5, 3.0);
+        let weighed = Weighed { log_bayes_factor: 0.0, terms: Terms::default(), wider };
+        assert_eq!(weighed.is_wider(2.0), 0.5);
+        assert!(weighed.is_wider(1.5) > 0.97 && weighed.is_wider(3.0) < 0.03);
+        assert!((weighed.is_wider(9.0) - 0.001).abs() < 1e-12);
+    }
+}

@@ -124,6 +124,7 @@ def test_a_contradiction_names_both(position: Fit, pv: Fit, verdict: str, low: f
         "high": high,
         "change": None,
         "judgement": None,
+        "weighed": None,
     }
     f = _together(decided, position, pv, LOOP)
     assert (f.verdict, f.low, f.high) == (verdict, low, high)
@@ -132,7 +133,8 @@ def test_a_contradiction_names_both(position: Fit, pv: Fit, verdict: str, low: f
 
 def test_where_they_agree_the_position_settles_it() -> None:
     sharp, broad = said("backlash", 1.0, 0.9, 1.1), said("backlash", 1.3, 0.8, 2.0)
-    settles = {"position": "settles", "verdict": "backlash", "low": 0.9, "high": 1.1, "change": None, "judgement": None}
+    settles = {"position": "settles", "verdict": "backlash", "low": 0.9, "high": 1.1}
+    settles |= dict.fromkeys(("change", "judgement", "weighed"))
     f = _together(settles, sharp, broad, LOOP)
     assert (f.d, f.low, f.high, f.through_pv) == (1.0, 0.9, 1.1, broad)
     assert "contradict" not in f.reason

@@ -27,7 +27,7 @@ from rich.progress import track
 from glapp import _glapp
 
 from ..page import write
-from .model import balanced, learned
+from .model import balanced
 from .samples import Sample, ask, done, names, of_answers, read, version
 from .score import Data, tables
 from .table import WEIGHTS, rust
@@ -85,7 +85,7 @@ def main() -> None:
         write("weigh.md", text, "tables")
     if given.learn:
         half = data.of(data.group(lambda s: s.half) == "A")
-        lines = learned(half.quantities, half.rises, half.gap, half.weight)
+        lines = half.calibrated()
         of = f"fit {version()}, {len(half.samples)} records"
         WEIGHTS.write_text(rust(data.names, lines, of), encoding="utf-8")
 

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ..truth.score import markdown
-from .model import Bools, Floats, Names, auc, balanced, learned, left_out, log_loss
+from .model import Bools, Floats, Lines, Names, auc, balanced, calibrated, left_out, log_loss
 from .samples import Sample
 
 PRIORS = (0.1, 0.25, 0.5)
@@ -61,6 +61,10 @@ class Data(NamedTuple):
         found: Floats = self.quantities[:, self.names.index(name)]
         return found
 
+    def calibrated(self) -> Lines:
+        """Lines for other records."""
+        return calibrated(self.quantities, self.rises, self.gap, self.weight, self.group(lambda s: s.twin))
+
     def learned(self, out: Names | None = None) -> Floats:
         """Log-odds by lines learned without each record's group, by default without the record and its twins."""
         groups = self.group(lambda s: s.twin) if out is None else out
@@ -89,7 +93,7 @@ def tables(data: Data) -> str:
     """All of them; half B judges what was learned from half A."""
     halves = data.group(lambda s: s.half)
     of_a, of_b = data.of(halves == "A"), data.of(halves == "B")
-    lines = learned(of_a.quantities, of_a.rises, of_a.gap, of_a.weight)
+    lines = of_a.calibrated()
     odds = lines.log_odds(of_b.quantities)
     parts = [
         ("", counts(data)),
@@ -119,7 +123,7 @@ def losses(of_a: Data, of_b: Data, odds: Floats) -> str:
     """Against the likelihood ratio alone: as a chi-square has it, and by the best line through it."""
     pick = [of_a.names.index("lr_no_gap")]
     alone = of_a._replace(quantities=of_a.quantities[:, pick], rises=of_a.rises[pick])
-    line = learned(alone.quantities, alone.rises, alone.gap, alone.weight)
+    line = alone.calibrated()
 
     def raw(data: Data) -> Floats:
         return np.clip([0.5 * s.evidence["lr_no_gap"] for s in data.samples], -4.0, 4.0)
@@ -187,7 +191,7 @@ def kinds(data: Data) -> str:
 def _without(data: Data, out: Bools) -> Floats:
     """Log-odds of all by lines that were learned without some."""
     rest = data.of(~out)
-    return learned(rest.quantities, rest.rises, rest.gap, rest.weight).log_odds(data.quantities)
+    return rest.calibrated().log_odds(data.quantities)
 
 
 def rungs(data: Data, odds: Floats) -> str:
@@ -253,7 +257,7 @@ def nuisances(data: Data) -> str:
 
 def terms(data: Data) -> str:
     """The lines: which way each speaks, and how much it can."""
-    lines = learned(data.quantities, data.rises, data.gap, data.weight)
+    lines = data.calibrated()
     body = []
     for name, up, x, y in zip(data.names, data.rises, lines.x, lines.y, strict=True):
         body.append([name, "for" if up else "against", f"{x[0]:.3g} to {x[-1]:.3g}", f"{y[0]:+.2f} to {y[-1]:+.2f}"])

@@ -437,8 +437,12 @@ fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
     let tell = |told: Message| text(&told.code, &told.numbers, reader);
     let beyond = beyond(facts)
         .map(|(percent, p)| Message::new("answer.why beyond").with("percent", percent).with("p_beyond", p));
-    let told = Message::new("answer.why probable").with("p_gap", p_gap).with("prior", prior);
-    let mut all = vec![tell(told.with("beyond", clause(beyond)))?];
+    let mut all = Vec::new();
+    // Where a dead band is found, the ladder has answered; what speaks for it and against it is still told.
+    if facts.confidence.as_deref() != Some("found") {
+        let told = Message::new("answer.why probable").with("p_gap", p_gap).with("prior", prior);
+        all.push(tell(told.with("beyond", clause(beyond)))?);
+    }
     let mut terms: Vec<(&String, f64)> = facts.terms.iter().flatten().map(|(name, worth)| (name, *worth)).collect();
     terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     for (code, way) in [("answer.why for", 1.0), ("answer.why against", -1.0)] {

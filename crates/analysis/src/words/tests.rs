@@ -132,6 +132,7 @@ fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
     );
     let found = texts_for(with(with(gap(), json!({"confidence": "found"})), weighed));
     assert_eq!(found.so, texts_for(gap()).so, "what is found needs no probability");
+    assert!(found.why.iter().all(|text| !text.contains("% likely")));
     assert_eq!((texts_for(gap()).probable.as_str(), texts_for(gap()).why.len()), ("", 2));
 }
 

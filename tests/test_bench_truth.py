@@ -281,6 +281,7 @@ class TestLadder:
         stood = stuck.rest
         assert list(stuck.valve(stood + gone, 2.0) - stood) == [0.0, 0.0, 1.0, 1.0, 1.0, 0.0]
 
+    @pytest.mark.slow
     def test_steps_that_are_sought_are_found_where_they_are(self, stuck: Known) -> None:
         move = stuck.simulation.position - stuck.rest
         (told,), (found,) = known(stuck, stuck.true, [move]), sought(stuck, stuck.true, [move], 1.0)
@@ -307,6 +308,7 @@ class TestLadder:
         assert leaving(op, position, np.arange(8)) == pytest.approx(1.75)
         assert math.isnan(leaving(op, np.zeros(8), np.arange(8)))
 
+    @pytest.mark.slow
     def test_tables_count_what_is_lost_where(self) -> None:
         with ThreadPoolExecutor(1) as pool:
             truths = list(chosen(Cell("backlash", "steps", "inside"), 2, pool))

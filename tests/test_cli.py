@@ -53,6 +53,7 @@ def answering(monkeypatch, *lines):
     monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
 
 
+@pytest.mark.slow
 def test_a_person_chooses_the_columns_and_they_are_written(run, monkeypatch):
     write("plant.csv", rows(header="a,b,c,d"))
     code, _, told = run("analyze", "plant.csv", "--no-fit")
@@ -66,6 +67,7 @@ def test_a_person_chooses_the_columns_and_they_are_written(run, monkeypatch):
     assert run("analyze", "loops.toml", "--no-fit")[0] == 0
 
 
+@pytest.mark.slow
 def test_a_person_says_which_number_is_the_day(run, monkeypatch):
     write("plant.csv", rows(time=lambda k: f"03/04/2026 10:{k // 60:02d}:{k % 60:02d}"))
     code, _, told = run("analyze", "plant.csv", "--no-fit")
@@ -75,6 +77,7 @@ def test_a_person_says_which_number_is_the_day(run, monkeypatch):
     assert read_settings("loops.toml")[0].time_format == "month first"
 
 
+@pytest.mark.slow
 def test_a_person_says_what_a_number_of_days_counts_from(run, monkeypatch):
     write("plant.csv", rows(time=lambda k: f"{60000 + k / 86400:.7f}"))
     code, _, told = run("analyze", "plant.csv", "--no-fit")
@@ -128,7 +131,8 @@ def documented_commands(run):
         for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["step-test"], ["demo"], ["thesis"])
     )
     pages = "".join((ROOT / page).read_text() for page in ("docs/cli.md", "docs/start.md"))
-    blocks = "".join(re.findall(r"^```\n(.*?)^```", pages, re.DOTALL | re.MULTILINE))
+    fences = re.findall(r"^```(\w*)\n(.*?)^```", pages, re.DOTALL | re.MULTILINE)
+    blocks = "".join(text for language, text in fences if not language)
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))
 
 
@@ -198,6 +202,7 @@ def test_step_test_shows_the_gap_each_reading_and_a_picture(run, by_hand):
     assert [reading["kind"] for reading in answer["readings"]] == ["none", "gain", "gap"]
 
 
+@pytest.mark.slow
 def test_step_test_refuses_with_the_reason_and_what_to_do(run, by_hand):
     lines = by_hand.splitlines()
     write("short.csv", "\n".join(lines[:301]) + "\n")
@@ -389,6 +394,7 @@ def test_time_that_runs_backwards_is_refused_with_its_row(run):
     assert "row 302" in loop["reason"] and loop["quality"][0]["code"] == "time_reversed"
 
 
+@pytest.mark.slow
 def test_the_newest_row_first_is_told_as_such(run):
     for form, step in (("%Y-%m-%d %H:%M", 60), ("%d.%m.%Y %H:%M:%S", 3600)):  # an hour back each row, not summer time
         stamp = [datetime.fromtimestamp(1.7e9 + step * k, UTC).strftime(form) for k in range(200)]
@@ -418,6 +424,7 @@ SETTINGS = {
 }
 
 
+@pytest.mark.slow
 def test_wrong_settings_of_one_loop_stop_no_other(run):
     write("good.csv", rows())
     write("loops.toml", "".join(f'[loops.{name}]\nfile = "good.csv"\n{text}\n' for name, (text, _) in SETTINGS.items()))
@@ -479,6 +486,7 @@ def test_usage_errors_end_with_2(run, line):
     assert code == 2 and "Usage: glapp" in out + err and "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_what_cannot_be_written_is_one_line(run):
     write("good.csv", rows())
     Path("folder").mkdir()
@@ -630,6 +638,7 @@ def test_identify_without_op(run):
     assert code == 1 and "no OP" in err and err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_init_writes_settings_that_work_where_they_lie(run):
     Path("data").mkdir()
     Path("settings").mkdir()
@@ -665,6 +674,7 @@ def test_explain_shows_one_half_period_and_its_tests(run, demo):
     assert "rejected: uneven" in out and re.search(r"✗ .*Δy before / Δy = .*needs 0.5 to 1.5", out)
 
 
+@pytest.mark.slow
 def test_explain_outside_the_recording(run):
     write("good.csv", rows())
     code, _, err = run("explain", "good.csv", "--at", "9999")

@@ -21,6 +21,7 @@ def transfer(form, k, ti, td, w):
 
 
 @given(gains, times, st.floats(0, 1e4), st.floats(1e-3, 1e2))
+@pytest.mark.slow
 def test_series_has_the_same_frequency_response_as_its_ideal_form(k, ti, td, w):
     ideal = Controller(form="series", k=k, ti=ti, td=td).ideal()
     want, got = transfer("series", k, ti, td, w), transfer("ideal", ideal.k, ideal.ti, ideal.td, w)
@@ -40,6 +41,7 @@ def test_series_and_back(k, ti, ratio):
 
 
 @given(gains, gains, st.floats(0, 1e3), st.sampled_from([("s", 1.0), ("min", 60.0)]))
+@pytest.mark.slow
 def test_parallel_has_the_same_frequency_response(kp, ki, kd, unit):
     name, seconds = unit
     ideal = Controller(form="parallel", kp=kp, ki=ki, kd=kd, ti_unit=name, td_unit=name).ideal()

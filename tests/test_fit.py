@@ -426,6 +426,7 @@ def test_op_of_another_loop_gives_no_gap() -> None:
     assert f.verdict in {"cannot_tell", "sound"}, f.reason
 
 
+@pytest.mark.slow
 def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
     """OP answers PV, but PV is two sines to the last digit: a gap once explained what was left of them."""
     t = np.arange(600.0)

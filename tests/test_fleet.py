@@ -153,6 +153,7 @@ def test_cells_mean_what_they_mean_in_any_file(tmp_path: Path) -> None:
     assert [(p.code, p.tag, p.row, p.rows) for p in problems] == [("value", "MODE", 4, 1)]
 
 
+@pytest.mark.slow
 def test_a_giant_group_of_rows_is_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     put(tmp_path / "a", "all.parquet", long(signals(days=2)))
     put(tmp_path / "b", "loop=FIC1/all.parquet", wide(signals(days=2)))

@@ -136,6 +136,7 @@ def test_a_test_without_a_width_says_why():
     assert "never reverses" in text
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_page(tmp_path):
     file, page = tmp_path / "FIC402.csv", tmp_path / "form.html"
     made().write_csv(file)

@@ -289,6 +289,7 @@ def test_a_folder_is_refused(tmp_path):
         read_settings(tmp_path / "x.toml")
 
 
+@pytest.mark.slow
 def test_a_day_number_is_told_where_the_answer_is(run):
     write("plant.csv", rows(600, time=lambda k: f"{45000.5 + k / 86400:.8f}"))
     _, out, _ = run("analyze", "plant.csv", "--json", "--no-fit")

@@ -30,6 +30,7 @@ from glapp.tuning import assess, migo, open_loop, ultimate
 
 class TestDescribingFunctions:
     @given(ratio=st.floats(0.51, 1e3), d=st.floats(1e-6, 1e6))
+    @pytest.mark.slow
     def test_backlash_by_integration(self, ratio: float, d: float) -> None:
         analytic = n_backlash(ratio * d, d)
         numeric = describing_function(lambda: Backlash(d).update, ratio * d, samples=2048)
@@ -223,6 +224,7 @@ class TestPhaseLead:
             phase_lead(PLANTS["P8"] * Plant([3], [1, 0]), 30)
 
 
+@pytest.mark.slow
 def test_figure_has_the_curves_of_the_thesis() -> None:
     t = assess("P1", (0.4, 7.0))
     figure = nyquist_figure({"P1": t.loop}, relay=True, criteria=True)

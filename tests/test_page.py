@@ -385,7 +385,8 @@ def test_a_link_opens_the_laboratory_with_its_settings(browser: Any) -> None:
         page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1")
         page.locator("#lab-all summary").click()
         page.fill("#lab-search", "gap.")
-        assert page.locator("[aria-label='gap.d']").input_value() == d
+        # The values are filled in with the next picture.
+        page.wait_for_function("(d) => document.querySelector(\"[aria-label='gap.d']\").value === d", arg=d)
         assert page.locator("#lab-wrong").inner_text().startswith(refused)
         assert page.locator("#lab-wrong").is_hidden() == (not refused)
         page.close()

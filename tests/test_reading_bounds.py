@@ -66,6 +66,7 @@ def far(cell, value="<v>1</v>", kind=""):
     return f'<row r="{row}"><c r="{cell}"{kind}>{value}</c></row>'
 
 
+@pytest.mark.slow
 def test_a_workbook_of_one_far_cell_is_refused_before_memory_is_asked_for(tmp_path):
     """5.7 kB asked for 549 GB, and the process was aborted with the answers of all other files."""
     for cell, cells in (("XFD1048576", 2**34), ("XFD5000", 5000 * 2**14), ("AAAA1440", 1440 * 18_279)):
@@ -80,6 +81,7 @@ def test_the_declared_dimension_is_not_believed(tmp_path):
     assert sum(map(len, recording.batches())) == 30
 
 
+@pytest.mark.slow
 def test_cells_that_only_have_a_look_ask_for_nothing(tmp_path):
     """Excel writes them to the last row where a whole column has a colour."""
     path = workbook(tmp_path / "plant.xlsx", '<row r="1048576" s="3"><c r="XFD1048576" s="3"/></row>')

@@ -166,6 +166,7 @@ def test_without_sp_what_is_lost_is_told():
     assert told.severity == "info" and "the gap is fitted from OP and PV" in told.text
 
 
+@pytest.mark.slow
 def test_the_guide_lists_every_form():
     assert guide() in (RESULTS / "file_forms.md").read_text(encoding="utf-8"), "run: python tests/exports.py"
     assert len(FORMS) >= 60

@@ -381,6 +381,7 @@ def test_huge_recordings_stay_small(tmp_path: Path) -> None:
     assert all(file.stat().st_size < html.MAX_BYTES for file in files)
 
 
+@pytest.mark.slow
 def test_every_half_period_is_shaded_and_told(worn: Result) -> None:
     figure = loop_figure(worn)
     shading = figure.data[0]
@@ -617,6 +618,7 @@ def test_comparisons_agree_with_the_mask(worn: Result) -> None:
         assert sum(passed is False for _, passed in lines) == len(words.failures(int(h.mask[i])))
 
 
+@pytest.mark.slow
 def test_figures_are_stored_once_and_can_be_read_back(worn: Result, tmp_path: Path) -> None:
     [file] = write_report([worn], tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
@@ -677,6 +679,7 @@ def fitted(worn: Result, verdict: Any = "backlash", low: float = 2.5, high: floa
     return replace(worn, fit=fit, trace=thin(s, 6000))
 
 
+@pytest.mark.slow
 def test_the_parallelogram_is_as_wide_as_the_fitted_gap(worn: Result) -> None:
     drawn = loop_figures(fitted(worn))
     recorded, gap, low, high = drawn["gap"].data

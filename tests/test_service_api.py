@@ -91,6 +91,7 @@ def test_a_role_that_is_too_low_is_refused_and_put_down(
 
 
 @pytest.mark.parametrize("shown", [None, "", "Bearer ", "Bearer x", "Basic ZXZlOnB3", "Bearer ' OR 1=1 --"])
+@pytest.mark.slow
 def test_without_a_token_nothing_is_shown(client: TestClient, shown: str | None) -> None:
     for path in LOOKS + [path for method, path, _, _ in COMMANDS if method == "GET"]:
         reply = client.get(path, headers={} if shown is None else {"Authorization": shown})
@@ -215,6 +216,7 @@ def test_what_is_asked_wrongly_is_refused(client: TestClient) -> None:
     assert client.get("/loops/FIC0/signals?begin=0&end=1e12", headers=eve).status_code == 422
 
 
+@pytest.mark.slow
 def test_a_request_to_another_name_is_refused(client: TestClient) -> None:
     """A page elsewhere may have its own name stand for this computer."""
     assert client.get("/status", headers={**header(client, "eve"), "Host": "evil.example"}).status_code == 400
@@ -502,6 +504,7 @@ def test_the_api_is_on_this_computer_unless_there_is_tls(monitor: Monitor) -> No
     api._socket.close()
 
 
+@pytest.mark.slow
 def test_served_and_closed(monitor: Monitor) -> None:
     import httpx
 

@@ -145,6 +145,7 @@ loops = st.builds(
 
 
 @given(st.lists(loops, min_size=1, max_size=3, unique_by=lambda loop: loop.name))
+@pytest.mark.slow
 def test_written_settings_read_back_equal(some):
     assert parse(write_settings(some)) == some
 

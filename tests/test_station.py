@@ -83,6 +83,7 @@ def client_of(app: FastAPI, folder: Path) -> ApiClient:
 # What is shown
 
 
+@pytest.mark.slow
 def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
     rows = view.rows()
     assert [(row.loop, row.soon) for row in rows] == [("FIC0", "First"), ("FIC2", "Signal"), ("FIC1", "Signal")]
@@ -108,6 +109,7 @@ def test_a_bad_pv_is_told(view: View) -> None:
     assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
     assert view.at is not None
     loop = view.shown["loops"]["FIC0"]
@@ -468,6 +470,7 @@ def test_whether_pv_is_calmer_is_told_only_when_that_is_seen() -> None:
     assert calm([], [], [], [], 950.0, 900.0) is None
 
 
+@pytest.mark.slow
 def test_the_level_of_the_demonstration_is_calmer_by_its_medians() -> None:
     """With the same loads with and without compensation: most of the scatter is of the loads."""
     settings = parse_settings(SimPlant(5).settings(), "loops.toml", Path())

@@ -60,6 +60,7 @@ def token(client: TestClient, name: str = "vera") -> dict[str, str]:
 READS = ("/overview", "/loops/FIC0", "/loops/FIC0/detections", "/events")
 
 
+@pytest.mark.slow
 def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Monitor, Station, Any]) -> None:
     monitor, station, _ = plant
     vera = token(client)
@@ -96,12 +97,14 @@ def test_only_what_has_changed_is_told_again(client: TestClient, plant: tuple[Mo
 
 
 @pytest.mark.parametrize("shown", [None, "Bearer ", "Bearer guess", "Basic ZXZlOnB3", "Bearer \xe9", "Bearer a\tb"])
+@pytest.mark.slow
 def test_without_a_token_nothing_is_told(client: TestClient, shown: str | None) -> None:
     for path in READS:
         headers = {} if shown is None else {"Authorization": shown.encode("latin-1")}
         assert client.get(f"/api{path}", headers=headers).status_code == 401, path
 
 
+@pytest.mark.slow
 def test_it_only_reads(client: TestClient) -> None:
     eve = token(client, "eve")
     for path in READS:
@@ -153,6 +156,7 @@ def test_logins_count_by_the_address_they_come_from(plant: tuple[Monitor, Statio
     )
 
 
+@pytest.mark.slow
 def test_a_token_reads_nothing_when_its_user_is_removed(
     client: TestClient, plant: tuple[Monitor, Station, Any]
 ) -> None:

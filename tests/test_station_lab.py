@@ -58,6 +58,7 @@ def test_it_keeps_real_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert lab.t > lab_page.BEGUN + 15.0 and all(-1e-9 <= one < lab.project.h + 1e-9 for one in off)
 
 
+@pytest.mark.slow
 def test_everybody_has_one_and_the_one_left_longest_ago_goes_first() -> None:
     pytest.importorskip("nicegui")
     from glapp.station.lab_page import MOST, Bench

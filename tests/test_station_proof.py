@@ -15,7 +15,7 @@ pytest.importorskip("nicegui")
 from station_child import PASSWORDS
 from station_window import HERE, LONGEST
 
-pytestmark = [pytest.mark.verify, pytest.mark.xdist_group("proof in a browser")]
+pytestmark = [pytest.mark.verify, pytest.mark.by_the_clock, pytest.mark.xdist_group("proof in a browser")]
 
 TEST_TAKES = 300
 """A guided test is over by then, on any machine [s]."""

@@ -127,6 +127,7 @@ class TestModels:
         with pytest.raises(InputError, match="lag"):
             integrating(Plant([9, 1], [1, 1, 0]))
 
+    @pytest.mark.slow
     def test_ultimate_point(self) -> None:
         """Known by hand: n equal lags turn by 180°/n each; with the gain Ku the loop has a pole pair on the axis."""
         for n, name in ((3, "P5"), (4, "P2"), (8, "P7")):
@@ -162,6 +163,7 @@ class TestAssess:
         assert t.ms == pytest.approx(greatest(t.plant, t.controller[:3], "ms"), rel=1e-6)
         assert t.mt == pytest.approx(max(greatest(t.plant, t.controller[:3], "mt"), 1), rel=1e-6)
 
+    @pytest.mark.slow
     def test_margins_move_the_loop_to_its_border(self) -> None:
         for name in ("P1", "P2", "P3", "P8"):
             t = migo(name, ms=1.6)
@@ -396,6 +398,7 @@ class TestDesign:
         slow, pure = design(Plant([1], [1000, 1], 0.01), "PID"), design(Plant([1e-3], [1, 0], 0.01), "PID")
         assert slow.controller[:3] == pytest.approx(pure.controller[:3], rel=0.05)
 
+    @pytest.mark.slow
     def test_integrating_process(self) -> None:
         t = design("P1", "PID", ms=1.6, mt=1.6)
         assert t.ms <= 1.602 and t.mt <= 1.602

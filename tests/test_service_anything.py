@@ -93,7 +93,7 @@ def test_any_request_is_answered(tmp_path: Path, known: bool) -> None:
         statuses[operation.label] = asked(operation, headers)
     monitor.store.close()
     let_in = {label for label, seen in statuses.items() if 200 in seen}
-    assert len(statuses) == 22, "every operation that is described"
+    assert len(statuses) == 29, "every operation that is described"
     if known:
         assert len(let_in) >= 10, f"much of it is not refused: {statuses}"
     else:

@@ -15,6 +15,7 @@ no size.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -29,12 +30,9 @@ SHORTEST = 8
 
 def answer(record: Record) -> MethodAnswer:
     """The decision."""
-    integrating = record.loop.process.type == "integrating"
-    signal = record.column("PV" if integrating else "OP")
-    found = oscillation(record.column("SP") - record.column("PV"))
-    if found is None or found.regularity <= 1:
+    if (swing := triangle_or_sine(record)) is None:
         return MethodAnswer("cannot_tell", reason="no regular oscillation")
-    index = stiction_index(signal, found.period)
+    index = stiction_index(*swing)
     if index is None:
         return MethodAnswer("cannot_tell", reason="too few samples a half-period")
     if SOUND < index < STICTION:
@@ -42,16 +40,29 @@ def answer(record: Record) -> MethodAnswer:
     return MethodAnswer("valve" if index >= STICTION else "not valve")
 
 
-def stiction_index(signal: Floats, period: float) -> float | None:
-    """SI over all half-periods; crossings are those of the signal without its drift and its fastest part."""
+def triangle_or_sine(record: Record) -> tuple[Floats, float] | None:
+    """The signal that a sticking valve makes a triangle, and its period [samples]; None where nothing swings evenly."""
+    integrating = record.loop.process.type == "integrating"
+    found = oscillation(record.column("SP") - record.column("PV"))
+    if found is None or found.regularity <= 1:
+        return None
+    return record.column("PV" if integrating else "OP"), found.period
+
+
+def half_periods(signal: Floats, period: float) -> Iterator[Floats]:
+    """Those that are long enough to have a shape; crossings are those of the signal without drift and fastest part."""
     # Up to the eleventh harmonic a triangle is a triangle; below half the frequency is drift.
     calm = band_pass(signal, period, 0.5, 11.0)
     ends = np.round(zero_crossings(band_pass(signal, period))).astype(int)
-    sine = triangle = 0.0
     for a, b in itertools.pairwise(ends):
-        if b - a < max(SHORTEST, 0.25 * period):
-            continue
-        y = calm[a : b + 1]
+        if b - a >= max(SHORTEST, 0.25 * period):
+            yield calm[a : b + 1]
+
+
+def stiction_index(signal: Floats, period: float) -> float | None:
+    """SI over all half-periods."""
+    sine = triangle = 0.0
+    for y in half_periods(signal, period):
         sine += _misfit(y, np.sin(np.linspace(0, np.pi, y.size)))
         triangle += _triangle_misfit(y)
     return sine / (sine + triangle) if sine + triangle > 0 else None

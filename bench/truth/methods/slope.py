@@ -15,27 +15,22 @@ Needs OP (PV for an integrating process) of a loop that is known to oscillate. G
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
 
 from ..answer import MethodAnswer
-from ..oscillation import band_pass, oscillation, zero_crossings
 from ..records import Floats, Record
-from .he import SHORTEST
+from .he import half_periods, triangle_or_sine
 
 STICTION, SOUND = ((1 + math.sqrt(2)) ** third for third in (1 / 3, 2 / 3))
 
 
 def answer(record: Record) -> MethodAnswer:
     """The decision."""
-    integrating = record.loop.process.type == "integrating"
-    signal = record.column("PV" if integrating else "OP")
-    found = oscillation(record.column("SP") - record.column("PV"))
-    if found is None or found.regularity <= 1:
+    if (swing := triangle_or_sine(record)) is None:
         return MethodAnswer("cannot_tell", reason="no regular oscillation")
-    index = slope_index(signal, found.period)
+    index = slope_index(*swing)
     if index is None:
         return MethodAnswer("cannot_tell", reason="too few samples a half-period")
     if STICTION < index < SOUND:
@@ -45,16 +40,13 @@ def answer(record: Record) -> MethodAnswer:
 
 def slope_index(signal: Floats, period: float) -> float | None:
     """R over all half-periods, each as often as it is high; None where none has enough samples."""
-    # As for He: up to the eleventh harmonic a triangle is a triangle; below half the frequency is drift.
-    calm = band_pass(signal, period, 0.5, 11.0)
-    ends = np.round(zero_crossings(band_pass(signal, period))).astype(int)
     outer = inner = 0.0
-    for a, b in itertools.pairwise(ends):
-        y = np.abs(calm[a : b + 1])
-        peak = int(y.argmax())
-        if b - a < max(SHORTEST, 0.25 * period) or min(peak, b - a - peak) < 2:
+    for half in half_periods(signal, period):
+        y = np.abs(half)
+        peak, end = int(y.argmax()), y.size - 1
+        if min(peak, end - peak) < 2:
             continue
-        places = np.array([0.0, peak / 2, peak, (peak + b - a) / 2, b - a])
+        places = np.array([0.0, peak / 2, peak, (peak + end) / 2, end])
         first, up, top, down, last = np.interp(places, np.arange(y.size), y)
         outer += up - first + down - last
         inner += 2 * top - up - down

@@ -44,7 +44,9 @@ async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
         good, said = await asyncio.to_thread(receiver.recv)
     except EOFError:
         late = time.monotonic() - began >= longest
-        raise InputError(f"it took more than {longest:g} s, and was ended" if late else "its process ended") from None
+        raise InputError(
+            f"it took more than {longest:g} s, and was ended" if late else "its process was ended"
+        ) from None
     finally:
         process.kill()
         process.join()

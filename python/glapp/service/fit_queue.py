@@ -8,10 +8,11 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from datetime import datetime, timedelta
-from multiprocessing import get_context
 from typing import Any
 
-from .fits import answer
+from ..errors import InputError
+from .apart import apart
+from .fits import answered
 from .journal import Journal
 from .options import MonitorOptions
 from .signal import Event
@@ -19,8 +20,6 @@ from .store import Reader, StoreFull
 from .watched import WatchedLoop
 
 __all__ = ["FitQueue"]
-
-_SPAWN = get_context("spawn")
 
 
 class FitQueue:
@@ -81,13 +80,9 @@ class FitQueue:
                     await self._show()
                     with suppress(StoreFull, OSError):
                         await self._save()
-                    row = await self._fit(name)
-                    if isinstance(row, str):
-                        self._journal.add_event(Event(self._clock(), name, "not_fitted", row))
-                    else:
-                        await self.keep_answer(name, person, row)
-                        self._took[name] = time.time() - began
-                except StoreFull as error:
+                    await self.keep_answer(name, person, await self._fit(name))
+                    self._took[name] = time.time() - began
+                except (InputError, StoreFull) as error:
                     self._journal.add_event(Event(self._clock(), name, "not_fitted", str(error)))
                 finally:
                     self._queued.discard(name)
@@ -96,24 +91,12 @@ class FitQueue:
         finally:
             night.cancel()
 
-    async def _fit(self, name: str) -> dict[str, Any] | str:
-        """A row of `answers`, or why there is none: from a process that ends with this one."""
-        longest, end, began = self.options.fit_longest, self._clock(), time.monotonic()
+    async def _fit(self, name: str) -> dict[str, Any]:
+        """A row of `answers`, from a process that ends with this one; an `InputError` says why there is none."""
+        end = self._clock()
         settings = self._loops[name].loop.model_dump_json(exclude_unset=True)
-        receiver, sender = _SPAWN.Pipe(duplex=False)
-        begin = end - self.options.fit_days * 86400.0
-        asked = (sender, self._journal.store.folder, settings, begin, end, longest)
-        process = _SPAWN.Process(target=answer, args=asked, daemon=True)
-        process.start()
-        sender.close()
-        try:
-            row: dict[str, Any] | str = await asyncio.to_thread(receiver.recv)
-        except EOFError:
-            late = time.monotonic() - began >= longest
-            row = f"it took more than {longest:g} s, and was ended" if late else "its process was ended"
-        finally:
-            process.kill()
-            process.join()
+        asked = (self._journal.store.folder, settings, end - self.options.fit_days * 86400.0, end)
+        row: dict[str, Any] = await apart(answered, *asked, longest=self.options.fit_longest)
         return row
 
     async def keep_answer(self, name: str, person: str, answer: dict[str, Any]) -> None:

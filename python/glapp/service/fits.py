@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import faulthandler
 import json
 import math
-import os
 from collections.abc import Mapping
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -22,37 +19,7 @@ from .recordings import SignalStore
 from .repairs import repaired_at
 from .store import NAME, Reader
 
-__all__ = ["answer", "answered", "row_of"]
-
-
-def answer(to: Connection, folder: Path, settings: str, begin: float, end: float, longest: float) -> None:
-    """Send what all kept recordings of a loop say together, as a row of `answers`, or a text where they say nothing.
-
-    This process ends itself where that takes too long: nothing else stops a fit that is under way.
-
-    Parameters
-    ----------
-    to : Connection
-        Who waits for it.
-    folder : Path
-        The data folder.
-    settings : str
-        The loop, as JSON.
-    begin, end : float
-        From when to when [s since 1970 UTC].
-    longest : float
-        How long it may take, > 0 [s].
-    """
-    with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - only the number of an open file is used
-        faulthandler.dump_traceback_later(longest, exit=True, file=nowhere)
-        try:
-            to.send(answered(folder, settings, begin, end))
-        except InputError as error:
-            to.send(str(error))
-        except Exception as error:  # it must not end the monitor
-            to.send(f"{type(error).__name__}: {error}")
-        finally:
-            faulthandler.cancel_dump_traceback_later()
+__all__ = ["answered", "row_of"]
 
 
 def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:

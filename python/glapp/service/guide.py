@@ -69,6 +69,11 @@ class Asked:
     pv_within: tuple[float, float]
     minutes: float
 
+    @property
+    def near(self) -> float:
+        """OP is at a level within so much [OP unit]."""
+        return AT * float(np.abs(np.diff(self.moves)).min())
+
     @classmethod
     def of_plan(cls, plan: Plan) -> Asked:
         """The planned test with OP by hand.
@@ -234,8 +239,7 @@ class _Place:
 
 
 def _place(t: Floats, op: Floats, asked: Asked, levels: Sequence[float]) -> _Place:
-    near = AT * float(np.abs(np.diff(asked.moves)).min())
-    reached, since, first = 0, float(t[0]), None
+    near, reached, since, first = asked.near, 0, float(t[0]), None
     for moment, value in zip(t.tolist(), op.tolist(), strict=True):
         if reached + 1 < len(levels) and abs(value - levels[reached + 1]) <= near:
             reached, since = reached + 1, moment
@@ -281,11 +285,10 @@ class _Told:
     def next(self, now: float, op: float) -> Guide:
         """Wait, hold, or move."""
         unit, at = self.loop.op_label, self.place.reached
-        near = AT * float(np.abs(np.diff(self.asked.moves)).min())
         hold = self.asked.hold * (FIRST if at == 0 else 1.0)
         until = self.place.since + hold
         if now < until:
-            if abs(op - self.levels[at]) > near:
+            if abs(op - self.levels[at]) > self.asked.near:
                 level = quantity(self.levels[at], unit, 4)
                 return self.goes_on(f"OP is {quantity(op, unit, 4)}: put it back to {level} and leave it there.")
             return self.goes_on(f"Leave OP at {quantity(self.levels[at], unit, 4)}: PV settles.", until)

@@ -31,19 +31,9 @@ GLAPP = (sys.executable, Path(__file__).parent / "command_line.py")
 
 
 @pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
-    """Run a command line in an empty folder; its exit code, standard output and standard error."""
+def run(run, monkeypatch, tmp_path):
+    """Run a command line in an empty folder."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["glapp", *map(str, words)])
-        code = 0
-        try:
-            glapp.cli.main()
-        except SystemExit as end:
-            code = end.code or 0
-        return code, *capsys.readouterr()
-
     return run
 
 

@@ -24,24 +24,14 @@ SETTINGS = ("--no-fit", "--k", 0.8, "--ti", 25)
 
 
 @pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
-    """Run a command line in a folder with two recordings; its exit code, standard output and standard error."""
+def run(run, monkeypatch, tmp_path):
+    """Run a command line in a folder with two recordings."""
     monkeypatch.chdir(tmp_path)
     t = np.arange(300)
     pv = 50 + np.sin(t / 17)
     text = "t,SP,PV,OP\n" + "".join(f"{k},50,{y:.4f},{55 + 0.8 * (50 - y):.4f}\n" for k, y in zip(t, pv, strict=True))
     for name in ("a.csv", "b.csv"):
         Path(name).write_text(text)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["glapp", *map(str, words)])
-        code = 0
-        try:
-            glapp.cli.main()
-        except SystemExit as end:
-            code = end.code or 0
-        return code, *capsys.readouterr()
-
     return run
 
 

@@ -6,7 +6,6 @@ import io
 import json
 import os
 import signal
-import sys
 import time
 import zipfile
 from pathlib import Path
@@ -17,7 +16,6 @@ import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
 import pytest
 
-import glapp.cli
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import apart, bounds, csv, excel, open_each, open_recordings
@@ -313,19 +311,9 @@ def test_a_pass_that_is_left_harms_none_that_follows(tmp_path):
         assert sum(map(len, recording.batches())) == n
 
 
-def run(monkeypatch, capsys, *words):
-    monkeypatch.setattr(sys, "argv", ["glapp", *map(str, words)])
-    code = 0
-    try:
-        glapp.cli.main()
-    except SystemExit as end:
-        code = end.code or 0
-    return code, *capsys.readouterr()
-
-
 @pytest.mark.slow
 @KEEPS_MEMORY
-def test_one_bad_file_costs_its_own_answer_only(tmp_path, monkeypatch, capsys):
+def test_one_bad_file_costs_its_own_answer_only(tmp_path, monkeypatch, run):
     monkeypatch.chdir(tmp_path)
     workbook(Path("far.xlsx"), far("XFD1048576"))
     cells = "".join(far(f"A{40 + k}", "<v>0</v>", ' t="s"') for k in range(60_000))
@@ -341,7 +329,7 @@ def test_one_bad_file_costs_its_own_answer_only(tmp_path, monkeypatch, capsys):
         "[defaults.controller]\nk = 0.8\nti = 25\n"
         + "".join(f'[loops."{file}"]\nfile = "{file}"\nop_span = [0, 100]\n' for file in files)
     )
-    code, out, err = run(monkeypatch, capsys, "analyze", "--no-fit", "--json", "loops.toml")
+    code, out, err = run("analyze", "--no-fit", "--json", "loops.toml")
     assert code == 1
     answered = {loop["file"] for loop in json.loads(out)["loops"] if loop["answer"]["valve"] != "refused"}
     assert answered == {"first.csv", "sound.xlsx", "last.parquet"}

@@ -15,7 +15,6 @@ import pytest
 from bench.loads.records import record
 
 import glapp
-from glapp.cli import main
 from glapp.errors import InputError
 from glapp.many import analyze_recordings
 
@@ -206,22 +205,12 @@ class TestCommandLine:
             lines = ["Time,SP,PV,OP", *(f"{t},{sp},{pv},{op}" for t, sp, pv, op in rows)]
             Path(name).write_text("\n".join(lines) + "\n")
 
-    def run(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
-        monkeypatch.setattr("sys.argv", ["glapp", *words])
-        try:
-            main()
-        except SystemExit as end:
-            printed = capsys.readouterr()
-            return int(end.code or 0), printed.out + printed.err
-        printed = capsys.readouterr()
-        return 0, printed.out + printed.err
-
     @pytest.mark.slow
-    def test_one_row_and_one_answer(self, capsys: Any, monkeypatch: Any, three: glapp.Fit) -> None:
+    def test_one_row_and_one_answer(self, run: Any, three: glapp.Fit) -> None:
         words = ("analyze", "wed.csv", "mon.csv", "tue.csv", "--as-loop", "FIC1", "--json", "--report", "r.html")
-        code, out = self.run(capsys, monkeypatch, *words)
+        code, *out = run(*words)
         assert code == 0
-        [loop] = json.loads(out)["loops"]
+        [loop] = json.loads(out[0])["loops"]
         assert (loop["loop"], loop["file"]) == ("FIC1", "mon.csv, tue.csv, wed.csv")
         fit = loop["fit"]
         assert (fit["verdict"], len(fit["recordings"])) == ("backlash", 3)
@@ -233,28 +222,28 @@ class TestCommandLine:
         assert re.search(r"Drawn is \w+\.csv, which of 3 recordings shows best", page)
 
     @pytest.mark.slow
-    def test_files_of_a_loop_in_a_loops_toml(self, capsys: Any, monkeypatch: Any) -> None:
+    def test_files_of_a_loop_in_a_loops_toml(self, run: Any) -> None:
         Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv", "wed.csv"]\n')
-        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--why")
+        code, *out = run("analyze", "loops.toml", "--why")
         assert code == 0
-        assert "FIC1 (3 recordings)" in out and "3 of 3 recordings count" in " ".join(out.split())
+        assert "FIC1 (3 recordings)" in out[0] and "3 of 3 recordings count" in " ".join(out[0].split())
 
-    def test_a_file_that_is_not_there_stops_no_other(self, capsys: Any, monkeypatch: Any) -> None:
+    def test_a_file_that_is_not_there_stops_no_other(self, run: Any) -> None:
         Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv", "none.csv"]\n')
-        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--no-fit", "--json")
-        assert code == 1 and "none.csv" in out
-        loops = json.loads(out[: out.rindex("}") + 1])["loops"]
+        code, *out = run("analyze", "loops.toml", "--no-fit", "--json")
+        assert code == 1 and "none.csv" in out[1]
+        loops = json.loads(out[0])["loops"]
         assert [(loop["file"], loop["crossings"] == "refused") for loop in loops] == [
             ("mon.csv, tue.csv", False),
             ("none.csv", True),
         ]
 
-    def test_another_unit_is_refused_by_name(self, capsys: Any, monkeypatch: Any) -> None:
+    def test_another_unit_is_refused_by_name(self, run: Any) -> None:
         text = Path("tue.csv").read_text()
         Path("tue.csv").write_text(text.replace("PV,OP", "PV [bar],OP", 1))
-        code, out = self.run(capsys, monkeypatch, "analyze", "mon.csv", "tue.csv", "--as-loop", "FIC1", "--no-fit")
+        code, *out = run("analyze", "mon.csv", "tue.csv", "--as-loop", "FIC1", "--no-fit")
         assert code == 1
-        assert "tue.csv, pv_unit: is bar, and not given in mon.csv" in " ".join(out.split())
+        assert "tue.csv, pv_unit: is bar, and not given in mon.csv" in " ".join(out[1].split())
 
     @pytest.mark.parametrize(
         ("toml", "message"),
@@ -263,15 +252,15 @@ class TestCommandLine:
             ('files = ["tue.csv", "tue.csv"]', "files: names tue.csv twice"),
         ],
     )
-    def test_files_that_contradict_themselves(self, capsys: Any, monkeypatch: Any, toml: str, message: str) -> None:
+    def test_files_that_contradict_themselves(self, run: Any, toml: str, message: str) -> None:
         Path("loops.toml").write_text(f"[loops.FIC1]\n{toml}\n")
-        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml")
-        assert code == 1 and message in " ".join(out.split())
+        code, *out = run("analyze", "loops.toml")
+        assert code == 1 and message in " ".join(out[1].split())
 
-    def test_a_loops_toml_says_so_itself(self, capsys: Any, monkeypatch: Any) -> None:
+    def test_a_loops_toml_says_so_itself(self, run: Any) -> None:
         Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv"]\n')
-        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--as-loop", "FIC1")
-        assert code == 2 and "--as-loop takes recordings" in " ".join(out.split())
+        code, *out = run("analyze", "loops.toml", "--as-loop", "FIC1")
+        assert code == 2 and "--as-loop takes recordings" in " ".join(out[1].split())
         # What is asked of each recording by itself answers for each.
-        code, out = self.run(capsys, monkeypatch, "identify", "loops.toml")
-        assert code == 0 and "(mon.csv)" in out and "(tue.csv)" in out
+        code, *out = run("identify", "loops.toml")
+        assert code == 0 and "(mon.csv)" in out[0] and "(tue.csv)" in out[0]

@@ -316,9 +316,9 @@ impl Analysis {
             step_test,
             messages: Vec::new(),
         };
-        let said = fitted.as_ref().and_then(|fitted| words::of_fitted(&answer, fitted));
+        let fit_message = fitted.as_ref().and_then(|fitted| words::of_fitted(&answer, fitted));
         let corrected = answer.corrected.as_ref().and_then(words::of_correction);
-        answer.messages = [said, words::of_crossings(&answer), corrected].into_iter().flatten().collect();
+        answer.messages = [fit_message, words::of_crossings(&answer), corrected].into_iter().flatten().collect();
         let span = op_limits.map(|(low, high)| high - low);
         answer.answer = Summary::of(&answer.facts(span, [self.task.acceptable, self.task.prior], harm));
         Done { answer, crossings, fitted, op: self.op }

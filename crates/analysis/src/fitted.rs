@@ -3,50 +3,36 @@
 use crate::crossings::Exclusion;
 use crate::origin::fitted_gain_serves;
 use crate::trend::{DAY, WidthTrend, of_found};
+use glapp_core::named;
 use glapp_fit::{
     AtValve, Batch, Confidence, FitProblem, JointAnswer, Judgement, PositionAnswer, Recorded, Samples, SegmentAnswer,
     Tell, Together, Trend, Unfit, ValveAnswer, Weighed,
 };
 use serde::{Deserialize, Serialize};
 
-/// What kind of lost motion there is, if any.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FitVerdict {
-    /// A gap.
-    Backlash,
-    /// A valve that sticks and jumps, no gap beside it.
-    Stiction,
-    /// Both.
-    Both,
-    /// The loop swings in a clean sinusoid, not for its valve; a gap beside it does not show.
-    Oscillation,
-    /// No gap wider than the upper limit.
-    Sound,
-    /// A gap, wider than the lower limit.
-    AtLeast,
-    /// OP and PV do not tell.
-    CannotTell,
+named! {
+    /// What kind of lost motion there is, if any.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum FitVerdict {
+        /// A gap.
+        Backlash => "backlash",
+        /// A valve that sticks and jumps, no gap beside it.
+        Stiction => "stiction",
+        /// Both.
+        Both => "both",
+        /// The loop swings in a clean sinusoid, not for its valve; a gap beside it does not show.
+        Oscillation => "oscillation",
+        /// No gap wider than the upper limit.
+        Sound => "sound",
+        /// A gap, wider than the lower limit.
+        AtLeast => "at_least",
+        /// OP and PV do not tell.
+        CannotTell => "cannot_tell",
+    }
 }
 
 impl FitVerdict {
-    /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Backlash, Self::Stiction, Self::Both, Self::Oscillation, Self::Sound, Self::AtLeast, Self::CannotTell];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Backlash => "backlash",
-            Self::Stiction => "stiction",
-            Self::Both => "both",
-            Self::Oscillation => "oscillation",
-            Self::Sound => "sound",
-            Self::AtLeast => "at_least",
-            Self::CannotTell => "cannot_tell",
-        }
-    }
-
     /// Whether there is a lost motion.
     pub const fn found(self) -> bool {
         matches!(self, Self::Backlash | Self::Stiction | Self::Both | Self::AtLeast)

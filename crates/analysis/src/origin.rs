@@ -1,42 +1,27 @@
 //! Where a setting comes from.
 
+use glapp_core::named;
 use serde::Serialize;
 
 pub use glapp_core::KP_DEFAULT;
 
-/// Where the value of a setting comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Origin {
-    /// A person or a file gave it.
-    Given,
-    /// It was read out of OP's moves.
-    Identified,
-    /// It was fitted to OP and PV together with the gap.
-    Fitted,
-    /// Nothing tells it: the usual value stands for it.
-    Assumed,
-    /// Of those tried it is the one that serves.
-    Chosen,
-    /// It is not known, and what it stands in is left out.
-    Unknown,
-}
-
-impl Origin {
-    /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Given, Self::Identified, Self::Fitted, Self::Assumed, Self::Chosen, Self::Unknown];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Given => "given",
-            Self::Identified => "identified",
-            Self::Fitted => "fitted",
-            Self::Assumed => "assumed",
-            Self::Chosen => "chosen",
-            Self::Unknown => "unknown",
-        }
+named! {
+    /// Where the value of a setting comes from.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Origin {
+        /// A person or a file gave it.
+        Given => "given",
+        /// It was read out of OP's moves.
+        Identified => "identified",
+        /// It was fitted to OP and PV together with the gap.
+        Fitted => "fitted",
+        /// Nothing tells it: the usual value stands for it.
+        Assumed => "assumed",
+        /// Of those tried it is the one that serves.
+        Chosen => "chosen",
+        /// It is not known, and what it stands in is left out.
+        Unknown => "unknown",
     }
 }
 

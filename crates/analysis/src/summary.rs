@@ -436,7 +436,7 @@ impl Summary {
             FitConfidence::NoneSeen => Confidence::NoneSeen,
             FitConfidence::CannotTell => Confidence::CannotTell,
         };
-        let told = confidence != Confidence::CannotTell;
+        let claims = confidence != Confidence::CannotTell;
         let bound = matches!(confidence, Confidence::NoneSeen | Confidence::Sound);
         let urgency = match (valve, acceptable) {
             (Valve::Gap, Some(Acceptable::Within)) => Urgency::None,
@@ -462,8 +462,8 @@ impl Summary {
             surely / limit.percent_span * harm
         });
         Self {
-            cause: judged.cause.filter(|_| told),
-            width_kind: if bound { Some(WidthKind::Bound) } else { judged.width_kind.filter(|_| told) },
+            cause: judged.cause.filter(|_| claims),
+            width_kind: if bound { Some(WidthKind::Bound) } else { judged.width_kind.filter(|_| claims) },
             oscillates: judged.oscillates || fit.verdict == FitVerdict::Oscillation,
             evidence: Some(fit.evidence()),
             p_gap: weighed.map(|weighed| shown(weighed.probability(prior))),

@@ -109,9 +109,9 @@ pub fn fall(widths: &[Width]) -> Option<Fall> {
         let ((before, e0), (after, e1)) = (mean(&known[..k]), mean(&known[k..]));
         let ((t0, d0, s0), (t1, d1, s1)) = (known[k - 1], known[k]);
         let sure = (before - after) / e0.hypot(e1);
-        let told = sure > FALLS && after < LEFT * before && d0 - d1 > AT_ONCE * s0.hypot(s1);
+        let is_fall = sure > FALLS && after < LEFT * before && d0 - d1 > AT_ONCE * s0.hypot(s1);
         let limits = |d: f64, error: f64| (d, (d - LIMIT * error).max(0.0), d + LIMIT * error);
-        told.then_some((sure, Fall { t: (t0, t1), before: limits(before, e0), after: limits(after, e1) }))
+        is_fall.then_some((sure, Fall { t: (t0, t1), before: limits(before, e0), after: limits(after, e1) }))
     });
     plainest.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fall)| fall)
 }

@@ -367,7 +367,7 @@ pub unsafe extern "C" fn glapp_detector_estimate(detector: *mut GlappDetector, e
         let (shown, floor) = DETECTORS
             .with(detector.addr(), |crossings| Ok((crossings.state().shown(), crossings.state().noise_floor())))?;
         let Some(shown) = shown else { return Ok(OK) };
-        let told = GlappEstimate {
+        let estimate = GlappEstimate {
             value: shown.value,
             low: shown.low,
             high: shown.high,
@@ -376,7 +376,7 @@ pub unsafe extern "C" fn glapp_detector_estimate(detector: *mut GlappDetector, e
             kept: shown.kept.into(),
         };
         // SAFETY: not NULL, aligned.
-        unsafe { to.write(told) };
+        unsafe { to.write(estimate) };
         Ok(YES)
     })
 }
@@ -545,9 +545,10 @@ pub unsafe extern "C" fn glapp_text(
         let message: Message = json(unsafe { words(message, "message") }?, "message")?;
         // SAFETY: as for the caller.
         let reader = if reader.is_null() { "{}" } else { unsafe { words(reader, "reader") }? };
-        let told = sentence(&message.code, &message.numbers, &json(reader, "reader")?).map_err(CallError::refused)?;
+        let content =
+            sentence(&message.code, &message.numbers, &json(reader, "reader")?).map_err(CallError::refused)?;
         // SAFETY: as for the caller.
-        unsafe { hand_over(&told, text, "text", room, needed) }
+        unsafe { hand_over(&content, text, "text", room, needed) }
     })
 }
 
@@ -591,7 +592,7 @@ pub unsafe extern "C" fn glapp_analyze(
 /// # Safety
 /// `to` has room for so many bytes.
 unsafe fn hand_over(
-    told: &str,
+    content: &str,
     to: *mut c_char,
     name: &str,
     room: usize,
@@ -599,18 +600,18 @@ unsafe fn hand_over(
 ) -> Result<i32, CallError> {
     let needs = place(needed, "needed")?;
     // SAFETY: not NULL, aligned.
-    unsafe { needs.write(told.len() + 1) };
-    if room <= told.len() {
+    unsafe { needs.write(content.len() + 1) };
+    if room <= content.len() {
         return Err(CallError::new(
             BAD_LENGTH,
-            format!("{name}: has room for {room} bytes, must have {}", told.len() + 1),
+            format!("{name}: has room for {room} bytes, must have {}", content.len() + 1),
         ));
     }
     let to = place(to, name)?;
     // SAFETY: not NULL, and with room for so many bytes, as the caller promises.
     unsafe {
-        ptr::copy_nonoverlapping(told.as_ptr().cast::<c_char>(), to, told.len());
-        to.add(told.len()).write(0);
+        ptr::copy_nonoverlapping(content.as_ptr().cast::<c_char>(), to, content.len());
+        to.add(content.len()).write(0);
     }
     Ok(OK)
 }
@@ -643,7 +644,7 @@ fn half_period(row: &Row) -> GlappHalfPeriod {
 fn fit(batch: Batch, sign: f64) -> GlappWidth {
     let Samples { t, pv, sp, op, flags } = batch.samples;
     if t.len() < LONG_HISTORY {
-        return told(&fitted(&[batch], sign, None, &|_| ()).answer);
+        return width_of(&fitted(&[batch], sign, None, &|_| ()).answer);
     }
     let first = ..LONG_HISTORY;
     let beginning = Samples {
@@ -656,10 +657,10 @@ fn fit(batch: Batch, sign: f64) -> GlappWidth {
     let mut windows = Windows::of_history(&beginning, sign);
     windows.add(&batch);
     let best: Vec<Batch> = windows.best().map(Rows::batch).collect();
-    told(&fitted(&best, sign, None, &|_| ()).answer)
+    width_of(&fitted(&best, sign, None, &|_| ()).answer)
 }
 
-fn told(answer: &FitAnswer) -> GlappWidth {
+fn width_of(answer: &FitAnswer) -> GlappWidth {
     let number = |x: Option<f64>| x.unwrap_or(f64::NAN);
     let process = answer.process;
     let mut why = [0; 32];

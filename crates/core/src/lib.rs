@@ -4,6 +4,9 @@
 #[cfg(test)]
 extern crate std;
 
+#[macro_use]
+mod named;
+
 mod compensate;
 mod control;
 mod detect;

@@ -253,8 +253,8 @@ impl Open {
 }
 
 impl Column {
-    fn new(name: &str, told: &ColumnDescriptor, reader: ColumnReader, time: bool) -> Result<Self, String> {
-        let ticks = match (told.logical_type_ref(), told.converted_type()) {
+    fn new(name: &str, described: &ColumnDescriptor, reader: ColumnReader, time: bool) -> Result<Self, String> {
+        let ticks = match (described.logical_type_ref(), described.converted_type()) {
             (Some(LogicalType::Timestamp(time)), _) => Some(match time.unit {
                 TimeUnit::MILLIS => Ticks::Millis,
                 TimeUnit::MICROS => Ticks::Micros,
@@ -271,13 +271,14 @@ impl Column {
                 | ColumnReader::Int32ColumnReader(_)
                 | ColumnReader::Int64ColumnReader(_)
         );
-        let plain = told.max_rep_level() == 0
-            && (ticks.is_some() || told.logical_type_ref().is_none_or(|kind| matches!(kind, LogicalType::Integer(_))));
+        let plain = described.max_rep_level() == 0
+            && (ticks.is_some()
+                || described.logical_type_ref().is_none_or(|kind| matches!(kind, LogicalType::Integer(_))));
         if !number || !plain || (ticks.is_some() && !time) {
             let needed = if time { "timestamps or numbers of seconds" } else { "numbers" };
-            return Err(format!("column {name} holds {:?}, where {needed} are needed", told.physical_type()));
+            return Err(format!("column {name} holds {:?}, where {needed} are needed", described.physical_type()));
         }
-        Ok(Self { name: name.into(), reader, there: told.max_def_level(), ticks })
+        Ok(Self { name: name.into(), reader, there: described.max_def_level(), ticks })
     }
 
     /// The next numbers, as many as a batch has, fewer at the end of the group; NaN where there is none.

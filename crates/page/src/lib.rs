@@ -184,9 +184,9 @@ mod exports {
     #[unsafe(no_mangle)]
     pub extern "C" fn ask() -> usize {
         let request = TEXT.with_borrow(|text| String::from_utf8_lossy(text).into_owned());
-        let said = answer(&request).into_bytes();
+        let reply = answer(&request).into_bytes();
         TEXT.with_borrow_mut(|text| {
-            *text = said;
+            *text = reply;
             text.len()
         })
     }

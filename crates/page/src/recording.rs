@@ -104,7 +104,7 @@ impl Recording {
 /// An answer with what its pictures show, and in words.
 fn to_json(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, String> {
     let Done { answer, fitted, .. } = &done;
-    let told = AnswerFacts::of(answer, fitted.as_ref(), span, reader).and_then(|facts| {
+    let texts = AnswerFacts::of(answer, fitted.as_ref(), span, reader).and_then(|facts| {
         Ok(json!({
             "parts": words::texts_of(&facts, reader)?,
             "fit": facts.fit.map(|fit| fit.reason),
@@ -112,13 +112,13 @@ fn to_json(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, Stri
         }))
     });
     let mut shown = shown(done);
-    shown["told"] = told.map_err(|error| error.to_string())?;
+    shown["told"] = texts.map_err(|error| error.to_string())?;
     Ok(shown)
 }
 
 fn finding(one: &Finding, reader: &Reader) -> Result<String, TextError> {
-    let told = words::of_finding(one);
-    words::text(&told.code, &told.numbers, reader)
+    let message = words::of_finding(one);
+    words::text(&message.code, &message.numbers, reader)
 }
 
 /// The step test in a recording.
@@ -189,7 +189,7 @@ fn of_pv(joint: JointAnswer) -> Value {
                 "delta_deviance": family.delta_deviance, "d": d, "rise": rise })
         })
         .collect();
-    let mut said = Map::new();
+    let mut document = Map::new();
     for (name, value) in [
         ("h", h),
         ("kp", answer.kp),
@@ -203,18 +203,18 @@ fn of_pv(joint: JointAnswer) -> Value {
         ("lr_no_answer", answer.lr_no_answer),
         ("dispersion", whole.dispersion),
     ] {
-        said.insert(name.into(), json!(value));
+        document.insert(name.into(), json!(value));
     }
-    said.insert("integrating".into(), json!(answer.integrating));
-    said.insert("load_steps".into(), json!(answer.load_steps));
-    said.insert("traversals".into(), json!(whole.traversals));
-    said.insert("reason".into(), json!(whole.reason));
-    said.insert("candidates".into(), json!(candidates));
-    said.insert("t".into(), json!(t));
-    said.insert("pv".into(), json!(of(|cell| cell.pv)));
-    said.insert("predicted".into(), json!(of(|cell| cell.predicted)));
-    said.insert("valve".into(), json!(of(|cell| cell.position)));
-    Value::Object(said)
+    document.insert("integrating".into(), json!(answer.integrating));
+    document.insert("load_steps".into(), json!(answer.load_steps));
+    document.insert("traversals".into(), json!(whole.traversals));
+    document.insert("reason".into(), json!(whole.reason));
+    document.insert("candidates".into(), json!(candidates));
+    document.insert("t".into(), json!(t));
+    document.insert("pv".into(), json!(of(|cell| cell.pv)));
+    document.insert("predicted".into(), json!(of(|cell| cell.predicted)));
+    document.insert("valve".into(), json!(of(|cell| cell.position)));
+    Value::Object(document)
 }
 
 /// What the valve's own position said, with the record that shows it best.
@@ -238,10 +238,10 @@ mod tests {
         let column = |name: &str, of: Vec<f64>| (name.to_string(), of);
         let op = held.iter().flat_map(|(op, _)| vec![*op; 40]).collect();
         let columns = [column("t", (0..160).map(f64::from).collect()), column("pv", pv), column("op", op)];
-        let told = step_test(Manual::All, &StepTestSettings::default(), columns.into_iter().collect()).unwrap();
-        assert!((told["d"].as_f64().unwrap() - 2.0).abs() < 0.1 && told["reason"].is_null(), "{told}");
+        let document = step_test(Manual::All, &StepTestSettings::default(), columns.into_iter().collect()).unwrap();
+        assert!((document["d"].as_f64().unwrap() - 2.0).abs() < 0.1 && document["reason"].is_null(), "{document}");
         assert_eq!(
-            (&told["readings"][2]["kind"], &told["readings"][0]["evidence"]["code"]),
+            (&document["readings"][2]["kind"], &document["readings"][0]["evidence"]["code"]),
             (&json!("gap"), &json!("first_move"))
         );
         let uneven = [column("t", vec![0.0]), column("pv", vec![])];

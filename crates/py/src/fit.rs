@@ -47,9 +47,9 @@ pub(crate) fn telling<T: Send>(
     let tell = |share: f64| {
         if let Some(progress) = &progress {
             Python::attach(|py| {
-                let told = progress.call1(py, (share,));
+                let called = progress.call1(py, (share,));
                 let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
-                *failed = failed.take().or(told.err());
+                *failed = failed.take().or(called.err());
             });
         }
     };

@@ -62,12 +62,12 @@ pub fn run_lake(
     });
     let loops = loops.collect::<PyResult<Vec<_>>>()?;
     let read = py.detach(|| glapp_lake::crossings(loops, threads, instructions));
-    let told = |(detector, one): (&Bound<'_, PyDetector>, Result<Read, LakeError>)| match one {
+    let to_python = |(detector, one): (&Bound<'_, PyDetector>, Result<Read, LakeError>)| match one {
         Ok(Read { crossings, rows }) => {
             detector.try_borrow_mut()?.crossings = crossings;
             Ok((rows, None))
         }
         Err(LakeError { file, row, what }) => Ok((0, Some((file, row, what)))),
     };
-    detectors.iter().zip(read).map(told).collect()
+    detectors.iter().zip(read).map(to_python).collect()
 }

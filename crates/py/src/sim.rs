@@ -293,11 +293,11 @@ pub fn run_together(
     });
     let mut blocks = blocks.collect::<PyResult<Vec<_>>>()?;
     let recorded = py.detach(|| glapp_sim::run_together(&alone, &mut blocks, instructions));
-    let told = |recorded: Result<usize, SimError>| match recorded {
+    let to_python = |recorded: Result<usize, SimError>| match recorded {
         Ok(n) => (n, None),
         Err(error) => (0, Some(error.to_string())),
     };
-    Ok(recorded.into_iter().map(told).collect())
+    Ok(recorded.into_iter().map(to_python).collect())
 }
 
 /// The rows of an array as the columns that a scenario has.

@@ -123,8 +123,11 @@ pub(crate) trait Work: Send + Sync {
     /// The forward pass: what its inputs hand on, and the time since the last scan \[s\].
     fn forward(&mut self, inputs: &Inputs, h: f64) -> Forward<f64>;
 
-    /// The backward pass: what its followers tell, where it has any; gives what each of its inputs is told.
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals;
+    /// The backward pass: what its followers tell, where it has any; gives what each of its inputs is told. By default the first
+    /// one is told the same.
+    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
+        passed(back)
+    }
 
     /// The output of this scan of a module that is a delay.
     fn output(&self) -> Forward<f64> {

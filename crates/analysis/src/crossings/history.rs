@@ -90,12 +90,12 @@ impl History {
         let chosen = self.ladder.choose();
         let rung = &self.ladder.rungs()[chosen];
         let (crossings, why) = verdict_of(rung, || middle(&self.lengths[chosen]));
-        let told = matches!(crossings, Verdict::Estimate | Verdict::Provisional);
+        let has_width = matches!(crossings, Verdict::Estimate | Verdict::Provisional);
         let rejected = Reason::ALL.iter().zip(rung.reasons()).skip(1).filter(|(_, count)| **count > 0);
         Heard {
             crossings,
             why,
-            d_hat: rung.state().estimate().filter(|_| told).map(|estimate| estimate.value),
+            d_hat: rung.state().estimate().filter(|_| has_width).map(|estimate| estimate.value),
             noise_floor: rung.state().noise_floor(),
             detections: rung.accepted(),
             half_periods: rung.reasons().iter().sum(),

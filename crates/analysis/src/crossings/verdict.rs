@@ -3,62 +3,41 @@
 use super::Crossings;
 use crate::median;
 use crate::quality::{Fault, Finding, Severity};
+use glapp_core::named;
 use serde::{Deserialize, Serialize};
 
 /// Accepted half-periods must have so many samples (their median). A recording at full rate and the same with every nth sample alone
 /// agree within 5 % from 8 on.
 pub(super) const SAMPLES: f64 = 10.0;
 
-/// What may be said.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// N detections or more stand behind a width.
-    Estimate,
-    /// Fewer do.
-    Provisional,
-    /// There is no width.
-    #[default]
-    NoEstimate,
-    /// Data or settings allow none.
-    Refused,
-}
-
-impl Verdict {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Estimate, Self::Provisional, Self::NoEstimate, Self::Refused];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Estimate => "estimate",
-            Self::Provisional => "provisional",
-            Self::NoEstimate => "no_estimate",
-            Self::Refused => "refused",
-        }
+named! {
+    /// What may be said.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Verdict {
+        /// N detections or more stand behind a width.
+        Estimate => "estimate",
+        /// Fewer do.
+        Provisional => "provisional",
+        /// There is no width.
+        #[default]
+        NoEstimate => "no_estimate",
+        /// Data or settings allow none.
+        Refused => "refused",
     }
 }
 
-/// Why the width of this OP is not that of one valve, so that no estimate can be right (thesis 8.3.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Exclusion {
-    /// Primary loop of a cascade: its OP is a setpoint, not a valve signal.
-    Primary,
-    /// OP works on several valves.
-    SplitRange,
-    /// Another loop moves the same valve.
-    SharedValve,
-}
-
-impl Exclusion {
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Primary => "primary",
-            Self::SplitRange => "split_range",
-            Self::SharedValve => "shared_valve",
-        }
+named! {
+    /// Why the width of this OP is not that of one valve, so that no estimate can be right (thesis 8.3.2).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Exclusion {
+        /// Primary loop of a cascade: its OP is a setpoint, not a valve signal.
+        Primary => "primary",
+        /// OP works on several valves.
+        SplitRange => "split_range",
+        /// Another loop moves the same valve.
+        SharedValve => "shared_valve",
     }
 }
 
@@ -212,7 +191,7 @@ mod tests {
 
     #[test]
     fn half_periods_of_few_samples_say_nothing() {
-        let told = |every: usize| {
+        let verdict_at = |every: usize| {
             let usual = DetectorSettings::new(0.5, 10.0, 0.0, every as f64);
             let settings = DetectorSettings { n: 3, tf: 0.001, kp: Some(2.0), ..usual };
             let mut crossings = Crossings::new(settings).unwrap();
@@ -222,8 +201,8 @@ mod tests {
             crossings.take(Columns { t: &t, sp: &vec![0.0; t.len()], pv: &pv, op: None, flags: None });
             judge(&HEALTHY, Some(&crossings))
         };
-        assert_eq!(told(10), (Verdict::Estimate, None));
-        assert_eq!(told(20), (Verdict::NoEstimate, Some(Why::Coarse { samples: 5.0 })));
+        assert_eq!(verdict_at(10), (Verdict::Estimate, None));
+        assert_eq!(verdict_at(20), (Verdict::NoEstimate, Some(Why::Coarse { samples: 5.0 })));
     }
 
     #[test]

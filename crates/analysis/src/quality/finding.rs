@@ -1,28 +1,20 @@
 //! One fault or peculiarity of a recording.
 
 use crate::words::Value;
+use glapp_core::named;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
-/// How grave a finding is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Severity {
-    /// Good to know.
-    Info,
-    /// The estimate may be off, or few half-periods are left.
-    Warning,
-    /// No estimate from this recording can be right.
-    Refuse,
-}
-
-impl Severity {
-    /// Its name in every face.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Info => "info",
-            Self::Warning => "warning",
-            Self::Refuse => "refuse",
-        }
+named! {
+    /// How grave a finding is.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Severity {
+        /// Good to know.
+        Info => "info",
+        /// The estimate may be off, or few half-periods are left.
+        Warning => "warning",
+        /// No estimate from this recording can be right.
+        Refuse => "refuse",
     }
 }
 

@@ -190,8 +190,8 @@ fn a_tenth_of_the_width_may_hang_on_an_assumed_gain() {
 
 #[test]
 fn noise_is_told_by_twenty_differences_of_the_fourth_order() {
-    let told = |n: usize| noise_sigma(&Rows::sound(n).pv).is_some();
-    assert!(told(24) && !told(23));
+    let has_sigma = |n: usize| noise_sigma(&Rows::sound(n).pv).is_some();
+    assert!(has_sigma(24) && !has_sigma(23));
 }
 
 #[test]

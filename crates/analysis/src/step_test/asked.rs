@@ -82,19 +82,19 @@ mod tests {
     #[test]
     fn a_look_while_the_test_goes_on_decides_later_than_the_last() {
         let sure = |narrower: f64, wider: f64| Asked::by(1.0, |x| if x < 0.5 { narrower } else { 1.0 - wider });
-        let told = |asked: Asked| (asked.found, asked.early);
-        assert_eq!(told(sure(0.026, 1.0)), (None, None));
-        assert_eq!(told(sure(0.024, 1.0)), (Some(Found::Gap), None));
-        assert_eq!(told(sure(0.0009, 1.0)), (Some(Found::Gap), Some(Found::Gap)));
-        assert_eq!(told(sure(1.0, 0.024)), (Some(Found::NoGap), None));
-        assert_eq!(told(sure(1.0, 0.0009)), (Some(Found::NoGap), Some(Found::NoGap)));
+        let outcome = |asked: Asked| (asked.found, asked.early);
+        assert_eq!(outcome(sure(0.026, 1.0)), (None, None));
+        assert_eq!(outcome(sure(0.024, 1.0)), (Some(Found::Gap), None));
+        assert_eq!(outcome(sure(0.0009, 1.0)), (Some(Found::Gap), Some(Found::Gap)));
+        assert_eq!(outcome(sure(1.0, 0.024)), (Some(Found::NoGap), None));
+        assert_eq!(outcome(sure(1.0, 0.0009)), (Some(Found::NoGap), Some(Found::NoGap)));
     }
 
     #[test]
     fn a_lower_bound_shows_a_gap_and_never_that_there_is_none() {
-        let told = |bound| (Asked::at_least(2.0, bound).found, Asked::at_least(2.0, bound).early);
-        assert_eq!(told(0.3), (None, None));
-        assert_eq!(told(0.5), (Some(Found::Gap), None));
-        assert_eq!(told(1.1), (Some(Found::Gap), Some(Found::Gap)));
+        let outcome = |bound| (Asked::at_least(2.0, bound).found, Asked::at_least(2.0, bound).early);
+        assert_eq!(outcome(0.3), (None, None));
+        assert_eq!(outcome(0.5), (Some(Found::Gap), None));
+        assert_eq!(outcome(1.1), (Some(Found::Gap), Some(Found::Gap)));
     }
 }

@@ -104,10 +104,10 @@ impl Test<'_> {
     }
 
     /// Reads the settled holds together.
-    fn together(&self, mut nodes: Vec<Node>, settle: f64, mut told: StepTest) -> StepTest {
-        let refused = |told: StepTest, reason| StepTest { reason: Some(reason), ..told };
+    fn together(&self, mut nodes: Vec<Node>, settle: f64, mut outcome: StepTest) -> StepTest {
+        let refused = |outcome: StepTest, reason| StepTest { reason: Some(reason), ..outcome };
         if nodes.len() < 3 || self.at_one_value(&nodes) {
-            return refused(told, Reason::NotInARow);
+            return refused(outcome, Reason::NotInARow);
         }
         let more = nodes.len().saturating_sub(MOST_HOLDS);
         nodes.truncate(MOST_HOLDS);
@@ -119,10 +119,10 @@ impl Test<'_> {
         let mut columns = blocks.levels();
         columns.extend(blocks.drift(false));
         if blocks.len() < columns.len() + FREEDOM {
-            return refused(told, Reason::TooShort);
+            return refused(outcome, Reason::TooShort);
         }
         let free = Axes::of(&blocks).and_then(|axes| Posterior::of(&columns, &axes, extra, 1.0));
-        let Some(free) = free else { return refused(told, Reason::TooShort) };
+        let Some(free) = free else { return refused(outcome, Reason::TooShort) };
         let unit = |at: usize, of: usize| (0..of).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
         let ends: Vec<Vec<f64>> = (0..nodes.len()).map(|i| unit(i, columns.len())).collect();
         let levels = levels(&blocks, nodes.len());
@@ -132,11 +132,11 @@ impl Test<'_> {
         };
         let sign = if (0..nodes.len() - 1).map(change).sum::<f64>() > 0.0 { -1.0 } else { 1.0 };
         let moves = moves(&mut nodes, op, self.tolerance, &free, &ends, sign);
-        told.holds = self.holds(&nodes, &levels);
-        told.readings = moves.iter().map(|one| self.plain(one, &nodes, &levels)).collect();
+        outcome.holds = self.holds(&nodes, &levels);
+        outcome.readings = moves.iter().map(|one| self.plain(one, &nodes, &levels)).collect();
         if moves.iter().all(Move::unanswered) && nodes.iter().all(|node| node.side == 0) {
             let largest = nodes.windows(2).map(|pair| (pair[1].op - pair[0].op).abs()).fold(0.0, f64::max);
-            return refused(told, Reason::UnansweredMoves { largest });
+            return refused(outcome, Reason::UnansweredMoves { largest });
         }
         if !moves.iter().any(|one| one.kind == Kind::Gain) {
             let unsettled = self.nodes.iter().filter(|node| node.settled.is_none()).count();
@@ -144,7 +144,7 @@ impl Test<'_> {
                 0 => Reason::NoGain,
                 _ => Reason::NoGainUnsettled { unsettled, holds: self.nodes.len() },
             };
-            return refused(told, reason);
+            return refused(outcome, reason);
         }
         let reversed = moves.iter().any(|one| one.kind == Kind::Gap);
         let used: Vec<usize> = (0..nodes.len()).filter(|i| nodes[*i].side != 0).collect();
@@ -157,11 +157,11 @@ impl Test<'_> {
             columns.push(part.hold.iter().map(|i| -sign * f64::from(nodes[*i].side) / 2.0).collect());
         }
         if part.len() < columns.len() + FREEDOM || !independent(&columns) {
-            return refused(told, Reason::TooShort);
+            return refused(outcome, Reason::TooShort);
         }
-        let Some(axes) = Axes::of(&part) else { return refused(told, Reason::TooShort) };
+        let Some(axes) = Axes::of(&part) else { return refused(outcome, Reason::TooShort) };
         let Some(mut fit) = Posterior::of(&columns, &axes, extra, 1.0) else {
-            return refused(told, Reason::TooShort);
+            return refused(outcome, Reason::TooShort);
         };
         let mut notes = Vec::new();
         if more > 0 {
@@ -177,40 +177,40 @@ impl Test<'_> {
         let at_gain = unit(at, columns.len());
         let kp = fit.interval(&at_gain);
         if kp.low <= 0.0 {
-            return refused(told, disagree.map_or(Reason::GainNearZero, |f| Reason::GainNearZeroDisagree { f }));
+            return refused(outcome, disagree.map_or(Reason::GainNearZero, |f| Reason::GainNearZeroDisagree { f }));
         }
-        for (one, reading) in moves.iter().zip(&mut told.readings) {
+        for (one, reading) in moves.iter().zip(&mut outcome.readings) {
             let answer = free.interval(&difference(&ends[one.to], &ends[one.origin], 1.0));
             valued(one, reading, answer, kp);
         }
-        let answered = told.readings.iter().filter(|one| {
+        let answered = outcome.readings.iter().filter(|one| {
             let sure = |(low, high): (f64, f64)| low * high > 0.0;
             one.kind == Kind::Gain && one.low.zip(one.high).is_some_and(sure)
         });
-        told.resolution = answered.map(|one| (one.op.1 - one.op.0).abs()).reduce(f64::min);
+        outcome.resolution = answered.map(|one| (one.op.1 - one.op.0).abs()).reduce(f64::min);
         let signed = kp.map(|kp| sign * kp);
-        told.kp = Some(signed.median);
-        told.kp_low = Some(signed.low.min(signed.high));
-        told.kp_high = Some(signed.low.max(signed.high));
+        outcome.kp = Some(signed.median);
+        outcome.kp_low = Some(signed.low.min(signed.high));
+        outcome.kp_high = Some(signed.low.max(signed.high));
         if !reversed {
             let silent = moves.iter().filter_map(|one| Some((one, one.since.filter(|_| one.unanswered())?)));
             // The first of the largest.
             let largest = silent.reduce(|a, b| if b.0.travel.abs() > a.0.travel.abs() { b } else { a });
-            let Some((one, since)) = largest else { return refused(told, Reason::NoReversal) };
+            let Some((one, since)) = largest else { return refused(outcome, Reason::NoReversal) };
             let answer = free.interval(&difference(&ends[one.to], &ends[since], 1.0));
             let most = answer.low.abs().max(answer.high.abs());
             let at_least = (one.travel.abs() - most / kp.low).max(0.0);
-            told.low = Some(at_least);
-            told.asked = self.width.map(|width| Asked::at_least(width, at_least));
-            return refused(told, Reason::AtLeast { reversal: one.travel.abs(), at_least });
+            outcome.low = Some(at_least);
+            outcome.asked = self.width.map(|width| Asked::at_least(width, at_least));
+            return refused(outcome, Reason::AtLeast { reversal: one.travel.abs(), at_least });
         }
         let at_gap = unit(columns.len() - 1, columns.len());
         let d = fit.ratio(&at_gap, &at_gain).map(|d| d.max(0.0));
-        told.asked = self.width.map(|width| Asked::by(width, |x| fit.ratio_below(x, &at_gap, &at_gain)));
+        outcome.asked = self.width.map(|width| Asked::by(width, |x| fit.ratio_below(x, &at_gap, &at_gain)));
         if d.low == 0.0 {
             notes.push(Note::ReachesZero { high: d.high });
         }
-        StepTest { reason: None, d: Some(d.median), low: Some(d.low), high: Some(d.high), notes, ..told }
+        StepTest { reason: None, d: Some(d.median), low: Some(d.low), high: Some(d.high), notes, ..outcome }
     }
 
     /// Variance that a coarse signal adds to a level.

@@ -295,15 +295,15 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let span = facts.width_percent_span.filter(|_| reader.op_unit != "%");
     let span = clause(span.map(|percent| Message::new("answer.of_span").with("percent", percent)));
     let reason = facts.crossings.reason.clone().unwrap_or_default();
-    let told = facts.message(code).with("span", span).with("beside", beside(facts)).with("reason", bare(&reason));
-    let told = text(&told.code, &told.numbers, reader)?;
+    let message = facts.message(code).with("span", span).with("beside", beside(facts)).with("reason", bare(&reason));
+    let message = text(&message.code, &message.numbers, reader)?;
     // What is found, or shows no gap, says so; where it is open, the planner chooses by how probable a gap is.
     match facts.p_gap.filter(|_| ["likely", "cannot_tell"].contains(&confidence)) {
         Some(p_gap) => {
-            let more = Message::new("answer.so probable").with("so", bare(&told)).with("p_gap", p_gap);
+            let more = Message::new("answer.so probable").with("so", bare(&message)).with("p_gap", p_gap);
             text(&more.code, &more.numbers, reader)
         }
-        None => Ok(told),
+        None => Ok(message),
     }
 }
 
@@ -346,15 +346,15 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
     let code = &facts.next.code;
     let of = facts.next.of.as_deref().unwrap_or_default();
     let test = facts.step_test.as_ref().filter(|test| test.d.is_some());
-    let mut told = Vec::new();
+    let mut sentences = Vec::new();
     if let Some(test) = test.filter(|_| facts.next.tested) {
         let gives = Message::new("answer.do tested").with("d", test.d).with("low", test.low).with("high", test.high);
-        told.push(text(&gives.code, &gives.numbers, reader)?);
+        sentences.push(text(&gives.code, &gives.numbers, reader)?);
         let left = [format!("do {code} {of} tested"), format!("do {code} tested")];
         if let Some(left) = first(left.iter().map(String::as_str)) {
-            told.push(text(&format!("answer.{left}"), &facts.message("").numbers, reader)?);
+            sentences.push(text(&format!("answer.{left}"), &facts.message("").numbers, reader)?);
         }
-        return Ok(told.join(" "));
+        return Ok(sentences.join(" "));
     }
     if code == "remedy" {
         return text(&format!("half_period_remedy.{of}"), &facts.message("").numbers, reader);
@@ -365,8 +365,8 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
         [format!("do {code} {likely}"), format!("do {code} {of}"), format!("do {code} {origin}"), format!("do {code}")];
     let code = first(codes.iter().map(String::as_str)).unwrap_or(code);
     let percent = facts.limit.as_ref().and_then(|limit| limit.percent_span);
-    let told = facts.message(code).with("percent", percent);
-    text(&told.code, &told.numbers, reader)
+    let message = facts.message(code).with("percent", percent);
+    text(&message.code, &message.numbers, reader)
 }
 
 /// What to do, in a word or two.
@@ -396,35 +396,35 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
     let Some(fit) = facts.fit.as_ref().filter(|_| facts.fitted()) else {
         return crossed(facts, reader);
     };
-    let tell = |told: Message| text(&told.code, &told.numbers, reader);
-    let mut told = Vec::new();
+    let tell = |message: Message| text(&message.code, &message.numbers, reader);
+    let mut sentences = Vec::new();
     let decided = facts.step_test.as_ref().and_then(|test| Some((test, test.decided.as_ref()?)));
     if let Some((test, found)) = decided {
         let gives = facts.message(&format!("why decided {found}"));
-        told.push(tell(gives.with("d", test.d).with("low", test.low).with("high", test.high))?);
+        sentences.push(tell(gives.with("d", test.d).with("low", test.low).with("high", test.high))?);
     }
-    told.push(sentence(&fit.reason));
+    sentences.push(sentence(&fit.reason));
     // What a test has decided is no longer a matter of how probable it is.
     if decided.is_none() {
-        told.extend(weighed(facts, reader)?);
+        sentences.extend(weighed(facts, reader)?);
     }
     if let Some((counted, all)) = fit.recordings.filter(|(_, all)| *all > 0) {
         let counts = facts.message("why counted").with("counted", Value::Count(counted)).with("all", Value::Count(all));
-        told.push(tell(counts)?);
+        sentences.push(tell(counts)?);
     }
     if let Some(days) = facts.trend.as_ref().and_then(|trend| trend.days_to_limit) {
-        told.push(tell(facts.message("why to_limit").with("days", days))?);
+        sentences.push(tell(facts.message("why to_limit").with("days", days))?);
     }
     if let Some(test) =
         facts.step_test.as_ref().filter(|test| test.d.is_some() && !facts.next.tested && test.decided.is_none())
     {
         let gives = facts.message("why step_test").with("d", test.d).with("low", test.low).with("high", test.high);
-        told.push(tell(gives)?);
+        sentences.push(tell(gives)?);
     }
     if facts.crossings.reason.as_ref() != Some(&fit.reason) {
-        told.push(crossing(facts, reader)?);
+        sentences.push(crossing(facts, reader)?);
     }
-    Ok(told.into_iter().filter(|text| !text.is_empty()).collect())
+    Ok(sentences.into_iter().filter(|text| !text.is_empty()).collect())
 }
 
 /// Terms that move the odds by less than this factor are not named, nor more than so many on either side.
@@ -434,14 +434,14 @@ const MOST_TERMS: usize = 4;
 /// How probable a dead band is, what speaks for one and what against; nothing where no evidence was weighed.
 fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
     let (Some(p_gap), Some(prior)) = (facts.p_gap, facts.prior) else { return Ok(Vec::new()) };
-    let tell = |told: Message| text(&told.code, &told.numbers, reader);
+    let tell = |message: Message| text(&message.code, &message.numbers, reader);
     let beyond = beyond(facts)
         .map(|(percent, p)| Message::new("answer.why beyond").with("percent", percent).with("p_beyond", p));
     let mut all = Vec::new();
     // Where a dead band is found, the ladder has answered; what speaks for it and against it is still told.
     if facts.confidence.as_deref() != Some("found") {
-        let told = Message::new("answer.why probable").with("p_gap", p_gap).with("prior", prior);
-        all.push(tell(told.with("beyond", clause(beyond)))?);
+        let message = Message::new("answer.why probable").with("p_gap", p_gap).with("prior", prior);
+        all.push(tell(message.with("beyond", clause(beyond)))?);
     }
     let mut terms: Vec<(&String, f64)> = facts.terms.iter().flatten().map(|(name, worth)| (name, *worth)).collect();
     terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
@@ -467,12 +467,12 @@ fn beyond(facts: &AnswerFacts) -> Option<(f64, f64)> {
 /// How probable a dead band is, in a few words; empty where no evidence was weighed.
 fn probable(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let Some(p_gap) = facts.p_gap else { return Ok(String::new()) };
-    let told = match beyond(facts) {
+    let message = match beyond(facts) {
         Some((percent, p)) => Message::new("answer.probable beyond").with("percent", percent).with("p_beyond", p),
         None => Message::new("answer.probable"),
     };
-    let told = told.with("p_gap", p_gap);
-    text(&told.code, &told.numbers, reader)
+    let message = message.with("p_gap", p_gap);
+    text(&message.code, &message.numbers, reader)
 }
 
 /// What the zero crossings say beside a fit, in one line.
@@ -483,15 +483,15 @@ fn crossing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
         (None, None, Some(_)) => "why crossings none".into(),
         (None, None, None) => return Ok(String::new()),
     };
-    let told = facts.message(&code).with("reason", bare(facts.crossings.reason.as_deref().unwrap_or_default()));
-    text(&told.code, &told.numbers, reader)
+    let message = facts.message(&code).with("reason", bare(facts.crossings.reason.as_deref().unwrap_or_default()));
+    text(&message.code, &message.numbers, reader)
 }
 
 /// What a width of the zero crossings stands on, or why there is none; paragraphs.
 fn crossed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
     let of = &facts.crossings;
     let halves = || Value::Count(of.half_periods);
-    let tell = |told: Message| text(&told.code, &told.numbers, reader);
+    let tell = |message: Message| text(&message.code, &message.numbers, reader);
     let mut basis = Vec::new();
     if of.d_hat.is_none() {
         basis.push(sentence(of.reason.as_deref().unwrap_or_default()));
@@ -610,9 +610,9 @@ fn headline(facts: &AnswerFacts, scale: f64, reader: &Reader) -> Result<String, 
         _ => "headline interval",
     };
     let scaled = |x: Option<f64>| x.map(|x| scale * x);
-    let told = facts.message(code).with("width", scaled(facts.width));
-    let told = told.with("low", scaled(facts.low)).with("high", scaled(facts.high));
-    text(&told.code, &told.numbers, reader)
+    let message = facts.message(code).with("width", scaled(facts.width));
+    let message = message.with("low", scaled(facts.low)).with("high", scaled(facts.high));
+    text(&message.code, &message.numbers, reader)
 }
 
 fn of_span(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
@@ -627,8 +627,8 @@ fn of_span(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
 
 fn plc(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let code = facts.struck.as_ref().map_or("plc".into(), |struck| format!("plc {}", struck.code));
-    let told = facts.message(&code);
-    text(&told.code, &told.numbers, reader)
+    let message = facts.message(&code);
+    text(&message.code, &message.numbers, reader)
 }
 
 /// What a run over many loops counts of each.
@@ -671,12 +671,12 @@ pub fn overview(run: &[Headline], reader: &Reader) -> Result<String, TextError> 
     let counted = RUN.map(|kind| (kind, run.iter().filter(|one| one.counts_as() == kind).count()));
     let tell =
         |code: &str, n: usize| text(&format!("answer.run {code}"), &Message::new("").with("n", n).numbers, reader);
-    let mut told = Vec::new();
+    let mut sentences = Vec::new();
     if counted[..3].iter().all(|(_, n)| *n == 0) {
-        told.push(tell("calm", 0)?);
+        sentences.push(tell("calm", 0)?);
     }
     for (kind, n) in counted.into_iter().filter(|(_, n)| *n > 0) {
-        told.push(tell(kind, n)?);
+        sentences.push(tell(kind, n)?);
     }
-    Ok(told.join(" "))
+    Ok(sentences.join(" "))
 }

@@ -157,13 +157,17 @@ pub fn count(n: i64, noun: &str) -> String {
 /// A reason as a sentence: a full stop, and a capital letter unless it starts with a file, a tag or a symbol.
 pub fn sentence(text: &str) -> String {
     let first = text.split_whitespace().next().unwrap_or_default();
-    let mut told = text.to_string();
+    let mut sentence_text = text.to_string();
     if !first.is_empty() && first.chars().all(char::is_alphabetic) && text.starts_with(first) {
         let mut letters = text.chars();
-        told =
+        sentence_text =
             letters.next().map_or(String::new(), |letter| letter.to_uppercase().collect::<String>() + letters.as_str());
     }
-    if told.is_empty() || told.ends_with(['.', '!', '?']) { told } else { told + "." }
+    if sentence_text.is_empty() || sentence_text.ends_with(['.', '!', '?']) {
+        sentence_text
+    } else {
+        sentence_text + "."
+    }
 }
 
 /// [s], in seconds however many they are.

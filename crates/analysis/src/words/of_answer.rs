@@ -11,11 +11,11 @@ use serde_json::json;
 
 /// A finding on a recording.
 pub fn of_finding(finding: &Finding) -> Message {
-    let mut told = Message::new(format!("quality.{}", finding.fault.name()));
+    let mut message = Message::new(format!("quality.{}", finding.fault.name()));
     for (name, value) in finding.evidence.iter().chain(&finding.numbers) {
-        told.numbers.insert((*name).into(), value.clone());
+        message.numbers.insert((*name).into(), value.clone());
     }
-    told.with("severity", finding.severity.name())
+    message.with("severity", finding.severity.name())
 }
 
 /// Why the controller's law must not be used unasked; none where it may.
@@ -39,18 +39,18 @@ pub fn of_identification(found: &Identification) -> Option<Message> {
         Contradictory => "contradictory",
         Wide { .. } => "wide",
     };
-    let mut told = Message::new(format!("identification.{code}")).with("samples", found.samples);
+    let mut message = Message::new(format!("identification.{code}")).with("samples", found.samples);
     if let Some(values) = found.values {
-        told = told.with("k", values.k).with("ti", values.ti).with("r2", values.r2);
+        message = message.with("k", values.k).with("ti", values.ti).with("r2", values.r2);
     }
-    let interval = |told: Message, name: &str, of: identify::Interval| {
-        told.with(&format!("{name}_low"), of.low).with(&format!("{name}_high"), of.high)
+    let interval = |message: Message, name: &str, of: identify::Interval| {
+        message.with(&format!("{name}_low"), of.low).with(&format!("{name}_high"), of.high)
     };
     Some(match found.reason? {
-        NoGain { error } => told.with("error", error),
-        GainMayBeNone { size, k } => interval(told.with("size", size), "k", k),
-        Wide { k, ti, h } => interval(interval(told.with("h", h), "k", k), "ti", ti),
-        _ => told,
+        NoGain { error } => message.with("error", error),
+        GainMayBeNone { size, k } => interval(message.with("size", size), "k", k),
+        Wide { k, ti, h } => interval(interval(message.with("h", h), "k", k), "ti", ti),
+        _ => message,
     })
 }
 
@@ -72,39 +72,41 @@ fn of_rejected(reasons: &[(&'static str, u64)]) -> Message {
 
 /// Why the crossings say no more; none where nothing is against their estimate.
 pub fn of_crossings(answer: &AnalysisResult) -> Option<Message> {
-    let told = |code: &str| Message::new(format!("crossings.{code}"));
+    let message = |code: &str| Message::new(format!("crossings.{code}"));
     Some(match answer.why? {
-        Why::Exclusion(exclusion) => told("place").with("place", exclusion.name()).with("partner", "another loop"),
-        Why::NoSp => told("no_sp"),
+        Why::Exclusion(exclusion) => message("place").with("place", exclusion.name()).with("partner", "another loop"),
+        Why::NoSp => message("no_sp"),
         Why::Finding(i) => of_finding(&answer.quality[i]),
-        Why::NoLaw => told("no_law"),
+        Why::NoLaw => message("no_law"),
         Why::NotIdentified => {
             let reason = answer.identification.as_ref().and_then(of_identification);
-            told("not_identified").with("reason", reason.map_or(Value::Word("".into()), Value::from))
+            message("not_identified").with("reason", reason.map_or(Value::Word("".into()), Value::from))
         }
         Why::NothingAccepted => of_rejected(&answer.reasons),
-        Why::Coarse { samples } => told("coarse").with("samples", samples),
-        Why::Disagree { kept, count } => told("disagree").with("kept", u64::from(kept)).with("count", u64::from(count)),
+        Why::Coarse { samples } => message("coarse").with("samples", samples),
+        Why::Disagree { kept, count } => {
+            message("disagree").with("kept", u64::from(kept)).with("count", u64::from(count))
+        }
         Why::GainTooLow => {
             let kp = answer.controller.origins.iter().find(|(name, _)| *name == "kp");
-            told("gain_too_low").with("kp_origin", kp.map_or("unknown", |(_, origin)| origin.name()))
+            message("gain_too_low").with("kp_origin", kp.map_or("unknown", |(_, origin)| origin.name()))
         }
-        Why::Noise { d, floor } => told("noise").with("d", d).with("floor", floor),
-        Why::Few => told("few").with("detections", answer.detections).with("n", u64::from(answer.controller.n)),
+        Why::Noise { d, floor } => message("noise").with("d", d).with("floor", floor),
+        Why::Few => message("few").with("detections", answer.detections).with("n", u64::from(answer.controller.n)),
     })
 }
 
 /// Why the known bias of the crossings' width is not taken out; none where it is.
 pub fn of_correction(of: &CorrectedAnswer) -> Option<Message> {
-    let told = |code: &str| Message::new(format!("not_corrected.{code}"));
-    let told = match of.why? {
-        NotCorrected::Doubt(doubt) => told("doubt").with("doubt", doubt.name()).with("kp", of.kp),
-        NotCorrected::Noise { d, noise } => told("noise").with("d", d).with("noise", noise),
-        NotCorrected::Smooth { tf } => told("smooth").with("tf", tf),
-        NotCorrected::Integrating => told("integrating"),
-        NotCorrected::NoEstimate => told("no_estimate"),
+    let message = |code: &str| Message::new(format!("not_corrected.{code}"));
+    let message = match of.why? {
+        NotCorrected::Doubt(doubt) => message("doubt").with("doubt", doubt.name()).with("kp", of.kp),
+        NotCorrected::Noise { d, noise } => message("noise").with("d", d).with("noise", noise),
+        NotCorrected::Smooth { tf } => message("smooth").with("tf", tf),
+        NotCorrected::Integrating => message("integrating"),
+        NotCorrected::NoEstimate => message("no_estimate"),
     };
-    Some(told.with("pairs", of.pairs))
+    Some(message.with("pairs", of.pairs))
 }
 
 /// What the fit says with its evidence; none where nothing was asked.
@@ -154,7 +156,8 @@ impl AnswerFacts {
         span: Option<f64>,
         reader: &Reader,
     ) -> Result<Self, TextError> {
-        let tell = |told: Option<Message>| told.map(|told| text(&told.code, &told.numbers, reader)).transpose();
+        let tell =
+            |message: Option<Message>| message.map(|message| text(&message.code, &message.numbers, reader)).transpose();
         // The document and the sentences made of it have one set of names.
         let document: Self = serde_json::from_value(json!(answer.answer)).unwrap_or_default();
         let fit = match (&answer.fit, fitted) {

@@ -22,19 +22,19 @@ use super::{Numbers, Reader, TextError, Value, text};
 
 /// The sentence with its fields filled in.
 pub(super) fn filled(code: &str, sentence: &str, numbers: &dyn Numbers, reader: &Reader) -> Result<String, TextError> {
-    let mut told = String::with_capacity(2 * sentence.len());
+    let mut filled = String::with_capacity(2 * sentence.len());
     for part in parts(sentence) {
         match part {
-            Part::Text(text) => told.push_str(text),
+            Part::Text(text) => filled.push_str(text),
             Part::Field(name, format) => {
                 let value = numbers.value(name).or_else(|| of_reader(name, reader));
                 let value = value.ok_or_else(|| TextError::Number { code: code.into(), name: name.into() })?;
                 let wrong = || TextError::Format { code: code.into(), name: name.into(), format: format.into() };
-                told.push_str(&written(&value, format, reader)?.ok_or_else(wrong)?);
+                filled.push_str(&written(&value, format, reader)?.ok_or_else(wrong)?);
             }
         }
     }
-    Ok(told)
+    Ok(filled)
 }
 
 pub(super) enum Part<'a> {

@@ -35,32 +35,22 @@ pub(super) fn repay<R: Real>(spent: &mut R::Sum, budget: R, h: R) {
     }
 }
 
-/// How the direction in which the valve is driven is found (thesis 2.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Way {
-    /// sign(e)·sign(K): the thesis' own. Jumps whenever the filtered error crosses zero, noise or not.
-    Error = 1,
-    /// sign(du_f/dt): the inverse of the gap, of the filtered output. Chatters wherever u_f does.
-    Derivative = 2,
-    /// The inverse with a noise band: a reversal counts once u_f has gone back by `band` from where it was farthest.
-    Inverse = 3,
+named! {
+    /// How the direction in which the valve is driven is found (thesis 2.2).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Way {
+        /// sign(e)·sign(K): the thesis' own. Jumps whenever the filtered error crosses zero, noise or not.
+        Error = 1 => "error",
+        /// sign(du_f/dt): the inverse of the gap, of the filtered output. Chatters wherever u_f does.
+        Derivative = 2 => "derivative",
+        /// The inverse with a noise band: a reversal counts once u_f has gone back by `band` from where it was farthest.
+        Inverse = 3 => "inverse",
+    }
 }
 
 impl Way {
-    /// All ways, in order.
-    pub const ALL: [Self; 3] = [Self::Error, Self::Derivative, Self::Inverse];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Error => "error",
-            Self::Derivative => "derivative",
-            Self::Inverse => "inverse",
-        }
-    }
-
     /// The longest delay of u_FF with which it may be enabled, as a share of Ti; one scan always may. Measured on four thousand
     /// random loops with u_FF 1, 3 and 10 scans late (`bench/compensation.py`): the longest without more harm than at one scan.
     pub const fn longest_delay(self) -> f64 {
@@ -71,111 +61,59 @@ impl Way {
     }
 }
 
-/// Where the width comes from that a [`Compensation`] takes its share of (thesis 6.4).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Source {
-    /// A person typed it.
-    #[default]
-    Typed = 1,
-    /// The lower limit of a fit whose verdict is backlash.
-    Fitted = 2,
-    /// The on-line estimate as it was when compensation was enabled.
-    Estimate = 3,
-}
-
-impl Source {
-    /// All of them, in order.
-    pub const ALL: [Self; 3] = [Self::Typed, Self::Fitted, Self::Estimate];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Typed => "typed",
-            Self::Fitted => "fitted",
-            Self::Estimate => "estimate",
-        }
+named! {
+    /// Where the width comes from that a [`Compensation`] takes its share of (thesis 6.4).
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Source {
+        /// A person typed it.
+        #[default]
+        Typed = 1 => "typed",
+        /// The lower limit of a fit whose verdict is backlash.
+        Fitted = 2 => "fitted",
+        /// The on-line estimate as it was when compensation was enabled.
+        Estimate = 3 => "estimate",
     }
 }
 
-/// What a [`Compensation`] does at present, or why it does nothing. The first that holds, in this order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Standing {
-    /// It compensates.
-    Active = 0,
-    /// Nobody has enabled it.
-    #[default]
-    NotEnabled = 1,
-    /// The controller is not in automatic.
-    NotAuto = 2,
-    /// A value is bad or not a number, or communication is lost.
-    BadQuality = 3,
-    /// Withdrawn: the valve is driven back and forth by it. Holds until it is enabled anew.
-    OverCompensated = 4,
-    /// Withdrawn: more reversals than the budget allows. Holds until it is enabled anew.
-    TooManyReversals = 5,
-    /// Withdrawn: more travel than the budget allows. Holds until it is enabled anew.
-    TooMuchTravel = 6,
-    /// The on-line estimate was there and is gone.
-    EstimateLost = 7,
-    /// Something in the loop is at a limit, or OP is so near one that there is no room.
-    AtLimit = 8,
-    /// Nothing is left to compensate: the size is 0, or no wider than the noise band.
-    TooSmall = 9,
-    /// All is well: it comes in with the next reversal.
-    Waiting = 10,
-    /// Withdrawn: PV is farther from SP, or OP turns more often, than before. Holds until it is enabled anew.
-    Worse = 11,
-    /// u_FF comes too late for this controller: see [`Way::longest_delay`].
-    TooLate = 12,
-    /// Withdrawn: the u_FF that is read back is not the one that was handed over. Holds until it is enabled anew.
-    NotFollowed = 13,
-    /// The on-line estimate is the source, and could not be compensated by when it was enabled. Holds until it is enabled anew.
-    NoEstimate = 14,
-}
-
-impl Standing {
-    /// All of them, in order.
-    pub const ALL: [Self; 15] = [
-        Self::Active,
-        Self::NotEnabled,
-        Self::NotAuto,
-        Self::BadQuality,
-        Self::OverCompensated,
-        Self::TooManyReversals,
-        Self::TooMuchTravel,
-        Self::EstimateLost,
-        Self::AtLimit,
-        Self::TooSmall,
-        Self::Waiting,
-        Self::Worse,
-        Self::TooLate,
-        Self::NotFollowed,
-        Self::NoEstimate,
-    ];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Active => "active",
-            Self::NotEnabled => "not_enabled",
-            Self::NotAuto => "not_auto",
-            Self::BadQuality => "bad_quality",
-            Self::OverCompensated => "over_compensated",
-            Self::TooManyReversals => "too_many_reversals",
-            Self::TooMuchTravel => "too_much_travel",
-            Self::EstimateLost => "estimate_lost",
-            Self::AtLimit => "at_limit",
-            Self::TooSmall => "too_small",
-            Self::Waiting => "waiting",
-            Self::Worse => "worse",
-            Self::TooLate => "too_late",
-            Self::NotFollowed => "not_followed",
-            Self::NoEstimate => "no_estimate",
-        }
+named! {
+    /// What a [`Compensation`] does at present, or why it does nothing. The first that holds, in this order.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Standing {
+        /// It compensates.
+        Active = 0 => "active",
+        /// Nobody has enabled it.
+        #[default]
+        NotEnabled = 1 => "not_enabled",
+        /// The controller is not in automatic.
+        NotAuto = 2 => "not_auto",
+        /// A value is bad or not a number, or communication is lost.
+        BadQuality = 3 => "bad_quality",
+        /// Withdrawn: the valve is driven back and forth by it. Holds until it is enabled anew.
+        OverCompensated = 4 => "over_compensated",
+        /// Withdrawn: more reversals than the budget allows. Holds until it is enabled anew.
+        TooManyReversals = 5 => "too_many_reversals",
+        /// Withdrawn: more travel than the budget allows. Holds until it is enabled anew.
+        TooMuchTravel = 6 => "too_much_travel",
+        /// The on-line estimate was there and is gone.
+        EstimateLost = 7 => "estimate_lost",
+        /// Something in the loop is at a limit, or OP is so near one that there is no room.
+        AtLimit = 8 => "at_limit",
+        /// Nothing is left to compensate: the size is 0, or no wider than the noise band.
+        TooSmall = 9 => "too_small",
+        /// All is well: it comes in with the next reversal.
+        Waiting = 10 => "waiting",
+        /// Withdrawn: PV is farther from SP, or OP turns more often, than before. Holds until it is enabled anew.
+        Worse = 11 => "worse",
+        /// u_FF comes too late for this controller: see [`Way::longest_delay`].
+        TooLate = 12 => "too_late",
+        /// Withdrawn: the u_FF that is read back is not the one that was handed over. Holds until it is enabled anew.
+        NotFollowed = 13 => "not_followed",
+        /// The on-line estimate is the source, and could not be compensated by when it was enabled. Holds until it is enabled anew.
+        NoEstimate = 14 => "no_estimate",
     }
 }
 
@@ -742,28 +680,32 @@ mod tests {
     use proptest::prelude::*;
     use std::vec::Vec;
 
-    fn settings(way: Way) -> CompensationSettings<f64> {
+    fn settings_of<R: Real>(way: Way) -> CompensationSettings<R> {
         CompensationSettings {
             way,
-            k: 1.0,
-            ti: 30.0,
+            k: R::of(1.0),
+            ti: R::of(30.0),
             source: Source::Typed,
-            size: 2.0,
-            share: 1.0,
-            limit: 5.0,
-            band: 0.5,
-            tf: 0.0,
-            rate: 1e6,
-            ramp_time: 0.0,
-            release: 1.0,
-            watch: 1e6,
-            travel: 1e6,
-            reversals: 1e6,
+            size: R::of(2.0),
+            share: R::of(1.0),
+            limit: R::of(5.0),
+            band: R::of(0.5),
+            tf: R::of(0.0),
+            rate: R::of(1e6),
+            ramp_time: R::of(0.0),
+            release: R::of(1.0),
+            watch: R::of(1e6),
+            travel: R::of(1e6),
+            reversals: R::of(1e6),
             withdraw: true,
             estimate: true,
             struck: false,
-            limits: Saturation::new(-100.0, 100.0).unwrap(),
+            limits: Saturation::new(R::of(-100.0), R::of(100.0)).unwrap(),
         }
+    }
+
+    fn settings(way: Way) -> CompensationSettings<f64> {
+        settings_of(way)
     }
 
     fn sample(e: f64, u: f64) -> CompensationSample<f64> {
@@ -1056,29 +998,7 @@ mod tests {
     #[test]
     fn single_precision_follows() {
         let wide = Compensation::new(settings(Way::Inverse)).unwrap();
-        let s = settings(Way::Inverse);
-        let narrow = Compensation::<f32>::new(CompensationSettings {
-            way: s.way,
-            k: 1.0,
-            ti: 30.0,
-            source: Source::Typed,
-            size: 2.0,
-            share: 1.0,
-            limit: 5.0,
-            band: 0.5,
-            tf: 0.0,
-            rate: 1e6,
-            ramp_time: 0.0,
-            release: 1.0,
-            watch: 1e6,
-            travel: 1e6,
-            reversals: 1e6,
-            withdraw: true,
-            estimate: true,
-            struck: false,
-            limits: Saturation::new(-100.0, 100.0).unwrap(),
-        })
-        .unwrap();
+        let narrow = Compensation::new(settings_of::<f32>(Way::Inverse)).unwrap();
         let (mut a, mut b) = (CompensationState::default(), CompensationState::default());
         for i in 0_u16..200 {
             let u = f32::from(i % 7) * 0.375; // exact in both

@@ -7,33 +7,21 @@ use crate::error::require;
 use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, Sum};
 
-/// How a valve that sticks is pushed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Push {
-    /// Short pulses, one each period, towards where OP has gone since the pulse before: the knocker (Hägglund, *A friction compensator
-    /// for pneumatic control valves*, J. Process Control 12, 2002).
-    Knocker = 1,
-    /// A constant towards where OP goes: constant reinforcement (Ivan and Lakshminarayanan, *A new unified approach to valve stiction
-    /// quantification and compensation*, Ind. Eng. Chem. Res. 48, 2009).
-    Reinforcement = 2,
-    /// Two moves, one that breaks the stem loose and one back, where PV stays off SP; after Srinivasan and Rengaswamy, *Approaches for
-    /// efficient stiction compensation in process control valves*, Comput. Chem. Eng. 32, 2008.
-    TwoMoves = 3,
-}
-
-impl Push {
-    /// All of them, in order.
-    pub const ALL: [Self; 3] = [Self::Knocker, Self::Reinforcement, Self::TwoMoves];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Knocker => "knocker",
-            Self::Reinforcement => "reinforcement",
-            Self::TwoMoves => "two_moves",
-        }
+named! {
+    /// How a valve that sticks is pushed.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Push {
+        /// Short pulses, one each period, towards where OP has gone since the pulse before: the knocker (Hägglund, *A friction compensator
+        /// for pneumatic control valves*, J. Process Control 12, 2002).
+        Knocker = 1 => "knocker",
+        /// A constant towards where OP goes: constant reinforcement (Ivan and Lakshminarayanan, *A new unified approach to valve stiction
+        /// quantification and compensation*, Ind. Eng. Chem. Res. 48, 2009).
+        Reinforcement = 2 => "reinforcement",
+        /// Two moves, one that breaks the stem loose and one back, where PV stays off SP; after Srinivasan and Rengaswamy, *Approaches for
+        /// efficient stiction compensation in process control valves*, Comput. Chem. Eng. 32, 2008.
+        TwoMoves = 3 => "two_moves",
     }
 }
 

@@ -44,58 +44,30 @@ pub struct Corrected<R> {
     pub kp_range: Option<(R, R)>,
 }
 
-/// Why there is no corrected width.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
-#[repr(u8)]
-pub enum Doubt {
-    /// Fewer pairs than [`FEWEST`], or than one more of them where Kp is not known.
-    TooFew = 1,
-    /// Kp is not known, and PV's ways are too much alike to tell it from d.
-    Alike = 2,
-    /// A longer way of PV goes with a shorter travel of OP.
-    WrongSlope = 3,
-    /// The pairs do not lie on a line, or do not agree.
-    Scattered = 4,
-    /// The valve moved further than the gap is wide: the gap is a small difference of large numbers.
-    Swamped = 5,
-    /// On line: the width is less than what noise moves OP by.
-    Noise = 6,
-    /// On line: the process integrates, and does not come to rest off SP.
-    Integrating = 7,
-    /// On line: there is no estimate to correct.
-    NoEstimate = 8,
-    /// On line: OP is not known.
-    NoOp = 9,
-}
-
-impl Doubt {
-    /// All of them, in order.
-    pub const ALL: [Self; 9] = [
-        Self::TooFew,
-        Self::Alike,
-        Self::WrongSlope,
-        Self::Scattered,
-        Self::Swamped,
-        Self::Noise,
-        Self::Integrating,
-        Self::NoEstimate,
-        Self::NoOp,
-    ];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::TooFew => "too_few",
-            Self::Alike => "alike",
-            Self::WrongSlope => "wrong_slope",
-            Self::Scattered => "scattered",
-            Self::Swamped => "swamped",
-            Self::Noise => "noise",
-            Self::Integrating => "integrating",
-            Self::NoEstimate => "no_estimate",
-            Self::NoOp => "no_op",
-        }
+named! {
+    /// Why there is no corrected width.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+    #[repr(u8)]
+    pub enum Doubt {
+        /// Fewer pairs than [`FEWEST`], or than one more of them where Kp is not known.
+        TooFew = 1 => "too_few",
+        /// Kp is not known, and PV's ways are too much alike to tell it from d.
+        Alike = 2 => "alike",
+        /// A longer way of PV goes with a shorter travel of OP.
+        WrongSlope = 3 => "wrong_slope",
+        /// The pairs do not lie on a line, or do not agree.
+        Scattered = 4 => "scattered",
+        /// The valve moved further than the gap is wide: the gap is a small difference of large numbers.
+        Swamped = 5 => "swamped",
+        /// On line: the width is less than what noise moves OP by.
+        Noise = 6 => "noise",
+        /// On line: the process integrates, and does not come to rest off SP.
+        Integrating = 7 => "integrating",
+        /// On line: there is no estimate to correct.
+        NoEstimate = 8 => "no_estimate",
+        /// On line: OP is not known.
+        NoOp = 9 => "no_op",
     }
 }
 

@@ -3,70 +3,42 @@
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::{HalfPeriod, ParameterError, Real, Width, WidthParts, error::require};
 
-/// Why a half-period was rejected, in the fixed order in which the first reason is named.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
-#[repr(u8)]
-pub enum Reason {
-    /// It was not rejected.
-    #[default]
-    Accepted = 0,
-    /// Samples are missing before or within it.
-    Gap = 1,
-    /// A value was bad or not a number.
-    BadQuality = 2,
-    /// The controller was not in automatic.
-    NotAuto = 3,
-    /// Something in the loop was at a limit, or Δu exceeds the span of OP (7.1).
-    Saturated = 4,
-    /// Δt ≤ 5Ti (2.1).
-    TooShort = 5,
-    /// e_max ≥ 2Δy (5.2).
-    NotSquare = 6,
-    /// |Δy_previous/Δy| outside 0.5 to 1.5 (5.4), or no previous half-period to compare with.
-    Uneven = 7,
-    /// Δysp ≥ Δy (5.5).
-    SpMoved = 8,
-    /// Δt ≤ Ti·d̂/(2KΔy) (5.1).
-    TooSmall = 9,
+named! {
+    /// Why a half-period was rejected, in the fixed order in which the first reason is named.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+    #[repr(u8)]
+    pub enum Reason {
+        /// It was not rejected.
+        #[default]
+        Accepted = 0 => "accepted",
+        /// Samples are missing before or within it.
+        Gap = 1 => "gap",
+        /// A value was bad or not a number.
+        BadQuality = 2 => "bad_quality",
+        /// The controller was not in automatic.
+        NotAuto = 3 => "not_auto",
+        /// Something in the loop was at a limit, or Δu exceeds the span of OP (7.1).
+        Saturated = 4 => "saturated",
+        /// Δt ≤ 5Ti (2.1).
+        TooShort = 5 => "too_short",
+        /// e_max ≥ 2Δy (5.2).
+        NotSquare = 6 => "not_square",
+        /// |Δy_previous/Δy| outside 0.5 to 1.5 (5.4), or no previous half-period to compare with.
+        Uneven = 7 => "uneven",
+        /// Δysp ≥ Δy (5.5).
+        SpMoved = 8 => "sp_moved",
+        /// Δt ≤ Ti·d̂/(2KΔy) (5.1).
+        TooSmall = 9 => "too_small",
+    }
 }
 
 impl Reason {
-    /// All reasons, in order.
-    pub const ALL: [Self; 10] = [
-        Self::Accepted,
-        Self::Gap,
-        Self::BadQuality,
-        Self::NotAuto,
-        Self::Saturated,
-        Self::TooShort,
-        Self::NotSquare,
-        Self::Uneven,
-        Self::SpMoved,
-        Self::TooSmall,
-    ];
-
     /// The reason's bit in the mask; 0 for [`Reason::Accepted`].
     pub const fn bit(self) -> u16 {
         match self {
             Self::Accepted => 0,
             other => 1 << (other as u8 - 1),
-        }
-    }
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Accepted => "accepted",
-            Self::Gap => "gap",
-            Self::BadQuality => "bad_quality",
-            Self::NotAuto => "not_auto",
-            Self::Saturated => "saturated",
-            Self::TooShort => "too_short",
-            Self::NotSquare => "not_square",
-            Self::Uneven => "uneven",
-            Self::SpMoved => "sp_moved",
-            Self::TooSmall => "too_small",
         }
     }
 

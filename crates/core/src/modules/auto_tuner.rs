@@ -48,9 +48,9 @@ impl<R: Real> AutoTuner<R> {
         if !running {
             self.block.start(&mut s.experiment, x.value);
         }
-        let told = s.flags & (AT_LOW | AT_HIGH | NOT_AUTO) | if s.run { 0 } else { NOT_AUTO };
+        let backward_flags = s.flags & (AT_LOW | AT_HIGH | NOT_AUTO) | if s.run { 0 } else { NOT_AUTO };
         let quality = if pv.is_good() && (running || x.is_good()) { 0 } else { BAD };
-        let op = self.block.update(&mut s.experiment, pv.value, h, told | quality);
+        let op = self.block.update(&mut s.experiment, pv.value, h, backward_flags | quality);
         s.run = s.experiment.phase.is_running();
         // A bad output of the controller is no place to begin, and is handed on as it is.
         if running || x.is_good() { Forward::new(op, 0) } else { x }

@@ -21,36 +21,22 @@ const DISTURBED: u16 = Reason::Gap.bit()
     | Reason::Saturated.bit()
     | Reason::SpMoved.bit();
 
-/// Why the on-line estimate may not be compensated by. The first that holds, in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Unfit {
-    /// There is none yet.
-    NoDetection = 1,
-    /// A fit contradicts it.
-    Struck = 2,
-    /// There are fewer detections than the filter is long.
-    Provisional = 3,
-    /// It is below the noise limit.
-    Noise = 4,
-    /// It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
-    Crude = 5,
-}
-
-impl Unfit {
-    /// All of them, in order.
-    pub const ALL: [Self; 5] = [Self::NoDetection, Self::Struck, Self::Provisional, Self::Noise, Self::Crude];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::NoDetection => "no_detection",
-            Self::Struck => "struck",
-            Self::Provisional => "provisional",
-            Self::Noise => "noise",
-            Self::Crude => "crude",
-        }
+named! {
+    /// Why the on-line estimate may not be compensated by. The first that holds, in this order.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Unfit {
+        /// There is none yet.
+        NoDetection = 1 => "no_detection",
+        /// A fit contradicts it.
+        Struck = 2 => "struck",
+        /// There are fewer detections than the filter is long.
+        Provisional = 3 => "provisional",
+        /// It is below the noise limit.
+        Noise = 4 => "noise",
+        /// It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
+        Crude = 5 => "crude",
     }
 }
 
@@ -281,8 +267,8 @@ impl<R: Real> BacklashDetection<R> {
     /// Takes what the controller tells at its feed-forward, where that is connected; learns from the sample of this scan.
     #[inline(always)]
     pub fn backward(&self, state: &mut BacklashDetectionState<R>, back: Option<Backward<R>>) {
-        let told = back.map_or(0, |back| back.flags & (AT_LOW | AT_HIGH | NOT_AUTO));
-        self.learn(state, told, back.map(|back| back.tracking), None);
+        let backward_flags = back.map_or(0, |back| back.flags & (AT_LOW | AT_HIGH | NOT_AUTO));
+        self.learn(state, backward_flags, back.map(|back| back.tracking), None);
     }
 
     /// Where the width to compensate comes from; none: there is no compensation.
@@ -319,11 +305,11 @@ impl<R: Real> BacklashDetection<R> {
     pub(super) fn learn(
         &self,
         state: &mut BacklashDetectionState<R>,
-        told: Status,
+        backward_flags: Status,
         output: Option<R>,
         hindered: Option<Standing>,
     ) {
-        let flags = told | (state.sp.flags | state.pv.flags) & BAD;
+        let flags = backward_flags | (state.sp.flags | state.pv.flags) & BAD;
         let (h, sp) = (state.h, state.sp.value);
         let op = output.map(|output| output - state.u_ff);
         state.u_fb = op;
@@ -373,13 +359,13 @@ impl<R: Real> BacklashDetection<R> {
 
     /// A scan in which nothing is read: u_FF goes to 0 by its ramp, or is 0 at once where `told` has [`NOT_AUTO`]. All else waits, and
     /// goes on as after a gap.
-    pub fn pause(&self, state: &mut BacklashDetectionState<R>, told: Status, h: R) {
+    pub fn pause(&self, state: &mut BacklashDetectionState<R>, backward_flags: Status, h: R) {
         state.cut = true;
         self.correction.interrupt(&mut state.correction);
         if let Some(sign) = &self.sign {
             sign.update(&mut state.sign, R::ZERO, R::ZERO, R::ZERO, h, GAP);
         }
-        self.compensate(state, (R::ZERO, Some(R::ZERO), h), None, told & NOT_AUTO | BAD);
+        self.compensate(state, (R::ZERO, Some(R::ZERO), h), None, backward_flags & NOT_AUTO | BAD);
     }
 
     /// u_FF of the next scan, by the error, OP without u_FF where it is known and the time since the last scan.

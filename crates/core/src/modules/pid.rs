@@ -5,31 +5,19 @@ use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
-/// Who sets the output of a [`Pid`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Mode {
-    /// A person.
-    Manual = 0,
-    /// The controller, with its own setpoint.
-    #[default]
-    Auto = 1,
-    /// The controller, with the setpoint that is handed to it.
-    External = 2,
-}
-
-impl Mode {
-    /// All of them, in order.
-    pub const ALL: [Self; 3] = [Self::Manual, Self::Auto, Self::External];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Manual => "manual",
-            Self::Auto => "auto",
-            Self::External => "external",
-        }
+named! {
+    /// Who sets the output of a [`Pid`].
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Mode {
+        /// A person.
+        Manual = 0 => "manual",
+        /// The controller, with its own setpoint.
+        #[default]
+        Auto = 1 => "auto",
+        /// The controller, with the setpoint that is handed to it.
+        External = 2 => "external",
     }
 }
 

@@ -327,12 +327,12 @@ impl<R: Real> PidAdvanced<R> {
         };
         let PidAdvancedSettings { kp, integrating, .. } = self.settings;
         s.detection.detector.set_kp(if kp.is_none() && !integrating { s.kp } else { None });
-        let told = self.pid.backward(&mut s.pid, back);
+        let backward = self.pid.backward(&mut s.pid, back);
         let flags = s.pid.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let tracking = s.pid.feedback() + s.detection.compensation.u_ff.value();
         let seen = Backward { flags, tracking, ..Backward::default() };
         self.detection.backward(&mut s.detection, Some(seen));
-        told
+        backward
     }
 
     /// A scan in which nothing is read: the output holds, and u_FF goes to 0 by its ramp. All else waits, and goes on as after a gap:

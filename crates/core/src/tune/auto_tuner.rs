@@ -109,138 +109,81 @@ pub struct AutoTunerSettings<R> {
     pub op: (R, R),
 }
 
-/// Which rule makes a controller of what an experiment found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Rule {
-    /// [`Found::point_placement`], PID with Ti = 6.25Td (thesis 7.5).
-    #[default]
-    PointPlacement = 1,
-    /// [`Found::amigo`], PI.
-    AmigoPi = 2,
-    /// [`Found::amigo`], PID.
-    AmigoPid = 3,
-}
-
-impl Rule {
-    /// All of them, in order.
-    pub const ALL: [Self; 3] = [Self::PointPlacement, Self::AmigoPi, Self::AmigoPid];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::PointPlacement => "point_placement",
-            Self::AmigoPi => "amigo_pi",
-            Self::AmigoPid => "amigo_pid",
-        }
+named! {
+    /// Which rule makes a controller of what an experiment found.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Rule {
+        /// [`Found::point_placement`], PID with Ti = 6.25Td (thesis 7.5).
+        #[default]
+        PointPlacement = 1 => "point_placement",
+        /// [`Found::amigo`], PI.
+        AmigoPi = 2 => "amigo_pi",
+        /// [`Found::amigo`], PID.
+        AmigoPid = 3 => "amigo_pid",
     }
 }
 
-/// Phase of an experiment.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Phase {
-    /// Not begun.
-    #[default]
-    Idle = 0,
-    /// OP held, PV looked at.
-    Waiting = 1,
-    /// Relay with a bias that makes up and down last alike.
-    Balanced = 2,
-    /// Relay with the bias moved away from there.
-    Biased = 3,
-    /// Over.
-    Done = 4,
-    /// Broken off.
-    Aborted = 5,
+named! {
+    /// Phase of an experiment.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Phase {
+        /// Not begun.
+        #[default]
+        Idle = 0 => "idle",
+        /// OP held, PV looked at.
+        Waiting = 1 => "waiting",
+        /// Relay with a bias that makes up and down last alike.
+        Balanced = 2 => "balanced",
+        /// Relay with the bias moved away from there.
+        Biased = 3 => "biased",
+        /// Over.
+        Done = 4 => "done",
+        /// Broken off.
+        Aborted = 5 => "aborted",
+    }
 }
 
 impl Phase {
-    /// All of them, in order.
-    pub const ALL: [Self; 6] = [Self::Idle, Self::Waiting, Self::Balanced, Self::Biased, Self::Done, Self::Aborted];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Idle => "idle",
-            Self::Waiting => "waiting",
-            Self::Balanced => "balanced",
-            Self::Biased => "biased",
-            Self::Done => "done",
-            Self::Aborted => "aborted",
-        }
-    }
-
     /// Whether the relay has the output.
     pub fn is_running(self) -> bool {
         matches!(self, Self::Waiting | Self::Balanced | Self::Biased)
     }
 }
 
-/// Why an experiment was broken off. Of several reasons at one sample the first counts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Stop {
-    /// It was not.
-    #[default]
-    None = 0,
-    /// PV, or OP at the start, is no number or flagged bad.
-    BadQuality = 1,
-    /// A gap, time that stands still or runs backwards, or a step longer than `max_h`.
-    SampleTime = 2,
-    /// Somebody else has the output.
-    NotAuto = 3,
-    /// OP is at a limit, or nearer to one than the amplitude.
-    OpLimit = 4,
-    /// PV is out of its bounds.
-    PvBounds = 5,
-    /// OP went up, and PV the wrong way: the amplitude has the wrong sign.
-    WrongSign = 6,
-    /// PV does not answer, or not any longer: a valve or sensor that does not move, a load beyond the relay's power, or a
-    /// process too slow for the time given.
-    DeadLoop = 7,
-    /// Thirty cycles, and no four alike: too much noise, or too coarse a sample time.
-    NotRegular = 8,
-    /// The time given is over.
-    TimeBudget = 9,
-    /// A regular cycle too far from −180° (|tan δ| > 0.5): hysteresis or sample time make it, not the process.
-    OffPoint = 10,
-}
-
-impl Stop {
-    /// All of them, in order.
-    pub const ALL: [Self; 11] = [
-        Self::None,
-        Self::BadQuality,
-        Self::SampleTime,
-        Self::NotAuto,
-        Self::OpLimit,
-        Self::PvBounds,
-        Self::WrongSign,
-        Self::DeadLoop,
-        Self::NotRegular,
-        Self::TimeBudget,
-        Self::OffPoint,
-    ];
-
-    /// The name used in every face of glapp.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::BadQuality => "bad_quality",
-            Self::SampleTime => "sample_time",
-            Self::NotAuto => "not_auto",
-            Self::OpLimit => "op_limit",
-            Self::PvBounds => "pv_bounds",
-            Self::WrongSign => "wrong_sign",
-            Self::DeadLoop => "dead_loop",
-            Self::NotRegular => "not_regular",
-            Self::TimeBudget => "time_budget",
-            Self::OffPoint => "off_point",
-        }
+named! {
+    /// Why an experiment was broken off. Of several reasons at one sample the first counts.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Stop {
+        /// It was not.
+        #[default]
+        None = 0 => "none",
+        /// PV, or OP at the start, is no number or flagged bad.
+        BadQuality = 1 => "bad_quality",
+        /// A gap, time that stands still or runs backwards, or a step longer than `max_h`.
+        SampleTime = 2 => "sample_time",
+        /// Somebody else has the output.
+        NotAuto = 3 => "not_auto",
+        /// OP is at a limit, or nearer to one than the amplitude.
+        OpLimit = 4 => "op_limit",
+        /// PV is out of its bounds.
+        PvBounds = 5 => "pv_bounds",
+        /// OP went up, and PV the wrong way: the amplitude has the wrong sign.
+        WrongSign = 6 => "wrong_sign",
+        /// PV does not answer, or not any longer: a valve or sensor that does not move, a load beyond the relay's power, or a
+        /// process too slow for the time given.
+        DeadLoop = 7 => "dead_loop",
+        /// Thirty cycles, and no four alike: too much noise, or too coarse a sample time.
+        NotRegular = 8 => "not_regular",
+        /// The time given is over.
+        TimeBudget = 9 => "time_budget",
+        /// A regular cycle too far from −180° (|tan δ| > 0.5): hysteresis or sample time make it, not the process.
+        OffPoint = 10 => "off_point",
     }
 }
 

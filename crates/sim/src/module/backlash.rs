@@ -1,8 +1,8 @@
 //! A gap.
 
-use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Unknown, Work, passed};
+use super::{Context, Inputs, Kind, Module, Required, Unknown, Work};
 use crate::SimError;
-use glapp_core::{BacklashState, Backward, Forward};
+use glapp_core::{BacklashState, Forward};
 
 pub(super) static KIND: Kind = Kind {
     parameters: &[&[("d", Required), ("start", Unknown)]],
@@ -25,10 +25,6 @@ fn block(m: &Module) -> Result<glapp_core::Backlash<f64>, SimError> {
 impl Work for Backlash {
     fn forward(&mut self, &[x, ..]: &Inputs, _h: f64) -> Forward<f64> {
         self.block.forward(&mut self.state, x)
-    }
-
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        passed(back)
     }
 
     fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {

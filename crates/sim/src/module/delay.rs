@@ -1,9 +1,9 @@
 //! Communication that takes its time.
 
-use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Work, passed};
+use super::{Context, Inputs, Is, Kind, Module, Required, Work};
 use crate::SimError;
 use crate::error::require;
-use glapp_core::{Backward, Forward};
+use glapp_core::Forward;
 use std::collections::VecDeque;
 
 pub(super) static KIND: Kind = Kind {
@@ -33,10 +33,6 @@ impl Work for Delay {
             *last = x;
         }
         now
-    }
-
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        passed(back)
     }
 
     fn change(&mut self, _to: &Module, _context: Context) -> Result<(), SimError> {

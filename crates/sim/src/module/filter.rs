@@ -1,8 +1,8 @@
 //! Second-order low-pass filter.
 
-use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Work, passed};
+use super::{Context, Inputs, Kind, Module, Required, Work};
 use crate::SimError;
-use glapp_core::{Backward, Forward, SecondOrderFilter, SecondOrderFilterState};
+use glapp_core::{Forward, SecondOrderFilter, SecondOrderFilterState};
 
 pub(super) static KIND: Kind = Kind {
     parameters: &[&[("tf", Required)]],
@@ -23,10 +23,6 @@ fn block(m: &Module) -> Result<SecondOrderFilter<f64>, SimError> {
 impl Work for Filter2P {
     fn forward(&mut self, &[x, ..]: &Inputs, h: f64) -> Forward<f64> {
         self.block.forward(&mut self.state, x, h)
-    }
-
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        passed(back)
     }
 
     fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {

@@ -1,10 +1,10 @@
 //! A valve that sticks and slips.
 
-use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Unknown, Work, passed};
+use super::{Context, Inputs, Is, Kind, Module, Required, Unknown, Work};
 use crate::valve::Moving;
 use crate::{SimError, Stem, StemModel, Valve};
 use glapp_core::status::BAD;
-use glapp_core::{Backward, Forward, FrictionState, Model};
+use glapp_core::{Forward, FrictionState, Model};
 
 pub(super) static KIND: Kind = Kind {
     parameters: &[&[("s", Required), ("j", Required), ("model", Is(1.0)), ("start", Unknown)]],
@@ -66,10 +66,6 @@ impl Work for Friction {
         }
     }
 
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        passed(back)
-    }
-
     fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
         self.block = block(to)?;
         Ok(())
@@ -86,10 +82,6 @@ impl Work for Mechanism {
             self.moving = self.valve.at_rest(x.value, self.h).ok();
         }
         Forward::new(self.moving.as_mut().map_or(x.value, |moving| moving.update(x.value)), x.flags)
-    }
-
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        passed(back)
     }
 
     /// A stem that moves comes to rest where it is.

@@ -1,8 +1,8 @@
 //! Uniform noise.
 
-use super::{BackwardSignals, Context, Inputs, Is, Kind, Module, Required, Work, passed};
+use super::{Context, Inputs, Is, Kind, Module, Required, Work};
 use crate::SimError;
-use glapp_core::{Backward, Forward, NoiseState};
+use glapp_core::{Forward, NoiseState};
 
 pub(super) static KIND: Kind = Kind {
     parameters: &[&[("amplitude", Required), ("seed", Is(1.0))]],
@@ -25,10 +25,6 @@ fn block(m: &Module) -> Result<glapp_core::Noise<f64>, SimError> {
 impl Work for Noise {
     fn forward(&mut self, &[x, ..]: &Inputs, _h: f64) -> Forward<f64> {
         self.block.forward(&mut self.state, x)
-    }
-
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        passed(back)
     }
 
     fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {

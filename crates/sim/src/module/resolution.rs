@@ -1,9 +1,9 @@
 //! The steps of a converter.
 
-use super::{BackwardSignals, Context, Inputs, Kind, Module, Required, Work, passed};
+use super::{Context, Inputs, Kind, Module, Required, Work};
 use crate::SimError;
 use crate::error::require;
-use glapp_core::{Backward, Forward};
+use glapp_core::Forward;
 
 pub(super) static KIND: Kind = Kind {
     parameters: &[&[("step", Required)]],
@@ -28,10 +28,6 @@ pub(crate) fn rounded(x: f64, step: f64) -> f64 {
 impl Work for Resolution {
     fn forward(&mut self, &[x, ..]: &Inputs, _h: f64) -> Forward<f64> {
         Forward::new(rounded(x.value, self.step), x.flags)
-    }
-
-    fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        passed(back)
     }
 
     fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {

@@ -85,7 +85,7 @@ def write_report(
 
 
 def write_score(
-    scored: Sequence[Scored], path: str | Path, *, title: str = "Answers beside what the workshop found"
+    scored: Sequence[Scored], path: str | Path, *, title: str = "Answers and what the workshop found"
 ) -> list[Path]:
     """Write the score of labelled valves: the counts, the calibration, and a section for each answer that differs.
 

@@ -816,28 +816,18 @@ def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
 
 
 def _shown(loop: _Fitted, recording: Recording, law: Ideal, times: float) -> float:
-    """How often the gap is found in the recording and what goes on from it for so many times its length.
-
-    Of n simulations that show it k times this is (k + 1)/(n + 2): the best of a few looks better than it is.
-    """
+    """How often the gap is found in the recording and what goes on from it for so many times its length."""
     n = round(times * len(loop.sp_moves))
     # Backwards and forwards in turn: SP goes on from where it stands, and moves as often as it did.
     sp = np.resize(np.concatenate([loop.sp_moves[::-1], loop.sp_moves]), n)
     shown = 0
     for seed in range(200, 200 + FITTED):
-        scenario = Scenario(
-            plant=loop.process(seed),
-            controller=tuple(law),
-            setpoint=Samples(values=sp),
-            noise=Samples(values=loop.disturbance(n, 0, seed)),
-            d=loop.width,
-            h=loop.h,
-            t_end=loop.h * (n - 1),
-        )
+        signals: Any = {"setpoint": Samples(values=sp), "noise": Samples(values=loop.disturbance(n, 0, seed))}
+        more: Any = {"plant": loop.process(seed), "controller": tuple(law)}
         try:
-            s = run(scenario)
+            s = run(Scenario(**more, **signals, d=loop.width, h=loop.h, t_end=loop.h * (n - 1)))
         except InputError:  # that process runs away under the controller: nothing is shown
             continue
         goes_on = recording_of(None, loop.loop, t=s.t, sp=s.sp, pv=s.pv, op=s.op)
         shown += fit_decides(fit([recording, goes_on]), loop.width) == "gap"
-    return (shown + 1) / (FITTED + 2)
+    return shown / FITTED

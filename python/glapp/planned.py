@@ -44,7 +44,7 @@ class Planned:
     false : float or None
         Share of all simulations that end in the wrong answer.
     simulations : int
-        Simulations of either kind; of more hours those with the gap, k of which show it: `power` is (k + 1)/(n + 2).
+        Simulations of either kind; of more hours those with the gap, the only ones.
     """
 
     kind: Kind

@@ -309,7 +309,7 @@ def calibrated(scored: Sequence[Scored]) -> list[Calibrated]:
             here = [(p, so) for p, so in known if low <= p < high or p == high == EDGES[-1]]
             if here:
                 stated = sum(p for p, _ in here) / len(here)
-                rows.append(Calibrated(of, low, high, len(here), sum(so for _, so in here), stated))  # type: ignore[arg-type]
+                rows.append(Calibrated(of, low, high, len(here), sum(so for _, so in here), stated))
     return rows
 
 

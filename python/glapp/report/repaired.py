@@ -31,10 +31,10 @@ def text(repair: Repair, unit: str) -> str:
     )
 
 
-def rows(repair: Repair, unit: str, pv_unit: str) -> list[tuple[str, str, str, str]]:
+def rows(repair: Repair, unit: str, pv_unit: str) -> list[tuple[str, ...]]:
     """The comparison as a table: what, before, after, the difference."""
     sides, op = (repair.before, repair.after), op_unit(unit)
-    table = [("Gap", *(_width(side, unit) for side in sides), _difference(repair.width, op))]
+    table: list[tuple[str, ...]] = [("Gap", *(_width(side, unit) for side in sides), _difference(repair.width, op))]
     for name, label, of in (
         ("deviation", "PV about SP, standard deviation", pv_unit),
         ("travel", "Travel of OP in a day", op),

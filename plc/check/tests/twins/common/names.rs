@@ -190,7 +190,8 @@ impl Names {
         }
         // `Used.HasX` is whether `Used.X` is given.
         let (within, last) = name.rsplit_once('.').map_or(("", name), |(within, last)| (within, last));
-        let of = last.strip_prefix("Has").map(|of| if within.is_empty() { of.into() } else { format!("{within}.{of}") });
+        let of =
+            last.strip_prefix("Has").map(|of| if within.is_empty() { of.into() } else { format!("{within}.{of}") });
         if let Some(path) = of.and_then(|of| self.path(&of)).filter(|path| self.is_input(path)) {
             return Place::Given(vec![path]);
         }

@@ -71,6 +71,14 @@ def test_the_tree_is_as_written(packages):
     assert f"| `all` | every block, each on its page | {pages} |" in (ROOT / "plc/packages/ac800m.md").read_text()
 
 
+@pytest.mark.parametrize("name", ["faceplate.svg", "messages.csv"])
+def test_what_a_screen_shows_are_tags_of_the_example(packages, name):
+    rows = (packages / "example/tags.csv").read_text().splitlines()[1:]
+    tags = {row.split(",")[0].removeprefix("GlappLoop.") for row in rows} | {"tag"}
+    shown = set(re.findall(r"\{(\w+)\}", (packages / "example" / name).read_text()))
+    assert len(shown) > 4 and shown <= tags
+
+
 def kinds() -> dict[str, str]:
     """Names of the units, and the word that each begins with."""
     found = {}

@@ -41,7 +41,7 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
         ("modules.md", "widths"),
         ("modules.md", "kp by default"),
         ("modules.md", "pid rules"),
-        *[("compensation.md", mark) for mark in PARTS],
+        *[("compensation.md", mark) for mark in (*PARTS, "stiction")],
     ],
 )
 def test_every_page_that_a_bench_writes_has_its_marks(name: str, mark: str) -> None:

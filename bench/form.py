@@ -84,7 +84,7 @@ VALVES = (
 )
 
 
-def told(page: str) -> dict[str, str]:
+def terms_of(page: str) -> dict[str, str]:
     """Each term of a page as it stands there, of the travel where that is recorded."""
     found = {}
     for term in TERMS:
@@ -100,17 +100,17 @@ def main(folder: Path | None) -> None:
     print("|---|---|---|---|---|---|---|---|---|")
     for valve in VALVES:
         page, verdict = valve.page()
-        said = told(page)
+        shown = terms_of(page)
         overshoot = f"{100 * valve.overshoot:.1f} %" if valve.overshoot else "none"
         cells = (
             valve.name,
             f"{valve.d:g}",
-            said["Dead band"],
+            shown["Dead band"],
             f"{valve.t86:.1f} s",
-            said["Step response time T86"],
+            shown["Step response time T86"],
             overshoot,
-            said["Overshoot"],
-            said["Resolution"],
+            shown["Overshoot"],
+            shown["Resolution"],
             verdict,
         )
         print(f"| {' | '.join(cells)} |")

@@ -44,14 +44,14 @@ def file(tmp_path_factory):
     return written(tmp_path_factory.mktemp("repair") / "FIC101.csv", day(2.0, 1), day(0.0, 2))
 
 
-def told(*arguments):
+def answer_of(*arguments):
     done = CliRunner().invoke(app, ["analyze", *map(str, arguments), "--json"])
     return done, json.loads(done.stdout)["loops"][0]
 
 
 def test_a_noted_repair_gives_the_answer_of_after_and_compares_it_with_before(file, tmp_path):
     report = tmp_path / "report.html"
-    done, loop = told(file, "--op-span", "-50", "50", "--repaired", AT, "--report", report)
+    done, loop = answer_of(file, "--op-span", "-50", "50", "--repaired", AT, "--report", report)
     assert done.exit_code == 0, done.stderr
     assert loop["answer"]["valve"] == "no_gap"
     repair = loop["repair"]
@@ -107,10 +107,10 @@ def test_a_fall_between_recordings_is_seen_and_asks_for_the_time(tmp_path):
 
 
 def test_a_repair_without_recordings_around_it_is_refused_with_the_reason(file, tmp_path):
-    done, loop = told(file, "--repaired", "2026-03-02 10:00")
+    done, loop = answer_of(file, "--repaired", "2026-03-02 10:00")
     assert done.exit_code == 1 and loop["repair"] is None
     assert "nothing was recorded after it" in loop["reason"]
-    _, loop = told(file, "--op-span", "-50", "50", "--repaired", "2026-02-01")
+    _, loop = answer_of(file, "--op-span", "-50", "50", "--repaired", "2026-02-01")
     assert loop["repair"]["before"]["begin"] is None and loop["repair"]["width"] is None
     plain = glapp.recording_from(day(0.0, 2, 1).to_arrow(), glapp.Loop(name="F", repaired=datetime(2026, 3, 1)))
     with pytest.raises(InputError, match="have no date"):

@@ -143,10 +143,10 @@ def test_a_labelled_folder_of_the_corpus_is_scored_and_its_faults_are_told(tmp_p
     report = tmp_path / "score.html"
     done = CliRunner().invoke(app, ["score", str(labels), "--json", "--report", str(report)])
     assert done.exit_code == 1
-    said = " ".join(done.stderr.split())
-    assert f"is the same recording as {gap.name} in row 3" in said, "one valve under two names"
-    assert "row 5, column file: there is no such file" in said
-    assert "row 6, column unit: 'mm' is not the unit of OP; write % or '% of span'" in said
+    messages = " ".join(done.stderr.split())
+    assert f"is the same recording as {gap.name} in row 3" in messages, "one valve under two names"
+    assert "row 5, column file: there is no such file" in messages
+    assert "row 6, column unit: 'mm' is not the unit of OP; write % or '% of span'" in messages
     found = json.loads(done.stdout)
     assert [one["found"] for one in found["valves"]] == ["sound", "gap"]
     assert all(one["valves"] for one in found["calibration"])

@@ -73,9 +73,11 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
     earlier = until_repair(recordings)
     before = Side()
     if earlier:
-        told = analyze_recordings(earlier, trust=trust, fit=fit) if len(earlier) > 1 else None
-        told = told or analyze(earlier[0], trust=trust, fit=fit)
-        before = _side(told)
+        if len(earlier) > 1:
+            then = analyze_recordings(earlier, trust=trust, fit=fit)
+        else:
+            then = analyze(earlier[0], trust=trust, fit=fit)
+        before = _side(then)
     at = _since_1970(recordings[0]) + moment_in(recordings[0], noted)
     return replace(result, repair=_compared(recordings, noted, (before, _side(result)), (at, at)))
 

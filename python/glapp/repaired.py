@@ -93,11 +93,11 @@ class Repair:
 
     def to_dict(self) -> dict[str, Any]:
         """The same in plain types, as `glapp analyze --json` writes it."""
-        told = asdict(self)
-        told["noted"] = _text(self.noted)
+        document = asdict(self)
+        document["noted"] = _text(self.noted)
         for name, side in (("before", self.before), ("after", self.after)):
-            told[name] |= {"begin": _text(side.begin), "end": _text(side.end)}
-        return told
+            document[name] |= {"begin": _text(side.begin), "end": _text(side.end)}
+        return document
 
 
 def _with(side: Side, loop: Mapping[str, Any] | None) -> Side:

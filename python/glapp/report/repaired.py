@@ -22,8 +22,8 @@ def text(repair: Repair, unit: str) -> str:
     """What is told of it: a repair that was noted, or a fall of the width and what to do about it."""
     before, after = repair.before, repair.after
     if repair.noted is not None:
-        said = f"The valve was repaired on {repair.noted:%Y-%m-%d at %H:%M}. The answer is that of the time since."
-        return said if before.begin is not None else f"{said} Nothing was recorded before."
+        noted = f"The valve was repaired on {repair.noted:%Y-%m-%d at %H:%M}. The answer is that of the time since."
+        return noted if before.begin is not None else f"{noted} Nothing was recorded before."
     return (
         f"The gap fell from {_width(before, unit)} to {_width(after, unit)} between {_moment(before.end)} and "
         f"{_moment(after.begin)}. Was the valve repaired? Then give the time with --repaired, or as repaired in a "

@@ -71,12 +71,12 @@ def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
     reach = repair.DAYS * repair.DAY
     begin = max([at - reach, *(time for time in others if time < at)])
     end = min([at + reach, now, *(time for time in others if time > at)])
-    told = (
+    either = (
         next((row for row in answers if row["t_end"] <= at + 1.0 and row["t_end"] > begin), None),
         next((row for row in answers if row["t_begin"] >= at - 1.0 and row["t_begin"] < end), None),
     )
     rows = [_rows(SignalStore(folder).recordings(loop, a, b)) for a, b in ((begin, at), (at, end))]
-    sides = [_side(answer, part) for answer, part in zip(told, rows, strict=True)]
+    sides = [_side(answer, part) for answer, part in zip(either, rows, strict=True)]
     return repair.compared(datetime.fromtimestamp(at, UTC), (sides[0], sides[1]), (rows[0], rows[1]))
 
 

@@ -1,6 +1,7 @@
 """Before and after a repair in the answer: noted by a person, or seen as a fall of the width between recordings."""
 
 import json
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -11,6 +12,7 @@ import glapp
 from glapp.cli import app
 from glapp.cut import moment_in, since_repair, until_repair
 from glapp.errors import InputError
+from glapp.fit import Window
 from glapp.many import analyze_recordings
 from glapp.reading.settings import read_settings, write_settings
 from glapp.repair import with_repair
@@ -104,6 +106,21 @@ def test_a_fall_between_recordings_is_seen_and_asks_for_the_time(tmp_path):
     assert "Was the valve repaired?" in page.read_text("utf-8")
     steady = with_repair(opened[:2], analyze_recordings(opened[:2]))
     assert steady.repair is None
+
+
+def test_a_fall_between_the_windows_of_one_recording_is_seen(file):
+    [whole] = glapp.open_recordings(file, [glapp.Loop(name="FIC101", op_span=(-50, 50))])
+    result = glapp.analyze(whole)
+
+    def window(begin, end, d):
+        return Window(begin, end, "backlash", d, d - 0.1, d + 0.1, 90.0)
+
+    windows = [window(0.0, 5000.0, 2.0), window(5000.0, 10_790.0, 2.0), window(10_810.0, 21_000.0, 0.2)]
+    repair = with_repair([whole], replace(result, fit=replace(result.fit, windows=windows))).repair
+    assert repair.before.end == datetime(2026, 3, 1, 12, 59, 48)
+    assert repair.after.begin == datetime(2026, 3, 1, 13, 0, 10)
+    assert (repair.before.d, repair.after.d) == (pytest.approx(2.0), pytest.approx(0.2))
+    assert with_repair([whole], replace(result, fit=replace(result.fit, windows=windows[:2]))).repair is None
 
 
 def test_a_repair_without_recordings_around_it_is_refused_with_the_reason(file, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -264,5 +265,7 @@ def _value(value: object) -> str:
         return "[" + ", ".join(_value(v) for v in value) + "]"
     if isinstance(value, int | float):
         return repr(value)
+    if isinstance(value, datetime):
+        return value.isoformat()
     text = value.as_posix() if isinstance(value, Path) else str(value)
     return in_quotes(json.dumps(text, ensure_ascii=False))  # JSON's escapes are TOML's, but for DEL

@@ -244,7 +244,7 @@ impl Together {
     pub(crate) fn judged(evidence: Evidence) -> Self {
         let (judgement, reason) = judge(&evidence);
         let verdict = judgement.verdict(evidence.low);
-        let (low, high) = evidence.limits(verdict, evidence.high);
+        let (low, high) = evidence.limits(&judgement, evidence.high);
         let Evidence { d, lr_no_gap, passes: traversals, dispersion, .. } = evidence;
         let lr_needed = evidence.needed();
         Self {

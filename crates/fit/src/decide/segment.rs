@@ -312,7 +312,7 @@ pub(crate) fn fit_segment(cells: &Cells, seeds: &[Theta], bow: f64, window: &Win
     };
     let (judgement, reason) = judge(&evidence);
     let verdict = judgement.verdict(evidence.low);
-    let told = evidence.limits(verdict, told_high);
+    let told = evidence.limits(&judgement, told_high);
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;
     // The gain is at its best for each process: its variance there, and what the process may be.

@@ -34,7 +34,7 @@ thresholds! {
     /// too long for that. `bench.lengths --times`, numbers 0 to 2: loops without a gap have reached 0.4 (ADR 0020).
     GAP_EACH_PASS: f64 = 0.5, "−2·ln L";
     /// Probability of a gap, where as many valves have one as usual, that one needs to be found or likely. Half A of `bench.weigh` and
-    /// `bench.ordinary`, 279 records without a gap, twins left out: with it 1 is found and 4 more are likely, with 0.45 7, with 0.4 13 (ADR 30).
+    /// `bench.ordinary`, 279 records without a gap, twins left out: with it 1 is found and 3 more are likely (ADR 30).
     PROBABLE: f64 = 0.5, "1";
     /// Factor by which the limits of a likely gap are moved out. The same: of 34 intervals it makes 32 hold in place of 27.
     LIKELY_OFF: f64 = 1.1, "1";

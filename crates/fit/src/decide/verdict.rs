@@ -172,12 +172,13 @@ impl Evidence {
         self.even_swing || self.periodic_load
     }
 
-    /// Whether the weighed evidence may make a gap likely that the rules do not find, for the reason `why`: the ratio exceeds what any gap needs,
-    /// the valve moves in the model, and OP goes through the width both ways. Where a load that swings would look like it, its width is known.
-    fn may_be_likely(&self, why: &str) -> bool {
-        let moves = !matches!(why, "still" | "once" | "lined");
+    /// Whether the weighed evidence may make a gap likely that the rules do not find: the ratio exceeds what any gap needs, the valve moves in
+    /// the model, OP goes through the width both ways, and PV is not stored as lines that bend as much. Where a load that swings would look
+    /// like the gap, its width is known.
+    fn may_be_likely(&self) -> bool {
+        let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
         let swings = self.swings() && self.width_kind() == WidthKind::Unsure;
-        self.lr_no_gap > GAP && self.low > 0.0 && moves && !swings
+        self.lr_no_gap > GAP && self.low > 0.0 && shows && !swings
     }
 
     /// What can be told of the width of a gap.
@@ -294,7 +295,7 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
         Confidence::NoneSeen => (Judgement::without(by_rules, e.oscillates), why),
         Confidence::Found if !probable => (silent, "outweighed"),
         Confidence::Found | Confidence::Likely => (gap(by_rules), why),
-        Confidence::CannotTell if probable && e.may_be_likely(why) => (gap(Confidence::Likely), why),
+        Confidence::CannotTell if probable && e.may_be_likely() => (gap(Confidence::Likely), why),
         Confidence::CannotTell => (silent, why),
     }
 }

@@ -181,6 +181,14 @@ impl Evidence {
         self.lr_no_gap > GAP && self.low > 0.0 && shows && !swings
     }
 
+    /// Whether nothing stands between the record and the width: OP goes through it twice each way, samples and noise show it, no load that
+    /// swings looks like it, and its lower limit is near.
+    fn is_plain(&self) -> bool {
+        let often = self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
+        let clear = self.width_kind() != WidthKind::Unsure && !self.noisy() && !self.swings();
+        often && clear && self.low > NEAR_LOW * self.d
+    }
+
     /// What can be told of the width of a gap.
     fn width_kind(&self) -> WidthKind {
         let coarse = (self.coarse || self.at_once) && !self.all_agree();
@@ -282,10 +290,12 @@ impl Evidence {
 /// What is said of the valve, and why not more, a word.
 ///
 /// The [`rules`] say which gap may be found, and which valve shows none. All evidence, weighed, must then make a gap more probable than
-/// [`PROBABLE`]: what the rules find is *found*, what they leave open is *likely*.
+/// [`PROBABLE`]: what the rules find is *found*, what they leave open is *likely*. Where the record is plain it is enough for *likely* that the
+/// evidence speaks for a gap at all.
 pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     let (by_rules, why) = rules(e);
-    let probable = e.usual_probability() >= PROBABLE;
+    let p = e.usual_probability();
+    let least = if e.is_plain() { USUAL_PRIOR } else { PROBABLE };
     let gap = |confidence| {
         let (cause, width_kind) = (Some(e.cause()), Some(e.width_kind()));
         Judgement { confidence, cause, width_kind, oscillates: e.oscillates }
@@ -293,9 +303,9 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
     match by_rules {
         Confidence::NoneSeen => (Judgement::without(by_rules, e.oscillates), why),
-        Confidence::Found if !probable => (silent, "outweighed"),
+        Confidence::Found if p < PROBABLE => (silent, "outweighed"),
         Confidence::Found | Confidence::Likely => (gap(by_rules), why),
-        Confidence::CannotTell if probable && e.may_be_likely() => (gap(Confidence::Likely), why),
+        Confidence::CannotTell if p >= least && e.may_be_likely() => (gap(Confidence::Likely), why),
         Confidence::CannotTell => (silent, why),
     }
 }
@@ -478,6 +488,33 @@ mod tests {
         // What looks like a gap for another reason is not likely either.
         assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
         assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
+    }
+
+    #[test]
+    fn in_a_plain_record_any_evidence_for_a_gap_makes_it_likely() {
+        // OP went through it twice each way, and a load of which nothing is known may do that.
+        let twice = Evidence {
+            traversed: false,
+            passes: [2; 2],
+            lr_no_gap: 30.0,
+            lr_aperiodic: 30.0,
+            lr_needed: 80.0,
+            ..plain()
+        };
+        let weak = Evidence { noisy_below: 0.3, settles: 12.0, range: 2.0, ..twice };
+        let p = weak.usual_probability();
+        assert!(USUAL_PRIOR < p && p < PROBABLE, "{p}");
+        assert_eq!(said(&weak), (Confidence::Likely, Some(WidthKind::Bound)));
+        for hidden in [
+            Evidence { even_swing: true, ..weak.clone() },
+            Evidence { coarse: true, ..weak.clone() },
+            Evidence { noisy_below: 1.1, ..weak.clone() },
+            Evidence { low: 0.5 * NEAR_LOW, ..weak.clone() },
+            Evidence { passes: [2, 1], ..weak.clone() },
+        ] {
+            assert!(!hidden.is_plain());
+            assert_eq!(said(&hidden), (Confidence::CannotTell, None));
+        }
     }
 
     #[test]

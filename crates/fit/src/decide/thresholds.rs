@@ -36,10 +36,13 @@ thresholds! {
     /// Probability of a gap, where as many valves have one as usual, that one needs to be found or likely. Half A of `bench.weigh` and
     /// `bench.ordinary`, 279 records without a gap, twins left out: with it 1 is found and 3 more are likely (ADR 30).
     PROBABLE: f64 = 0.5, "1";
-    /// Part of the most likely width that the lower limit must exceed for a gap to be likely where the evidence speaks for one at all. Half A, 258
-    /// records without a gap, and 101 of another simulation: one more is likely, of 80 and 79 with a gap that are not told 6 and 16 (ADR 30).
+    /// Part of the most likely width that the lower limit must exceed for a gap to be likely where the evidence speaks for one at all. Half A, 243
+    /// records without a gap, and 103 of another simulation: one more is likely, of 146 and 67 gaps that are not told 5 and 16 (ADR 30).
     NEAR_LOW: f64 = 0.5, "1";
-    /// Factor by which the limits of a likely gap are moved out. The same: of 34 intervals it makes 32 hold in place of 27.
+    /// LR of no gap that makes a gap likely where OP swings evenly, and not with the loop's own cycle: driven loops reached 347. Half B of
+    /// `bench.ordinary`: without it the weights call 12 of 35 loops under a saw likely.
+    LIKELY_IF_EVEN_SWING: f64 = 500.0, "−2·ln L";
+    /// Factor by which the limits of a likely gap are moved out. The same: of 22 intervals it makes 21 hold in place of 18.
     LIKELY_OFF: f64 = 1.1, "1";
     /// LR of no gap that a gap must exceed where OP that swings evenly may be a gap's: loads without a gap have reached 300 (loads; ADR 0012).
     GAP_IF_EVEN_SWING: f64 = 1000.0, "−2·ln L";

@@ -174,11 +174,12 @@ impl Evidence {
 
     /// Whether the weighed evidence may make a gap likely that the rules do not find: the ratio exceeds what any gap needs, the valve moves in
     /// the model, OP goes through the width both ways, and PV is not stored as lines that bend as much. Where a load that swings would look
-    /// like the gap, its width is known.
+    /// like the gap, its width is known, and an even swing asks for more.
     fn may_be_likely(&self) -> bool {
         let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
-        let swings = self.swings() && self.width_kind() == WidthKind::Unsure;
-        self.lr_no_gap > GAP && self.low > 0.0 && shows && !swings
+        let sided = !self.swings() || self.width_kind() != WidthKind::Unsure;
+        let asked = if self.even_swing { LIKELY_IF_EVEN_SWING } else { GAP };
+        self.lr_no_gap > asked && self.low > 0.0 && shows && sided
     }
 
     /// Whether nothing stands between the record and the width: OP goes through it twice each way, samples and noise show it, no load that
@@ -540,7 +541,9 @@ mod tests {
     fn a_swing_is_a_gaps_where_it_is_the_loops_own() {
         let swings = Evidence { even_swing: true, oscillates: true, periodic_load: true, lr_no_gap: 10.0, ..plain() };
         assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "repeats"));
-        assert_eq!(judge(&swings).0.confidence, Confidence::CannotTell);
+        let plain_swings = Evidence { even_swing: true, oscillates: true, ..plain() };
+        let of = |lr_no_gap| said(&Evidence { lr_no_gap, ..plain_swings.clone() }).0;
+        assert_eq!((of(LIKELY_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Likely));
         assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
         let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
         assert_eq!((judge(&own).0.confidence, judge(&own).0.oscillates), (Confidence::Likely, true));
@@ -549,7 +552,7 @@ mod tests {
         assert_eq!(beside(1.0 - GAP), Confidence::Likely);
         assert_eq!(beside(-GAP), Confidence::CannotTell);
         // Of a load that swings no width is shared by all families.
-        let unsure = Evidence { even_swing: true, low: 0.1, ..plain() };
+        let unsure = Evidence { even_swing: true, lr_no_gap: 600.0, low: 0.1, ..plain() };
         assert_eq!(judge(&unsure).0.confidence, Confidence::CannotTell);
         assert_eq!(said(&Evidence { even_swing: false, ..unsure }), (Confidence::Likely, Some(WidthKind::Unsure)));
     }

@@ -84,6 +84,7 @@ def test_what_was_recorded_before_does_not_touch_the_answer(file, tmp_path):
     )
     assert glapp.fit(whole).high == pytest.approx(glapp.fit(alone).high, rel=1e-6)
     assert glapp.analyze(whole, fit=False).total_half_periods == glapp.analyze(alone, fit=False).total_half_periods
+    assert glapp.identify(whole).samples == glapp.identify(alone).samples
     [before], [after] = until_repair([whole]), since_repair([whole])
     assert sum(len(b) for one in (before, after) for b in one.batches()) == sum(len(b) for b in whole.batches())
     assert before.loop.repaired is None, "it is cut once"

@@ -56,7 +56,6 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
     >>> import glapp
     >>> import numpy as np
     >>> from datetime import datetime
-    >>> from glapp.cut import since_repair
     >>> acting = {"setpoint": [(900 * i, i % 2) for i in range(8)], "noise": 0.1, "h": 2.0, "t_end": 7200}
     >>> days = [glapp.simulate.closed_loop(([0.8], [20, 1], 5), (0.5, 20), d=d, seed=1, **acting) for d in (2.0, 0.0)]
     >>> t = np.datetime64("2026-03-01T10:00") + np.arange(2 * len(days[0].t)) * np.timedelta64(2, "s")

@@ -418,7 +418,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         settles: median(|e| e.settles),
         agree: [agree, curves.len()],
         dispersion,
-        shows: Some(curves.iter().filter(|c| c.fitted.answer.judgement.tells()).count()),
+        shows: Some(curves.iter().filter(|c| c.fitted.answer.evidence.shows_alone()).count()),
     };
     Together::judged(evidence)
 }

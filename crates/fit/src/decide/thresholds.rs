@@ -199,6 +199,9 @@ thresholds! {
     /// Windows of a history that must show a gap by themselves, part of all: what no window shows may be what the model lacks in all
     /// of them. `bench.lengths --times`, numbers 0 to 2 (ADR 0020).
     WINDOWS_THAT_SHOW: f64 = 1.0 / 3.0, "1";
+    /// Part of the LR needed above which a window shows a gap by itself, where it is likely there. What was enough for a likely gap when
+    /// [`WINDOWS_THAT_SHOW`] was chosen.
+    WINDOW_SHOWS: f64 = 0.5, "1";
     /// Widths that a change in time must rest on, and its standard errors: with the widths' own errors known, 2 to 3 of 1000 steady
     /// widths are said to change; where only their scatter is, by Student's distribution as many (`decide::trend`).
     TREND_WIDTHS: usize = 5, "widths";

@@ -190,6 +190,12 @@ impl Evidence {
         often && clear && self.low > NEAR_LOW * self.d
     }
 
+    /// Whether a window shows a gap by itself: it is found or likely there, and not by a fraction of the ratio that is needed, of which what the
+    /// model lacks brings a little in every window.
+    pub(crate) fn shows_alone(&self) -> bool {
+        judge(self).0.tells() && (self.cycles() || self.lr_no_gap > WINDOW_SHOWS * self.needed())
+    }
+
     /// What can be told of the width of a gap.
     fn width_kind(&self) -> WidthKind {
         let coarse = (self.coarse || self.at_once) && !self.all_agree();
@@ -579,6 +585,9 @@ mod tests {
         let quiet = Evidence { agree: [3, 4], shows: Some(1), ..plain() };
         assert_eq!((judge(&quiet).0.confidence, judge(&quiet).1), (Confidence::Likely, "windows_silent"));
         assert_eq!(judge(&Evidence { shows: Some(2), ..quiet }).0.confidence, Confidence::Found);
+        let of = |part: f64| Evidence { lr_no_gap: part * 100.0, lr_needed: 100.0, ..plain() };
+        assert_eq!([of(0.4), of(0.6)].map(|e| said(&e).0), [Confidence::Likely; 2]);
+        assert_eq!([of(0.4), of(0.6)].map(|e| e.shows_alone()), [false, true]);
     }
 
     #[test]

@@ -176,7 +176,7 @@ def _require_unique(labels: Sequence[Label], path: Path) -> None:
 
 
 def judged(label: Label, result: Result) -> Scored:
-    """Hold one answer against its label.
+    """Compare one answer with what was found in the valve.
 
     A fault is answered *right* where a dead band is found or likely, its cause is no other, and its interval holds the
     measured width. *Sound* is right of it below a bound that is wider than the measured width, and else wrong. A valve

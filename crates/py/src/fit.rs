@@ -144,7 +144,7 @@ fn joined<'py>(
     Ok(out)
 }
 
-/// The joint answer of PV, with its evidence.
+/// The joint answer of all windows from OP and PV as a dict, with its evidence.
 fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDict>> {
     let out = joined(py, (whole.verdict, whole.d, whole.low, whole.high), whole.trend)?;
     for (name, value) in

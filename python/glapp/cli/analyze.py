@@ -202,7 +202,7 @@ def _columns(results: Sequence[Result]) -> list[Column]:
 
 
 def _name(result: Result) -> str:
-    """The loop, and how many recordings it has."""
+    """Name of the loop; with several recordings their number behind it."""
     several = [] if result.fit is None else result.fit.recordings
     return f"{result.name} ({len(several)} recordings)" if several else result.name
 

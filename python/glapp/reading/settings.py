@@ -217,7 +217,7 @@ def _completed(defaults: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_settings(loops: Iterable[Loop]) -> str:
-    """Text of a loops.toml with everything that differs from a `Loop` of which nothing is known.
+    """Text of a loops.toml: for each loop all keys that differ from their defaults.
 
     Examples
     --------

@@ -227,7 +227,7 @@ def test_more_hours_are_refused_where_they_tell_nothing_new():
 def test_a_few_simulations_that_all_decide_are_no_certainty():
     judged = [(1.0, "gap")] * 8 + [(0.0, "no_gap")] * 7 + [(0.0, None)]
     few = glapp.plan._planned("setpoint", 50.0, (0.0, 1.0), 60.0, judged, None, few=True)
-    assert (few.with_gap, few.without, few.power) == (0.9, 0.8, 0.8)
+    assert (few.with_gap, few.without, few.power) == (0.9, 0.875, 0.875)
     all_of_them = glapp.plan._planned("by_hand", 50.0, (0.0, 1.0), 60.0, judged, None)
     assert (all_of_them.with_gap, all_of_them.without) == (1.0, 0.875)
 

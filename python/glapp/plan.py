@@ -683,12 +683,12 @@ def _planned(
     op: Limits | None = None,
     few: bool = False,
 ) -> Planned:
-    """A test as its simulations were judged; with `few` of them k of n count as (k + 1)/(n + 2)."""
+    """A test as its simulations were judged; with `few` of them k of n that show the gap count as (k + 1)/(n + 2)."""
     with_gap = [found == "gap" for d, found in judged if d > 0]
     without = [found == "no_gap" for d, found in judged if d == 0]
     false = [found == ("no_gap" if d > 0 else "gap") for d, found in judged]
     moves = tuple(begins + level for level in levels)
-    shown, excluded = ((sum(of) + few) / (len(of) + 2 * few) for of in (with_gap, without))
+    shown, excluded = (sum(with_gap) + few) / (len(with_gap) + 2 * few), sum(without) / len(without)
     return Planned(
         kind,
         moves=moves,

@@ -311,7 +311,7 @@ impl View<'_> {
         let (Search { record, structure, .. }, point) = (best.search, &best.point);
         let (judgement, reason) = judge(&evidence);
         let verdict = judgement.verdict(evidence.low);
-        let (low, high) = evidence.limits(verdict, limits.told_high(record));
+        let (low, high) = evidence.limits(&judgement, limits.told_high(record));
         let of_process = process.limits(&best, profiles, sticking, judgement.confidence == Confidence::Found);
         let least = profiles[0].penalised();
         let candidate = |p: &Profile| Candidate {

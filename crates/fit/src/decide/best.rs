@@ -159,7 +159,7 @@ impl WidthLimits {
     }
 
     /// The upper limit with the turns of OP that no sample shows.
-    pub(crate) fn told_high(&self, record: &Cells) -> Option<f64> {
+    pub(crate) fn upper_limit(&self, record: &Cells) -> Option<f64> {
         self.high.map(|high| high + MISSED_TURNS * record.resolution())
     }
 }

@@ -292,7 +292,7 @@ impl View<'_> {
             unsampled_below,
             lined_below: LINED_BELOW * bow / kp,
             passes: best.traversals,
-            passes_high: limits.told_high(record).map_or([0; 2], passes_high),
+            passes_high: limits.upper_limit(record).map_or([0; 2], passes_high),
             oscillates: record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING),
             cycle: self.cycle(),
             plateau: plateau(record, d, point.kp, late),
@@ -311,7 +311,7 @@ impl View<'_> {
         let (Search { record, structure, .. }, point) = (best.search, &best.point);
         let (judgement, reason) = judge(&evidence);
         let verdict = judgement.verdict(evidence.low);
-        let (low, high) = evidence.limits(&judgement, limits.told_high(record));
+        let (low, high) = evidence.limits(&judgement, limits.upper_limit(record));
         let of_process = process.limits(&best, profiles, sticking, judgement.confidence == Confidence::Found);
         let least = profiles[0].penalised();
         let candidate = |p: &Profile| Candidate {

@@ -3,3 +3,5 @@
 pub(crate) mod changes;
 pub(crate) mod cycle;
 pub(crate) mod hypothesis;
+mod marks;
+mod plausible;

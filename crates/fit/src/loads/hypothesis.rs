@@ -2,9 +2,8 @@
 
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
-use crate::loads::changes::{
-    Load, Marked, all_large, choose_family, detect_changes, few, marked_anew, plausible, with_large_steps,
-};
+use crate::loads::changes::{Load, Marked, choose_family, detect_changes, marked_anew, with_large_steps};
+use crate::loads::plausible::{all_large, few, plausible};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};

@@ -182,6 +182,13 @@ impl Search<'_> {
         self.price(point.kp, noise)
     }
 
+    /// What this record costs at a point of another, with the price of its changes [−2·ln L].
+    pub(crate) fn cost_at(&self, point: &Point, positions: &Positions) -> f64 {
+        self.innovations(&[point.theta; LANES], 1, positions, Wanted::Least, |found| {
+            self.cost(found.sum[0]) + self.price(point.kp, || self.noise(found))
+        })
+    }
+
     /// Variance of the white noise on PV in the first lane.
     pub(super) fn noise(&self, found: &Innovations) -> f64 {
         let scale = found.scale[0];

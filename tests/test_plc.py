@@ -295,8 +295,8 @@ def test_pages_without_arrays_and_functions_give_the_same_numbers(packages, tmp_
     names = [name for text in pieces.values() for name in re.findall(r"(?m)^(\w+) : ", text)]
     assert max(map(len, names)) <= 32
     folder = write({name: text.replace("REAL", "LREAL") for name, text in units.items()}, tmp_path / "unpacked")
-    told = check("test", "twins", "--exact", *tests, GLAPP_PLC=str(folder))
-    assert f"{len(tests)} passed" in told
+    printed = check("test", "twins", "--exact", *tests, GLAPP_PLC=str(folder))
+    assert f"{len(tests)} passed" in printed
 
 
 @pytest.mark.slow

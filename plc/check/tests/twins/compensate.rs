@@ -432,14 +432,14 @@ fn at_the_bounds<R: Number>() {
     }
 }
 
-/// A loop without any error before it is compensated, and with one after: that is worse.
+/// A loop at rest before it is compensated, without any error, whose controller turns in every scan after: that is worse.
 fn still<R: Number>() {
     let settings = Settings { size: 1.0, watch: Some(150.0), rate: Some(9.0), ..Settings::default() };
     let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
     let mut withdrawn = 0;
-    for i in 0..160 {
-        let e = if i < 60 { 0.0 } else { 0.5 };
-        let pins = Pins { h: 1.0, e, u: f64::from(i % 2), compensate: i >= 40, ..Pins::new(settings.clone()) };
+    for i in 0..60 {
+        let u = if i < 16 { 0.0 } else { f64::from(i % 2) };
+        let pins = Pins { h: 1.0, u, compensate: i >= 16, ..Pins::new(settings.clone()) };
         let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
         assert!(same(&expected, &got), "scan {i}:\n{got:?} instead of\n{expected:?}");
         withdrawn += usize::from(block.get("Standing") == 11.0);

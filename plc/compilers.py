@@ -28,6 +28,7 @@ NEEDED = ("autoreconf", "bison", "flex", "make", "node", "npm", "gcc", "g++")
 BESIDE = (
     "advanced",
     "bounds",
+    "codes",
     "compensate",
     "control",
     "demo",
@@ -35,6 +36,7 @@ BESIDE = (
     "disturbed",
     "open_pins",
     "random",
+    "self_check",
     "stiction",
     "vectors",
 )

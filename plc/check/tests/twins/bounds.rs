@@ -20,6 +20,9 @@ fn at_the_bounds<R: Number>() {
             assert!(!of(sign * 1.000_001 * most, 1.0, pin), "{pin}");
         }
     }
+    for (a, open) in [(1e38, true), (9.1e37, true), (9e37, false), (1.01e38, false), (-1e38, false)] {
+        assert_eq!(of(a, 1.0, "Open"), open, "{a}");
+    }
     for (a, b, fits) in [
         (1e37, 1.0, true),
         (1e37, 0.5, true),

@@ -1,6 +1,6 @@
 //! Names for the numbers that blocks show: the core's.
 
-use crate::common::home;
+use crate::common::{Block, Number, home};
 use glapp_core::auto_tuner::{Phase, Rule, Stop};
 use glapp_core::modules::{Mode, Unfit};
 use glapp_core::{Doubt, Push, Reason, Source, Standing, Way};
@@ -27,6 +27,16 @@ fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u16) {
     let known = known.into_iter().filter(|(name, _)| name != "None").map(|(name, number)| (here(name), number));
     let known: Vec<(String, u16)> = known.collect();
     assert_eq!(told(file), known, "{file}");
+    shown::<f64>(file, &known);
+    shown::<f32>(file, &known);
+}
+
+/// A variable of the structure begins with these numbers.
+fn shown<R: Number>(file: &str, known: &[(String, u16)]) {
+    let block = Block::new::<R>("GlappTryFunctions");
+    for (name, number) in known {
+        assert_eq!(block.get(&format!("{file}Shown.{name}")), f64::from(*number), "{file}.{name}");
+    }
 }
 
 #[test]

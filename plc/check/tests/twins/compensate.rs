@@ -1,6 +1,6 @@
 //! Compensation and what it calls: every vector and random sequences beside the core, the same bits in LREAL and REAL.
 
-use crate::common::compensate::{BLOCKS, Pins, REMEMBERED, Reference, Swings, core, library, scan};
+use crate::common::compensate::{BLOCKS, Pins, REMEMBERED, Reference, Settings, Swings, core, library, scan};
 use crate::common::cover::{Cost, Cover, sequences};
 use crate::common::{Block, Case, Draw, Number, cases, compare, same};
 use glapp_core::status::{AT_HIGH, AT_LOW};
@@ -205,6 +205,8 @@ fn random<R: Number>() {
         }
     }
     inside::<R>(&mut cover);
+    at_the_bounds::<R>();
+    still::<R>();
     cover.holds(&[
         "GlappOverCompensation",
         "GlappWrongSign",
@@ -402,6 +404,47 @@ fn coarse<R: Number>(cover: &mut Cover) {
         }
         cover.collect(&block);
     }
+}
+
+/// Settings at their bounds and beyond.
+fn at_the_bounds<R: Number>() {
+    let usual = || Settings { size: 1.0, ..Settings::default() };
+    for settings in [
+        Settings { ti: 1e9, ..usual() },
+        Settings { ti: 1.5e9, ..usual() },
+        Settings { watch: Some(1e5), ..usual() },
+        Settings { watch: Some(1.1e5), ..usual() },
+        Settings { rate: Some(1e37), ..usual() },
+        Settings { rate: Some(1.5e37), ..usual() },
+        Settings { travel: Some(1e37), ..usual() },
+        Settings { travel: Some(1.5e37), ..usual() },
+        Settings { reversals: Some(1e37), ..usual() },
+        Settings { reversals: Some(1.5e37), ..usual() },
+        Settings { reversals: Some(2.0), ..usual() },
+        Settings { share: 1.1, ..usual() },
+    ] {
+        let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
+        for i in 0..4 {
+            let pins = Pins { h: 0.5, e: 0.1, u: f64::from(i % 2), ..Pins::new(settings.clone()) };
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(same(&expected, &got), "{settings:?}, scan {i}:\n{got:?} instead of\n{expected:?}");
+        }
+    }
+}
+
+/// A loop at rest before it is compensated, without any error, whose controller turns in every scan after: that is worse.
+fn still<R: Number>() {
+    let settings = Settings { size: 1.0, watch: Some(150.0), rate: Some(9.0), ..Settings::default() };
+    let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
+    let mut withdrawn = 0;
+    for i in 0..60 {
+        let u = if i < 16 { 0.0 } else { f64::from(i % 2) };
+        let pins = Pins { h: 1.0, u, compensate: i >= 16, ..Pins::new(settings.clone()) };
+        let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+        assert!(same(&expected, &got), "scan {i}:\n{got:?} instead of\n{expected:?}");
+        withdrawn += usize::from(block.get("Standing") == 11.0);
+    }
+    assert!(withdrawn > 0);
 }
 
 /// What only a block that has it inside asks for: settings already checked, going on from a u_FF that is there, none at all.

@@ -24,6 +24,51 @@ const OTHERS: [(&str, &str); 9] = [
     ("GlappMedianMean", "n"),
 ];
 
+/// What stands for a number that is not given, or not known.
+const NOTHING: [(&str, &[&str], f64); 18] = [
+    ("GlappDetector", &["Settings.Tf", "Inner.Used.Td", "NoiseFloor"], -1.0),
+    ("GlappDetector", &["Record.PreviousDeltaY", "Record.NoiseFloor", "Record.Sigma"], -1.0),
+    ("GlappDetector", &["Op", "Inner.Raw", "Record.DHatBefore"], 1e38),
+    ("GlappBacklashDetection", &["Settings.Compensation.MaxWidth", "Settings.Compensation.Band"], -1.0),
+    (
+        "GlappBacklashDetection",
+        &["Settings.Compensation.RampTime", "Inner.Used.Tolerance", "Detected.NoiseFloor"],
+        -1.0,
+    ),
+    ("GlappBacklashDetection", &["Output", "Inner.Raw", "Inner.Beside", "Inner.UFfThere", "Detected.UFb"], 1e38),
+    ("GlappForeignDetection", &["Settings.Tolerance", "Settings.LongestDelay"], -1.0),
+    ("GlappForeignDetection", &["Op", "UFfBack"], 1e38),
+    ("GlappCompensation", &["DHat", "Offered"], 1e38),
+    ("GlappStiction", &["Settings.MaxSize", "Settings.Band"], -1.0),
+    ("GlappPid", &["Settings.Low", "Back.Low"], -1e38),
+    ("GlappPid", &["Settings.High", "Back.High", "OwnSp", "ManualOutput"], 1e38),
+    ("GlappPidAdvanced", &["Settings.DetectorTf"], -1.0),
+    ("GlappAutoTuner", &["Settings.RelayHysteresis", "Inner.Used.RelayHysteresis", "Experimented.Kappa"], -1.0),
+    ("GlappPidLaw", &["Low"], -1e38),
+    ("GlappPidLaw", &["High", "U"], 1e38),
+    ("GlappSafetyNet", &["DHat"], 1e38),
+    ("GlappBacklash", &["Start"], 1e38),
+];
+const UNKNOWN: [(&str, &str, f64); 9] = [
+    ("GlappWidth", "Td", -1.0),
+    ("GlappSafetyNet", "Previous", -1.0),
+    ("GlappNoiseLevel", "Sigma", -1.0),
+    ("GlappSwing", "Travel", -1.0),
+    ("GlappExperiment", "Kappa", -1.0),
+    ("GlappCorrected", "Doubt", 1.0),
+    ("GlappCorrection", "Doubt", 9.0),
+    ("GlappStiction", "Settings.Push", 1.0),
+    ("GlappStiction", "Settings.Withdraw", 1.0),
+];
+
+/// Pins and members that begin with a number that they cannot have.
+fn nothing<R: Number>() {
+    let many = NOTHING.iter().flat_map(|(name, pins, x)| pins.iter().map(move |pin| (*name, *pin, *x)));
+    for (name, pin, x) in many.chain(UNKNOWN) {
+        assert_eq!(Block::new::<R>(name).get(pin), R::of(x).as_f64(), "{name}.{pin}");
+    }
+}
+
 fn open<R: Number>() {
     let on = |x: bool| f64::from(u8::from(x));
     let usual = CompensationSettings::new(Way::Inverse, 1.0, 1.0, 0.0, 1.0);
@@ -94,10 +139,12 @@ fn checked_before<R: Number>() {
 fn lreal() {
     checked_before::<f64>();
     open::<f64>();
+    nothing::<f64>();
 }
 
 #[test]
 fn real() {
     checked_before::<f32>();
     open::<f32>();
+    nothing::<f32>();
 }

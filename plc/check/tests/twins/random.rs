@@ -167,6 +167,7 @@ fn all<R: Number>() {
     told_before_it_begins_anew::<R>();
     smaller_and_smaller::<R>(&mut taken);
     at_their_bounds::<R>();
+    two_wrong::<R>();
     another_version::<R>(&mut taken);
     // A changed library is told by its outputs alone.
     if std::env::var_os("GLAPP_PLC").is_some() {
@@ -322,6 +323,28 @@ fn at_their_bounds<R: Number>() {
         half.all(&["Half.DeltaT", "Half.DeltaY", "Half.EMax", "Half.DeltaSp", "Half.SpChange", "Half.Gap"])
     });
     assert_eq!(shown, [[1.0, 3.0, 4.0, 2.0, 0.0, 1.0]; 2]);
+}
+
+/// Of two settings out of bounds the first is named, in the order of the core.
+fn two_wrong<R: Number>() {
+    let wrong: [fn(&mut Pins); 6] = [
+        |pins| pins.td = Some(-2.0),
+        |pins| pins.kp = Some(f64::NAN),
+        |pins| pins.k = 0.0,
+        |pins| pins.ti = -1.0,
+        |pins| pins.b = 2.0,
+        |pins| pins.n = 4,
+    ];
+    for (first, one) in wrong.iter().enumerate() {
+        for other in &wrong[first + 1..] {
+            let mut pins = Pins { max_h: Some(1.0), ..Pins::default() };
+            one(&mut pins);
+            other(&mut pins);
+            let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+            beside(&mut reference, &block, &pins, "two settings");
+            assert!(block.on("Error"));
+        }
+    }
 }
 
 /// Both beside each other in a scan.

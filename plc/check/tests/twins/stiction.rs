@@ -337,8 +337,57 @@ fn random<R: Number>() {
         assert!(standings[standing as usize] > 0, "{standing:?}");
     }
     cost.tell::<R>("GlappStiction");
+    at_the_bounds::<R>();
     another_version::<R>(&mut cover);
     cover.holds(&["GlappStiction"]);
+}
+
+/// Settings at their bounds and beyond; limits that do not lie about 0.
+fn at_the_bounds<R: Number>() {
+    let mut usual = drawn(&mut Draw::new(1));
+    usual.options = OPTIONS.map(|pin| (pin, None));
+    usual = Pins { limits: Some((10.0, 14.0)), ti: 100.0, push: 1, size: 1.0, far: 0.0, e: 0.1, ..usual };
+    let (mut refused, mut taken) = (0, 0);
+    for (pin, value) in [
+        ("Size", 4.0),
+        ("Size", 4.5),
+        ("MaxSize", 4.0),
+        ("MaxSize", 4.5),
+        ("Hold", 1000.0),
+        ("Hold", 1001.0),
+        ("PushPeriod", 1e5),
+        ("PushPeriod", 1.1e5),
+        ("PushPeriod", 20.0),
+        ("PushPeriod", 19.0),
+        ("Band", 4.0),
+        ("Band", 4.5),
+        ("Release", 300.0),
+        ("Release", 301.0),
+        ("Watch", 1e7),
+        ("Watch", 1.1e7),
+        ("Ti", 1e9),
+        ("Ti", 1.1e9),
+    ] {
+        let mut pins = usual.clone();
+        match pin {
+            "Size" => pins.size = value,
+            "Ti" => pins.ti = value,
+            _ => pins.options = pins.options.map(|(one, x)| (one, if one == pin { Some(value) } else { x })),
+        }
+        if pin == "Hold" {
+            pins.options[2].1 = Some(2002.0);
+        }
+        let (block, mut reference) = (Block::new::<R>("GlappStiction"), Reference::<R>::default());
+        for i in 0..40 {
+            pins = Pins { compensate: i > 3, h: 10.0, u: 12.0 + 0.05 * f64::from(i % 20), ..pins };
+            pins.set(&block);
+            block.call();
+            let (expected, got) = (reference.scan(&pins), shown(&block));
+            assert!(same(&expected, &got), "{pin} {value}, scan {i}:\n{got:?} instead of\n{expected:?}");
+        }
+        if block.on("Error") { refused += 1 } else { taken += 1 }
+    }
+    assert!(refused >= 8 && taken >= 8, "{refused} {taken}");
 }
 
 /// A program with another version of the retained variables is loaded: they are dropped, and that is told. Numbers so large that what is

@@ -16,6 +16,7 @@ from statistics import NormalDist
 from typing import Any, Literal, get_args
 
 from .errors import InputError
+from .reading.files import check_file
 from .result import Answer, Result, span_of
 
 __all__ = ["Count", "Found", "Label", "Outcome", "Scored", "counted", "judged", "read_labels", "share"]
@@ -103,6 +104,7 @@ def read_labels(path: Path) -> list[Label]:
     >>> label.found, label.width, label.row
     ('gap', 2.5, 2)
     """
+    check_file(path, str(path))
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -78,6 +78,12 @@ async def _serve(
     app = app_of(made, hosts, secure=given["certificate"] is not None, first_login=known)
     opened = ApiServer(app, **given)
     out.print(f"The window is at {opened.url}.", soft_wrap=True)
+    if not (data / "glapp.db").exists():
+        out.print(
+            f"No service has written to {data} yet, so there is nothing to show. glapp station --demo has six "
+            f"simulated loops; glapp watch LOOPS.toml --data {data} watches your own.",
+            soft_wrap=True,
+        )
     if known is not None:
         out.print("It is a demonstration: name and password are filled in.", soft_wrap=True)
     say_first_login(data)

@@ -13,7 +13,7 @@ from ..step_test import StepTest
 
 __all__ = ["PART", "VALVE", "detections", "effect", "lab", "live", "nothing", "phase", "shades", "step_test"]
 
-VALVE = "valve, as the model has it"
+VALVE = "valve (model)"
 """OP after a gap of the width that was found."""
 
 DRAWN = 2000
@@ -131,6 +131,16 @@ def _reach(span: tuple[float, float] | None) -> dict[str, Any]:
     }
 
 
+def _longest(times: Sequence[float]) -> float:
+    """Samples further apart than that are not joined by a line [s].
+
+    >>> _longest([]), _longest([0.0, 10.0, 20.0, 300.0])
+    (15.0, 50.0)
+    """
+    steps = sorted(b - a for a, b in pairwise(times))
+    return max(15.0, 5.0 * steps[len(steps) // 2]) if steps else 15.0
+
+
 def nothing(options: dict[str, Any], why: str, *, dark: bool) -> dict[str, Any]:
     """A picture in which there is nothing to see, and why."""
     style = {"text": why, "fill": _tone(dark)["muted"], "fontSize": 14, "width": 520, "overflow": "break"}
@@ -165,8 +175,7 @@ def live(
         Spans of PV and OP where the axes go by them; where not they go by the signals, and noise may fill the picture.
     """
     tone = _tone(dark)
-    steps = sorted(b - a for a, b in pairwise(values["time"]))
-    longest = max(15.0, 5.0 * steps[len(steps) // 2]) if steps else 15.0
+    longest = _longest(values["time"])
 
     def line(name: str, axis: int, color: str, x_of: Sequence[Any] | None = None, **more: Any) -> dict[str, Any]:
         data: list[list[Any]] = []
@@ -422,6 +431,7 @@ def phase(
     *,
     dark: bool,
     flanks: tuple[float, float] | None = None,
+    times: Sequence[float] = (),
 ) -> dict[str, Any]:
     """PV over OP, and the two flanks of a gap: the lines along which PV follows OP up and down, its width apart.
 
@@ -437,6 +447,8 @@ def phase(
         On a dark page.
     flanks : (float, float), optional
         Width of the gap [OP unit] and PV's move per move of the valve; without them no flank is drawn.
+    times : sequence of float, optional
+        When each sample was [s since 1970 UTC]; no line is drawn where none came for a while.
 
     Examples
     --------
@@ -446,11 +458,17 @@ def phase(
     """
     tone = _tone(dark)
     data = [[x, y] for x, y in zip(op, pv, strict=True) if x is not None and y is not None]
+    longest = _longest(times)
+    broken: list[list[Any]] = []
+    for i, pair in enumerate(zip(op, pv, strict=True)):
+        if i and i < len(times) and times[i] - times[i - 1] > longest:
+            broken.append([None, None])
+        broken.append(list(pair))
     series: list[dict[str, Any]] = [
         {
             "name": "recorded",
             "type": "line",
-            "data": data,
+            "data": broken,
             "showSymbol": False,
             "lineStyle": {"color": tone["pv"], "width": 1},
             "itemStyle": {"color": tone["pv"]},

@@ -119,7 +119,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
                 ui.link(name, path).props('aria-current="page"' if path == here else "")
         with ui.element("div").classes("right"):
             state = ui.label().props('role="status"')
-            ui.label(f"{session.user}, {session.role}")
+            ui.label(session.user if session.user == session.role else f"{session.user}, {session.role}")
             other = "Light" if session.dark else "Dark"
             quiet(other, flat=True).on("click", js_handler="() => glapp.post('/theme', location.href)")
             quiet("Log out", flat=True).on("click", js_handler="() => glapp.post('/logout', '/login')")
@@ -220,21 +220,21 @@ def _overview_columns() -> list[dict[str, Any]]:
         return {"field": name, "headerName": title, "width": width, "tooltipField": name, **more}
 
     return [
-        column("rank", "#", 56, sort="asc", filter=False),
-        column("loop", "Loop", 100, pinned="left", **{":cellRenderer": _NAME}),
-        column("soon", "How soon", 124, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
+        column("rank", "#", 50, sort="asc", filter=False),
+        column("loop", "Loop", 96, pinned="left", **{":cellRenderer": _NAME}),
+        column("soon", "How soon", 128, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
         column(
             "width",
             "Gap (95 %)",
-            200,
+            178,
             **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
         ),
         column("verdict", "Verdict", 124, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
-        column("todo", "What to do", 260, flex=1, minWidth=250),
+        column("todo", "What to do", 260, flex=1, minWidth=244),
         column("trend", "Trend", 134, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 124, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
-        column("seen", "Seen", 74),
-        column("compensation", "Comp.", 96, headerTooltip="Compensation"),
+        column("seen", "PV age", 78, headerTooltip="How old the newest PV is"),
+        column("compensation", "Compensation", 124),
         column(
             "card", "Answer", 200, flex=1, hide=True, sortable=False, filter=False, **{":cellRenderer": "glapp.card"}
         ),
@@ -310,7 +310,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
             "when": moment(row["time"]),
             "at": row["time"],
             "loop": row["loop"] or "",
-            "kind": row["kind"],
+            "kind": row["kind"].replace("_", " "),
             "who": "",
             "text": row["text"],
         }
@@ -322,7 +322,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
                 "when": moment(row["time"]),
                 "at": row["time"],
                 "loop": row["loop"] or "",
-                "kind": row["command"],
+                "kind": row["command"].replace("_", " "),
                 "who": f"{row['person']} ({row['role']})" if row["role"] else row["person"],
                 "text": command_text(row),
             }

@@ -162,7 +162,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("do record_longer", "Record for longer, then analyse again."),
     ("do probably_too_wide", "Probably too wide: record for longer, or confirm with a step test in manual."),
     ("do step_test", "A step test in manual tells of the valve; this recording does not."),
-    ("do tested", "The step test in this recording gives {d:op} ({low:number} to {high:number}); see glapp step-test."),
+    ("do tested", "Use the step test in this recording: it gives {d:op} ({low:number} to {high:number})."),
     // What to do, in a word or two.
     ("short correct", "correct"),
     ("short inspect", "inspect"),
@@ -244,7 +244,8 @@ const SENTENCES: &[(&str, &str)] = &[
     ("run calm", "Nothing is urgent."),
     ("days", "Data of {first} to {last}."),
     ("days one", "Data of {first}."),
-    ("basis", "evidence {evidence}"),
+    ("basis", "{evidence} evidence"),
+    ("basis none", "no evidence of a gap"),
     ("basis simple", "simple method alone"),
 ];
 
@@ -252,6 +253,7 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     match code {
         "days" if n.value("first") == n.value("last") => vec!["one".into()],
         "basis" if !n.has("evidence") => vec!["simple".into()],
+        "basis" if n.word("evidence") == "none" => vec!["none".into()],
         _ => Vec::new(),
     }
 }

@@ -34,7 +34,7 @@ window.glapp = {
   card({ data }) {
     const card = document.createElement("div");
     for (const [text, style] of [
-      [`${data.width} ${data.verdict}`, "card-answer"],
+      [[data.verdict, data.width].filter(Boolean).join(", "), "card-answer"],
       [data.soon, `soon-${data.urgency}`],
       [data.todo, "muted"],
     ]) {

@@ -71,11 +71,17 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     return {
         "animation": False,
         "backgroundColor": "transparent",
-        "textStyle": {"color": tone["ink"], "fontFamily": "system-ui, sans-serif"},
+        "textStyle": {"color": tone["ink"], "fontFamily": "Roboto, system-ui, sans-serif"},
         "tooltip": {"trigger": "axis", "confine": True, "order": "seriesAsc"},
         "legend": {"textStyle": {"color": tone["ink"]}, "top": 0, "itemHeight": 10, "itemWidth": 16},
         "aria": {"enabled": True},
     }
+
+
+def _of_lines(tone: Mapping[str, str]) -> dict[str, Any]:
+    """The same where all that is drawn are lines, and the legend shows lines."""
+    base = _base(tone)
+    return {**base, "legend": {**base["legend"], "icon": "rect", "itemHeight": 3}}
 
 
 def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> list[list[dict[str, Any]]]:
@@ -203,7 +209,7 @@ def live(
     if valve is not None:
         series.append(line(VALVE, 1, tone["after"], valve, width=2.5))
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "axisPointer": {"link": [{"xAxisIndex": "all"}]},
         "grid": [
             {"left": 56, "right": 16, "top": 46, "height": "38%"},
@@ -409,7 +415,7 @@ def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
     below = _time(tone, gridIndex=1) if dated else _axis(tone, type="value", scale=True, gridIndex=1, name="t [s]")
     kind = "time" if dated else "value"
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "grid": [
             {"left": 56, "right": 24, "top": 34, "height": "42%"},
             {"left": 56, "right": 24, "bottom": 26, "height": "28%"},
@@ -494,7 +500,7 @@ def phase(
                 }
             )
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "tooltip": {"show": False},
         "grid": {"left": 56, "right": 16, "top": 44, "bottom": 44},
         "xAxis": _axis(tone, type="value", scale=True, name=f"OP [{op_unit}]", nameLocation="middle", nameGap=26),
@@ -544,7 +550,7 @@ def lab(points: Mapping[str, Sequence[Sequence[float]]], *, dark: bool) -> dict[
     tone = _tone(dark)
     colours = [tone["muted"], tone["pv"], tone["op"], tone["after"]]
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "grid": {"left": 56, "right": 16, "top": 40, "bottom": 40},
         "xAxis": _axis(tone, type="value", name="t [s]", nameLocation="middle", nameGap=26, scale=True, splitNumber=6),
         "yAxis": _axis(tone, type="value", scale=True),

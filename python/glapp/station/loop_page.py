@@ -452,7 +452,7 @@ class _Page:
             rows.append(("Recorded", f"{count(len(counted), 'recording')} of {days[0]} to {days[-1]}"))
         elif believed["file"]:
             rows.append(("Recorded", "from " + believed["file"].removeprefix(f"{self.name} of ") + " UTC"))
-        asked_by = "every night" if believed["asked_by"] == NIGHT else f"asked by {believed['asked_by']}"
+        asked_by = "nightly fit" if believed["asked_by"] == NIGHT else f"asked by {believed['asked_by']}"
         rows.append(("Judged", f"{moment(believed['time'])[:16]}, {asked_by}"))
         if (text := view.trend_text(self.name)) != "–":
             rows.append(("Trend", text))
@@ -596,7 +596,7 @@ class _Page:
             ).classes("small muted")
 
             def rows(names: tuple[str, ...]) -> None:
-                with ui.element("table").classes("plain"):
+                with ui.element("table").classes("plain parameters"):
                     with ui.element("thead"), ui.element("tr"):
                         for text in ("Parameter", "Value", "Unit", "Allowed", "Default"):
                             with ui.element("th"):
@@ -620,9 +620,10 @@ class _Page:
                         )
                         if not may:
                             fields[name].props("readonly")
-                    for text in ("–" if bound.unit == "1" else bound.unit, allowed(bound), about.default):
-                        with ui.element("td"):
-                            ui.label(text)
+                    unit = "–" if bound.unit == "1" else bound.unit
+                    for head, text in (("Unit", unit), ("Allowed", allowed(bound)), ("Default", about.default)):
+                        with ui.element("td").props(f'data-label="{head}"'):
+                            ui.label(text).style("display: inline")
 
             rows(FIRST)
             for title, names in GROUPS.items():

@@ -151,8 +151,8 @@ class ProofCards:
         fields: dict[str, tuple[ui.number, ui.number]] = {}
         with self.dialogs, dialog_of(f"{self.loop}: plan a test") as dialog:
             ui.label(
-                "How far OP and PV may go. A planned test stays within these limits in every simulation. Stop it where PV "
-                "reaches one all the same."
+                "How far OP and PV may go. A planned test stays within these limits in every simulation. Stop it where "
+                "PV reaches one all the same."
             ).classes("small muted")
             for name, text, unit, column in (
                 ("op_within", "OP", self.op_unit, "OP"),

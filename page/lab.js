@@ -169,13 +169,13 @@ const Laboratory = (() => {
     const rate = pictures.length;
     $("laboratory").dataset.pictures = String(rate);
     $("laboratory").dataset.t = String(t.at(-1) ?? 0);
-    $("lab-state").textContent = `t = ${duration(Math.round(t.at(-1) ?? 0))} at ${number(speed())} ×`;
+    $("lab-state").textContent = `t = ${Math.round(t.at(-1) ?? 0)} s at ${number(speed())} ×`;
     const now = values();
     const rows = [["Estimate", quantity(now["watch.d_hat"], "%OP")], ["Detections", number(now["watch.detections"])],
       ["Half-periods", String(halves.length)], ["u_FF", quantity(now["watch.u_ff"], "%OP")],
       ["Compensation", data.laboratory.standings[now["watch.standing"]] ?? DASH]];
     $("lab-facts").replaceChildren(...facts(rows).children);
-    $("lab-halves").replaceChildren(...halves.slice(-6).reverse().map((half) => h("tr", {}, h("td", { "data-label": "Ended" }, duration(Math.round(half.to))),
+    $("lab-halves").replaceChildren(...halves.slice(-6).reverse().map((half) => h("tr", {}, h("td", { "data-label": "Ended" }, `${Math.round(half.to)} s`),
       h("td", { "data-label": "Δt", class: "n" }, quantity(half.length, "s")), h("td", { "data-label": "Width", class: "n" }, half.reason === "accepted" ? quantity(half.d, "%OP") : DASH),
       h("td", { "data-label": "Verdict" }, h("span", { title: words.reasons[half.reason].meaning }, swatch(half.reason))))));
   }
@@ -244,8 +244,8 @@ const Laboratory = (() => {
     const told = (said) => {
       const { answer } = said.answer;
       const { headline, so } = said.told.parts;
-      const [verdict, gap] = [words.verdicts[answer.verdict], quantity(now["gap.d"], "%OP")];
-      return headline ? `${verdict} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
+      const gap = quantity(now["gap.d"], "%OP");
+      return headline ? `${verdict(answer)} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
     };
     const hears = {
       ready() {},

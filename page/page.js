@@ -263,7 +263,7 @@ function show(said, from) {
   const section = h("section", { class: provisional ? "loop provisional" : "loop", "aria-live": "polite" },
     provisional ? h("p", { class: "screen going-on" }, `${from}. The fit of OP and PV goes on, and settles the width.`) : null,
     h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, parts.headline),
-      h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
+      h("span", { class: `badge ${answer.valve}` }, verdict(answer))),
     h("div", { class: "verdict" }, h("p", { class: "lead" }, parts.so),
       h("p", { class: "action" }, h("b", {}, "What to do"), parts.do),
       provisional || !["likely", "cannot_tell"].includes(answer.confidence) ? null : h("p", { class: "note screen" },

@@ -238,7 +238,10 @@ def test_non_numbers() -> None:
     t, sp, pv, op = loop(n=1000)
     pv[100:105] = np.nan
     found = look(t, sp, pv, op)["not_a_number"]
-    assert found.severity == "info" and "PV is not a number in 5 of 1000 rows (0.5%), first row 102" in found.text
+    assert (
+        found.severity == "info"
+        and "PV is not a number in 5 of 1000 rows (0.5\N{NO-BREAK SPACE}%), first row 102" in found.text
+    )
     pv[:500] = np.inf
     assert look(t, sp, pv, op)["not_a_number"].severity == "warning"
     assert look(t, sp, pv * np.nan, op)["not_a_number"].severity == "refuse"

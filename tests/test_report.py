@@ -660,7 +660,7 @@ def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -
     told = replace(worn, fit=fit).texts()
     assert "likelihood" not in told["so"] + told["do"]
     assert told["why"][0] == "a gap: likelihood ratio 41, 40 needed.".capitalize()
-    assert words.basis(replace(worn, fit=fit)) == "evidence strong" and words.basis(worn) == "simple method alone"
+    assert words.basis(replace(worn, fit=fit)) == "strong evidence" and words.basis(worn) == "simple method alone"
     write_report([replace(worn, fit=fit)], file := tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
     assert text.index('<details class="why">') < text.index("likelihood ratio 41")

@@ -86,7 +86,7 @@ def client_of(app: FastAPI, folder: Path) -> ApiClient:
 @pytest.mark.slow
 def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
     rows = view.rows()
-    assert [(row.loop, row.soon) for row in rows] == [("FIC0", "First"), ("FIC2", "Signal"), ("FIC1", "Signal")]
+    assert [(row.loop, row.soon) for row in rows] == [("FIC0", "Now"), ("FIC2", "Signal"), ("FIC1", "Signal")]
     first = rows[0]
     assert first.width == "2.40 % (2.15 to 3.11)" and first.percent == 2.4 and first.verdict == "Backlash"
     assert first.todo == "Look at the valve." and first.health == "Maintenance required"

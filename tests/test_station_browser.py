@@ -31,7 +31,7 @@ def under_way(page: Any) -> None:
 def test_overview_loop_and_events(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     row = page.locator(".ag-row", has_text="Backlash").first
-    assert "2.40 % (2.15 to 3.11)" in row.inner_text() and "First" in row.inner_text()
+    assert "2.40 % (2.15 to 3.11)" in row.inner_text() and "Now" in row.inner_text()
     page.get_by_label("Search").fill("FIC0")
     page.wait_for_function("document.querySelectorAll('.ag-center-cols-container .ag-row').length === 1")
     with page.expect_download() as download:

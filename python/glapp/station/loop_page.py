@@ -400,7 +400,7 @@ class _Page:
         limits = f"95 % interval {rest.rstrip(')')} {self._unit()}" if rest else ""
         if answer is None and first:
             limits = "by zero crossings alone: a load that moves looks like a gap to them"
-        elif not rest and answer is not None and answer["verdict"] in ("sound", "at_least"):
+        elif not rest and answer is not None and (answer["low"], answer["high"]) != (None, None):
             limits = "with 95 % confidence"
         self.interval.set_text(limits)
         self.verdict.set_text(view.verdict(self.name))

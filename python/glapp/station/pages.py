@@ -222,7 +222,12 @@ def _overview_columns() -> list[dict[str, Any]]:
     return [
         column("rank", "#", 58, sort="asc", filter=False),
         column("loop", "Loop", 92, pinned="left", **{":cellRenderer": _NAME}),
-        column("soon", "How soon", 122, **{":cellClass": "p => 'soon-' + p.data.urgency", ":valueFormatter": "p => glapp.soon(p.data)"}),
+        column(
+            "soon",
+            "How soon",
+            122,
+            **{":cellClass": "p => 'soon-' + p.data.urgency", ":valueFormatter": "p => glapp.soon(p.data)"},
+        ),
         column(
             "width",
             "Gap (95 %)",

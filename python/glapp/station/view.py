@@ -20,7 +20,7 @@ from .._glapp import to_text
 from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
-from ..report.words import URGENCIES, VERDICTS, count, number
+from ..report.words import LIKELY, URGENCIES, VERDICTS, count, number
 from ..service.settable import with_settings
 from ..service.store import Reader
 
@@ -46,9 +46,6 @@ INTERVAL = 3.92
 
 UNJUDGED = "Not judged yet"
 """What is said of a loop before its first fit."""
-
-LIKELY = "Likely a gap"
-"""What is said where the fit calls a gap likely, and has not found it."""
 
 HEALTH = {
     "NORMAL": "Good",

@@ -121,6 +121,8 @@ const SENTENCES: &[(&str, &str)] = &[
     ("more_than_nominal", ", more than the usual {percent:number}\u{a0}% of span"),
     ("up_from", ", up from {from:number} in {lasted:duration}"),
     ("down_from", ", down from {from:number} in {lasted:duration}"),
+    // In place of the verdict, where the ladder calls a gap likely.
+    ("likely", "Likely a gap"),
     // The one width that a list shows, in OP units and in % of span.
     ("headline", "{width:op}"),
     ("headline at_least", "> {low:op}"),
@@ -606,7 +608,7 @@ fn headline(facts: &AnswerFacts, scale: f64, reader: &Reader) -> Result<String, 
     let code = match (facts.verdict.as_str(), facts.width, facts.low, facts.high) {
         (_, None, None, None) => return Ok(String::new()),
         (_, _, None, None) => "headline",
-        ("at_least", ..) => "headline at_least",
+        ("at_least", ..) | (_, Some(_), Some(_), None) => "headline at_least",
         ("sound", ..) => "headline sound",
         (_, None, ..) => "headline limits",
         _ => "headline interval",

@@ -102,8 +102,8 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
             return Plan(size, delta, tuple(lines), "Nothing is left of the width after the band.")
     rate = parameters["comp_rate"]
     lines.append(
-        f"The way is {_WAY.get(way, way)} (comp_way). u_FF moves by at most {quantity(rate, f'{unit}/s')}; no width beyond "
-        f"{quantity(parameters['comp_limit'], unit)} is compensated."
+        f"The way is {_WAY.get(way, way)} (comp_way). u_FF moves by at most {quantity(rate, f'{unit}/s')}; "
+        f"no width beyond {quantity(parameters['comp_limit'], unit)} is compensated."
     )
     release = parameters["comp_release"] if parameters["comp_release"] is not None else parameters["ti"]
     ends = "manual sets u_FF to 0 at once; a bad value, a limit or a lost connection takes it back to 0"

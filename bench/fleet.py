@@ -101,7 +101,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
     truth = {row["loop"]: row for row in pq.read_table(lake / "_truth" / "loops.parquet").to_pylist()}
     loops = [row for row in fleet.read(out).to_pylist() if row["loop"] in truth]  # others are planted problems
     scored = [row["loop"] for row in loops if row["score"] is not None]
-    told = [row for row in loops if row["acceptable"] == "beyond" and row["evidence"] is not None]
+    called = [row for row in loops if row["acceptable"] == "beyond" and row["evidence"] is not None]
     bad = [name for name, row in truth.items() if row["dead_band"] >= BAD]
     shown = [name for name in bad if truth[name]["record"] == "good"]
     hold = [row for row in loops if row["score"] is not None and row["verdict"] in ("backlash", "stiction", "both")]
@@ -109,7 +109,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
         row for row in hold if row["high"] is None or row["low"] <= truth[row["loop"]]["dead_band"] <= row["high"]
     ]
     first = scored[:FIRST]
-    named = {row["loop"] for row in told}
+    named = {row["loop"] for row in called}
     ends = [0.0, *(parts.get(name, 0.0) for name in ("files", "days", "crossings", "windows", "loops"))]
     days_rows = fleet.read(out, "days")
     return {
@@ -118,7 +118,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
         "bad": len(bad),
         "bad_shown": len(shown),
         "gaps": len(scored),
-        "told": len(told),
+        "told": len(called),
         "told_bad": sum(truth[name]["dead_band"] >= BAD for name in named),
         "told_sound": sum(truth[name]["dead_band"] == 0 for name in named),
         "found": sum(name in named for name in bad),

@@ -215,12 +215,12 @@ def on_spark(loops: int, days: int, kills: int) -> None:
     wanted = run(lake, OUT / "spark-none")
     print(f"without Spark: {wanted['cpu']:.1f} s of the processor, {wanted['seconds']:.0f} s by the clock", flush=True)
     for killed in range(kills + 1):
-        told, cpu, gone = _on_two_workers(lake, killed)
-        same = "the same tables" if told[0] == wanted["folder"] else "OTHER TABLES"
+        measured, cpu, gone = _on_two_workers(lake, killed)
+        same = "the same tables" if measured[0] == wanted["folder"] else "OTHER TABLES"
         more = (cpu - wanted["cpu"]) / loops
         print(
             f"two workers, {gone} killed: {same}; {cpu:.1f} s of the processor, {more:.2f} s more a loop; "
-            f"{float(told[1]):.0f} s by the clock",
+            f"{float(measured[1]):.0f} s by the clock",
             flush=True,
         )
 
@@ -271,7 +271,7 @@ def _processor(root: int) -> float:
 
 def _below(root: int) -> list[int]:
     pids = [int(path.name) for path in Path("/proc").glob("[0-9]*")]
-    parents = {pid: int(told.split()[1]) for pid in pids if (told := _of(pid, "stat").rpartition(b")")[2])}
+    parents = {pid: int(fields.split()[1]) for pid in pids if (fields := _of(pid, "stat").rpartition(b")")[2])}
 
     def below(pid: int) -> bool:
         while pid in parents and pid != root:

@@ -70,8 +70,8 @@ def keep_memory() -> None:
 
 def detectors(count: int) -> list[_glapp.Detector]:
     """So many detectors, at their beginning."""
-    told = {"k": signals.K, "ti": signals.TI, "kp": signals.KP, "tf": signals.TF, "n": N, "op_span": 100.0}
-    return [_glapp.Detector({**told, "h": 1.0, "max_h": 5.0}) for _ in range(count)]
+    settings = {"k": signals.K, "ti": signals.TI, "kp": signals.KP, "tf": signals.TF, "n": N, "op_span": 100.0}
+    return [_glapp.Detector({**settings, "h": 1.0, "max_h": 5.0}) for _ in range(count)]
 
 
 def in_memory(loops: int) -> Iterator[tuple[str, ...]]:
@@ -195,12 +195,12 @@ def from_parquet(folder: Path, loops: int) -> Iterator[tuple[str, ...]]:
     yield f"{loops} files, {rows / 1e6:.1f} M rows, {size / 1e9:.2f} GB", "", ""
     decoded = 0.0
     for threads in sorted({1, CORES}):
-        told = f"{threads} thread{'s' * (threads > 1)}"
+        threads_text = f"{threads} thread{'s' * (threads > 1)}"
         clock, decoded = (min(times) for times in zip(*(pool(decode, paths, threads) for _ in range(3)), strict=True))
-        yield f"PyArrow decodes, {told}", f"{_rates(rows, decoded, clock)}", "1"
+        yield f"PyArrow decodes, {threads_text}", f"{_rates(rows, decoded, clock)}", "1"
         runs = [ours(paths, estimators(loops), threads) for _ in range(3)]
         mine = min(run[0] for run in runs), min(run[1] for run in runs)
-        yield f"`glapp.fleet.crossings`, {told}", _rates(rows, mine[1], mine[0]), f"{decoded / mine[1]:.2f}"
+        yield f"`glapp.fleet.crossings`, {threads_text}", _rates(rows, mine[1], mine[0]), f"{decoded / mine[1]:.2f}"
     found = runs[0][2]
     clock, seconds = pool(polars_numpy, paths, CORES)
     theirs = [polars_numpy(path)[1] for path in paths[:8]]

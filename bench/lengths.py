@@ -287,7 +287,7 @@ def longer(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnsw
         changes = [rank[now] - rank[was] for was, now in both]
         better, worse = sum(x > 0 for x in changes), sum(x < 0 for x in changes)
         p = stats.binomtest(worse, better + worse, alternative="greater").pvalue if better + worse else 1.0
-        counts = [[pair[i] for pair in both].count(told) for told in ("right", "wrong") for i in (0, 1)]
+        counts = [[pair[i] for pair in both].count(outcome) for outcome in ("right", "wrong") for i in (0, 1)]
         body.append([short.title, long.title, *map(str, [len(both), *counts, better, worse]), f"{p:.2g}"])
     return markdown(head, body)
 

@@ -91,11 +91,11 @@ def shows(case: Case) -> dict[str, Shown]:
     integrates = PLANTS[case.plant].gain is None
     kp = {"integrating": 1.0} if integrates else {"kp": case.gain}
     spans = {"pv_span": 1.0, "op_span": 1.0}
-    told = {"Kp": kp, "default": kp if integrates else spans}
+    cases = {"Kp": kp, "default": kp if integrates else spans}
     if case.gain == 1.0:
-        told |= {"none": kp if integrates else {}}
-        told |= {name: kp | {"detector_tf": times * c.ti} for name, times in OWN.items()}
-    return {name: show(case, c, **known) for name, known in told.items()}
+        cases |= {"none": kp if integrates else {}}
+        cases |= {name: kp | {"detector_tf": times * c.ti} for name, times in OWN.items()}
+    return {name: show(case, c, **known) for name, known in cases.items()}
 
 
 def answered(widths: Sequence[float], d: float) -> str:

@@ -68,8 +68,8 @@ def ratio(work: str, value: float, target: float, detail: str) -> Row:
 
 def detector() -> _glapp.Detector:
     """Ours, as the peers have it: PI, op span, no limits."""
-    told = {"k": signals.K, "ti": signals.TI, "kp": signals.KP, "tf": signals.TF, "n": N, "op_span": 100.0}
-    return _glapp.Detector({**told, "h": 1.0, "max_h": 5.0})
+    settings = {"k": signals.K, "ti": signals.TI, "kp": signals.KP, "tf": signals.TF, "n": N, "op_span": 100.0}
+    return _glapp.Detector({**settings, "h": 1.0, "max_h": 5.0})
 
 
 def one_loop(n: int) -> Iterator[Row]:

@@ -93,7 +93,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
     """All of them compensated, u_FF at its height, and what is set of each in its corner."""
     usual = {"comp_size": 1.5, **dict.fromkeys(SET)}
     corners = dict(zip(plant.names, CORNERS, strict=True))
-    said: dict[str, str] = {}
+    replies: dict[str, str] = {}
     left, began, moved, sp = dict[str, tuple[str, ...]](), time.monotonic(), 0.0, 47.0
     while True:
         if not left:  # one may have turned, or have been withdrawn, while the others rose
@@ -106,7 +106,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
         shown = (await service.seen("/status"))["loops"]
         for loop in plant.names:
             if not shown[loop]["compensation"]["enabled"]:
-                said[loop] = (await service.asked("enable", loop)).text
+                replies[loop] = (await service.asked("enable", loop)).text
         for loop, corner in list(left.items()):
             if abs(look.now.get(loop) or 0.0) < HEIGHT:
                 continue
@@ -120,7 +120,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
             assert reply.is_success, reply.text
             del left[loop]
         if time.monotonic() - began > LONGEST:
-            raise SystemExit(f"u_FF never came: {left}, {said}")
+            raise SystemExit(f"u_FF never came: {left}, {replies}")
         if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn
             moved, sp = time.monotonic(), 100.0 - sp
             for loop in plant.names:
@@ -218,8 +218,8 @@ async def _all(only: list[str]) -> int:
                     late += 1
                     if service.child is not None and service.child.poll() is None:
                         for event in await service.seen("/events?most=60"):
-                            said = f"{event['time'] % 1000:.1f} {event['loop']} {event['kind']}: {event['text']}"
-                            print(said, file=sys.stderr)
+                            line = f"{event['time'] % 1000:.1f} {event['loop']} {event['kind']}: {event['text']}"
+                            print(line, file=sys.stderr)
                 shown = [f"{one:.1f}" for one in took]
                 print(
                     f"| {what} | {' | '.join(shown)} | {allowed:.1f} | {min(then):.2f} to {max(then):.2f} |", flush=True

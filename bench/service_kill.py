@@ -122,10 +122,10 @@ async def _writes(folder: Path, count: int) -> None:
 def _while_it_writes(folder: Path) -> None:
     """Wait until a monitor is within a write, two seconds at most: by chance it seldom is."""
     until = time.monotonic() + 2.0
-    with (folder / "said").open("rb") as said:
+    with (folder / "said").open("rb") as written:
         while time.monotonic() < until:
-            said.seek(-1, 2)
-            if said.read(1) == b"w":
+            written.seek(-1, 2)
+            if written.read(1) == b"w":
                 return
 
 
@@ -199,7 +199,7 @@ def _taken(folder: Path) -> list[Entry]:
         return [Entry.unpacked(*row.values()) for row in reader.rows("SELECT id, now, body FROM taken ORDER BY id")]
 
 
-def _breaks(killed: Path, told: dict[tuple[str, Signal], dict[float, float]], kills: int) -> None:
+def _breaks(killed: Path, sent: dict[tuple[str, Signal], dict[float, float]], kills: int) -> None:
     """What was taken in beside what the plant told: what is missing, and whether anything goes across it."""
     with Reader(killed) as reader:
         names = {id: name for name, id in reader.loops().items()}
@@ -216,7 +216,7 @@ def _breaks(killed: Path, told: dict[tuple[str, Signal], dict[float, float]], ki
                     parts[name].append([])
                 elif code in signals:
                     key = name, signals[code]
-                    other += told[key].get(t) != value or t in taken.setdefault(key, {})
+                    other += sent[key].get(t) != value or t in taken.setdefault(key, {})
                     taken.setdefault(key, {})[t] = value
                     if key[1] is Signal.PV:
                         parts[name][-1].append(t)
@@ -225,7 +225,7 @@ def _breaks(killed: Path, told: dict[tuple[str, Signal], dict[float, float]], ki
             some = [piece for piece in pieces if piece]
             gaps = [(a[-1], b[0]) for a, b in itertools.pairwise(some)]
             of_pv = taken[name, Signal.PV]
-            gone = [t for t in told[name, Signal.PV] if min(of_pv) < t < max(of_pv) and t not in of_pv]
+            gone = [t for t in sent[name, Signal.PV] if min(of_pv) < t < max(of_pv) and t not in of_pv]
             breaks, missing = breaks + len(gaps), missing + len(gone)
             unexplained += sum(not any(a < t < b for a, b in gaps) for t in gone)
             samples = SignalStore(killed).read(name, 0.0, math.inf)["time"].to_pylist()
@@ -289,10 +289,10 @@ def _compare(known: list[Loop], straight: Path, killed: Path, ended: float) -> N
             if row["kind"] in ("database_damaged", "given_up", "not_backfilled"):
                 print(row)
         print("whole:", one.one("PRAGMA quick_check"), other.one("PRAGMA quick_check"))
-    said = [[_said(folder, loop, ended) for loop in known[:FITTED]] for folder in (straight, killed)]
-    same = sum(a == b for a, b in zip(*said, strict=True))
-    verdicts = ", ".join(f"{loop.name} {one}" for loop, (one, _) in zip(known, said[1], strict=False))
-    print(f"{same} of {len(said[0])} answers are the same: {verdicts}", flush=True)
+    answers = [[_said(folder, loop, ended) for loop in known[:FITTED]] for folder in (straight, killed)]
+    same = sum(a == b for a, b in zip(*answers, strict=True))
+    verdicts = ", ".join(f"{loop.name} {one}" for loop, (one, _) in zip(known, answers[1], strict=False))
+    print(f"{same} of {len(answers[0])} answers are the same: {verdicts}", flush=True)
 
 
 def _said(folder: Path, loop: Loop, ended: float) -> tuple[str, str]:

@@ -100,8 +100,8 @@ async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> No
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await task
-    told = Counter(event["kind"] for event in monitor.reader.events(most=1_000_000))
-    print("told:", ", ".join(f"{kind} {count} times" for kind, count in told.items()))
+    kinds = Counter(event["kind"] for event in monitor.reader.events(most=1_000_000))
+    print("told:", ", ".join(f"{kind} {count} times" for kind, count in kinds.items()))
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     print(f"{size / 2**20:.1f} MB on disk")
     monitor.store.close()

@@ -4,7 +4,7 @@ A loop is drawn: a process of two lags and a dead time under a PI controller, no
 sticks, by Karnopp or by He. It runs for 100 Ti; then it is pushed, or not, for 200 Ti, of which the last 150 are
 compared. The block is the one that ships, with its safety: it may withdraw itself. The height of a push is a share of
 half of the valve's band s, which nobody knows exactly: each loop has it wrong by up to 30 %. Shares were chosen on
-other loops, `--choose`. `--docs` writes the table into docs/compensation.md.
+other loops, `--choose`. `--docs` writes the table into bench/results/compensation.md.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--loops", type=int, default=1000)
     parser.add_argument("--choose", action="store_true", help="try shares on loops that the table does not have")
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/compensation.md")
+    parser.add_argument("--docs", action="store_true", help="write the table into bench/results/compensation.md")
     given = parser.parse_args()
     if given.choose:
         choose(given.loops)

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 SHIM = re.compile(r"https://[^\"']*/iframe-worker/shim")
+PICTURES = {"plc/example/faceplate.svg": "faceplate.svg"}
+"""Drawings from outside of the documentation, and what they are called in the site."""
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(#[^)\s]*)?(?=\))")
 
 
@@ -26,12 +28,12 @@ def on_config(config: Any) -> Any:
 
 
 def generated(root: Path) -> dict[str, str]:
-    """Pages that stand in no file: names and texts."""
+    """Pages and drawings that stand in no file of the documentation: names and texts."""
     catalogue = json.loads((root / "vectors/catalogue.json").read_text(encoding="utf-8"))
     return {
         "catalogue.md": _module(root / "vectors/catalogue.py").page(catalogue),
         "plc-blocks.md": _module(root / "plc/package.py").reference(),
-    }
+    } | {name: (root / path).read_text(encoding="utf-8") for path, name in PICTURES.items()}
 
 
 def _module(path: Path) -> Any:
@@ -67,6 +69,8 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Any) -> st
         to = (here / link[1]).resolve()
         if to.is_relative_to(docs) and not to.is_dir():
             return link[0]  # the site's own check has it
+        if name := PICTURES.get(to.relative_to(docs.parent).as_posix()):
+            return name
         if not to.exists():
             raise FileNotFoundError(f"{page.file.src_uri}: the link {link[0]} leads nowhere")
         kind = "tree" if to.is_dir() else "blob"

@@ -395,10 +395,10 @@ def _child() -> None:
     for line in sys.stdin:
         begun = time.monotonic()
         try:
-            told = read_one(Path(line.rstrip("\n")))
+            outcome = read_one(Path(line.rstrip("\n")))
         except Exception:
-            told = "raised " + traceback.format_exc()
-        print(json.dumps((told, time.monotonic() - begun)), flush=True)
+            outcome = "raised " + traceback.format_exc()
+        print(json.dumps((outcome, time.monotonic() - begun)), flush=True)
     print(json.dumps(_memory()), flush=True)
 
 
@@ -446,9 +446,9 @@ class Reader:
             self.close()
             return f"took longer than {PATIENCE:g} s"
         if line:
-            told, seconds = json.loads(line)
+            outcome, seconds = json.loads(line)
             self.slowest = max(self.slowest, seconds)
-            return str(told)
+            return str(outcome)
         code = self._process.wait()
         self._process = None
         return f"ended by signal {-code}" if code < 0 else f"ended with code {code}"
@@ -503,13 +503,13 @@ def by_command(kind: str, count: int, seed: int, folder: Path, keep: Path | None
 
     def run() -> None:
         half = len(group) // 2
-        code, told, answers = _answers([*sound[:2], *group[:half], *sound[2:4], *group[half:], *sound[4:]])
+        code, printed, answers = _answers([*sound[:2], *group[:half], *sound[2:4], *group[half:], *sound[4:]])
         lost = [path for path in sound if answers.get(str(path)) != alone[str(path)]]
         missing = [path for path in group if str(path) not in answers]
-        fault = code not in (0, 1) or "Traceback" in told or "a fault in glapp" in told
+        fault = code not in (0, 1) or "Traceback" in printed or "a fault in glapp" in printed
         if fault or lost or missing:
             found["failed"] += len(group)
-            print(f"{kind}: exit code {code}, lost {lost}, missing {missing}: {told[-2000:]}", file=sys.stderr)
+            print(f"{kind}: exit code {code}, lost {lost}, missing {missing}: {printed[-2000:]}", file=sys.stderr)
             if keep is not None:
                 keep.mkdir(parents=True, exist_ok=True)
                 for path in group:
@@ -539,20 +539,20 @@ def fuzz(kind: str, count: int, seed: int, folder: Path, keep: Path | None = Non
         for i, (data, ending, behind) in enumerate(files(kind, count, seed)):
             path = folder / f"damaged-{kind}{ending}"
             path.write_bytes(data)
-            told = reader.read(path)
-            how = told.partition(" ")[0] if told.startswith("raised") else told
+            outcome = reader.read(path)
+            how = outcome.partition(" ")[0] if outcome.startswith("raised") else outcome
             found[how] += 1
             # A workbook is read whole when it is opened.
             if behind and how in GOOD and (kind == "excel" or how != "refused when opened"):
                 found[BEGUN] += 1
             if how not in GOOD:
                 name = f"{kind}-{seed}-{i}"
-                last = told.strip().splitlines()[-1]
+                last = outcome.strip().splitlines()[-1]
                 print(f"{name}: {last}", file=sys.stderr)
                 if keep is not None:
                     keep.mkdir(parents=True, exist_ok=True)
                     shutil.copy(path, keep / f"{name}{ending}")
-                    (keep / f"{name}.txt").write_text(told, encoding="utf-8")
+                    (keep / f"{name}.txt").write_text(outcome, encoding="utf-8")
         reader.end()
     finally:
         reader.close()

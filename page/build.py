@@ -270,8 +270,8 @@ def licence(package: Path) -> str:
     texts = sorted(path for path in package.iterdir() if path.name.upper().startswith("LICEN"))
     if texts:
         return texts[0].read_text(encoding="utf-8")
-    told = json.loads((package / "package.json").read_text(encoding="utf-8"))
-    return f"{told['license']} licence, {told['author']}\n"
+    package_json = json.loads((package / "package.json").read_text(encoding="utf-8"))
+    return f"{package_json['license']} licence, {package_json['author']}\n"
 
 
 def build(out: Path) -> None:
@@ -310,10 +310,10 @@ def build(out: Path) -> None:
     )
     out.mkdir(parents=True, exist_ok=True)
     (out / "index.html").write_text(text, encoding="utf-8")
-    told = [
+    licences = [
         f"{name}\n\n{licence(npm / name)}" for name in json.loads((HERE / "package.json").read_text())["dependencies"]
     ]
-    (out / "LICENSES.txt").write_text("\n\n".join(told), encoding="utf-8")
+    (out / "LICENSES.txt").write_text("\n\n".join(licences), encoding="utf-8")
     print(f"{out}/index.html: {len(text.encode()) / 1e6:.2f} MB, of them {len(module) / 1e6:.2f} MB WebAssembly")
 
 

@@ -6,6 +6,7 @@ One reading of the sources, one writer for each target; the text beside each pac
 from __future__ import annotations
 
 import html
+import json
 import re
 import shutil
 import sys
@@ -871,22 +872,57 @@ def tags(units: list[Unit]) -> str:
 
 
 def pins(unit: Unit) -> str:
-    """Inputs and outputs of a unit as a table in Markdown."""
+    """Inputs and outputs of a block as a table in Markdown."""
     rows = ["| pin | | type | begins with | |", "|---|---|---|---|---|"]
     for word, way in (("VAR_INPUT", "in"), ("VAR_OUTPUT", "out")):
         rows += [f"| {var.name} | {way} | {var.type} | {var.initial} | {var.comment} |" for var in unit.vars(word)]
     return "\n".join(rows)
 
 
+# Settings that have another name here than in the core, or one in each block.
+NAMED = {
+    "low": "Low; of a compensation OpLow",
+    "high": "High; of a compensation OpHigh",
+    "limit": "MaxWidth, MaxSize",
+    "period": "PushPeriod",
+    "wait": "WaitTime",
+    "delay": "DelayScans",
+    "longest": "Longest, LongestDelay",
+    "tf": "Tf, OpTf",
+}
+
+
+def members(unit: Unit) -> str:
+    """What a structure is, and its members as a table in Markdown."""
+    rows = [unit.comment, "", "| member | type | begins with | |", "|---|---|---|---|"]
+    rows += [f"| {var.name} | {var.type} | {var.initial} | {var.comment} |" for var in unit.vars()]
+    return "\n".join(rows)
+
+
+def errors() -> str:
+    """Numbers of ErrorID as a table in Markdown, from the core's catalogue."""
+    numbers = json.loads((HERE.parent / "vectors/catalogue.json").read_text(encoding="utf-8"))["parameters"]
+    settings = {0: "all are within bounds"}
+    for name, number in numbers.items():
+        row = re.fullmatch(r"(\w+) of row (\d)", name)
+        pin = {"at": "Level"}.get(row[1], row[1].title()) + f" of Row{row[2]}" if row else NAMED.get(name)
+        settings[number] = pin or "".join(part.title() for part in name.split("_"))
+    rows = [f"| {number} | {settings[number]} |" for number in sorted(settings)]
+    return "\n".join(["| ErrorID | setting |", "|---|---|", *rows])
+
+
 def reference() -> str:
-    """`blocks.md` with the pins of each block as its source declares them."""
+    """`blocks.md` with the pins of each block and the members of each structure, as the sources declare them."""
     units = {unit.name: unit for unit in library("LREAL")}
-    head, *sections = re.split(r"^(?=## )", (HERE / "blocks.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    filled = [
-        section.replace("{pins}", pins(units[section[3:].split("\n", 1)[0]])) if "{pins}" in section else section
-        for section in sections
-    ]
-    return head + "".join(filled)
+    head, *sections = re.split(r"^(?=###? )", (HERE / "blocks.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    filled = []
+    for section in sections:
+        name = section.split("\n", 1)[0].lstrip("# ")
+        for place, table_of in (("{pins}", pins), ("{members}", members)):
+            if place in section:
+                section = section.replace(place, table_of(units[name]))
+        filled.append(section)
+    return (head + "".join(filled)).replace("{errors}", errors())
 
 
 def archive(path: Path, folders: list[Path], out: Path) -> None:

@@ -819,8 +819,8 @@ def guide() -> str:
     """The table of `bench/results/file_forms.md`."""
     rows = ["| form | is | file | rows are | read right | in the page |", "|---|---|---|---|---|---|"]
     for name, (about, make) in FORMS.items():
-        told = {"own_times": "those of PV; SP and OP held", None: "those of the file"}
-        what = "PV's and OP's; PV interpolated, SP held" if name == "op_often" else told.get(make().told, told[None])
+        times = {"own_times": "those of PV; SP and OP held", None: "those of the file"}
+        what = "PV's and OP's; PV interpolated, SP held" if name == "op_often" else times.get(make().told, times[None])
         if make().manual:
             what += "; modes held" if name == "mode_on_change" else "; modes read"
         about = about.replace("|", "\\|")

@@ -15,10 +15,10 @@ def _made() -> dict[tuple[str, str, str], str]:
     command += [f"-pglapp-{crate}" for crate in CRATES]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-    told = [one for one in map(json.loads, done.stdout.splitlines()) if one.get("executable")]
+    artifacts = [one for one in map(json.loads, done.stdout.splitlines()) if one.get("executable")]
     return {
         (Path(one["manifest_path"]).parent.name, one["target"]["kind"][0], one["target"]["name"]): one["executable"]
-        for one in told
+        for one in artifacts
     }
 
 

@@ -31,8 +31,8 @@ def loops(count: int = 1) -> list[Loop]:
 def answered(fit: Fit, loop: Loop) -> dict[str, Any]:
     """The fields of a row of `answers` that a fit makes, with as much of a document as is read."""
     one = decide(crossings="no_estimate", d_hat=None, detections=0, reasons={}, fit=fit, loop=loop)
-    said = asdict(one)
-    said["next"]["text"] = "Look at the valve."
+    fields = asdict(one)
+    fields["next"]["text"] = "Look at the valve."
     return {
         "t_begin": BEGIN,
         "t_end": BEGIN + 200,
@@ -43,7 +43,7 @@ def answered(fit: Fit, loop: Loop) -> dict[str, Any]:
         "unit": loop.op_label,
         "reason": fit.reason or "seen",
         "compensable": one.compensable,
-        "document": json.dumps({"learnt": {}, "analysis": {"loops": [{"answer": said}]}}),
+        "document": json.dumps({"learnt": {}, "analysis": {"loops": [{"answer": fields}]}}),
     }
 
 

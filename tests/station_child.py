@@ -70,11 +70,11 @@ def again(folder: Path) -> tuple[Monitor, Users]:
     return Monitor(loops(3), store, options=MonitorOptions()), Users(store, CHEAP)
 
 
-def with_evil(told: dict[str, Any]) -> dict[str, Any]:
+def with_evil(row: dict[str, Any]) -> dict[str, Any]:
     """What is shown, and beside it a loop of that name, whose signal says it too, and a database that lies aside."""
-    return told | {
+    return row | {
         "damaged": f"the database has 0 bytes; it was set aside as {EVIL}",
-        "loops": told["loops"] | {EVIL: told["loops"]["FIC2"] | {"note": EVIL}},
+        "loops": row["loops"] | {EVIL: row["loops"]["FIC2"] | {"note": EVIL}},
     }
 
 

@@ -264,21 +264,21 @@ ENDS: dict[str, tuple[int, dict[str, float], dict[str, float]]] = {
 @pytest.mark.parametrize("phase", [1, 2, 3])
 @pytest.mark.parametrize("name", ENDS)
 def test_in_a_loop_every_end_in_every_phase(name: str, phase: int) -> None:
-    stop, told, given = ENDS[name]
+    stop, end, given = ENDS[name]
     plant = Lags(phase)
     graph = plant.graph
-    for path, value in told.items():
+    for path, value in end.items():
         graph[path] = value
-    if "valve.flags" in told:
+    if "valve.flags" in end:
         plant.scan()  # what is told backward is known in the next scan
     op = plant.scan(**given)
     assert (graph["tuner.phase"], graph["tuner.stop"], graph["tuner.run"]) == (5, stop, 0)
     assert op == 50.0
-    if "valve.flags" in told:
+    if "valve.flags" in end:
         graph["valve.flags"] = 0
     # The controller goes on from there: no more than its own integration a scan.
     following = [plant.scan() for _ in range(3)]
-    begin = told.get("valve.tracking", 50.0)
+    begin = end.get("valve.tracking", 50.0)
     if begin == 50.0:
         assert np.abs(np.diff([50.0, *following])).max() <= 0.4 * 0.1 / 3.0 * 10 + 0.4 * 0.5
     assert all(0 <= one <= 100 for one in following)

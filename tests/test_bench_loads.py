@@ -79,7 +79,7 @@ class TestRecords:
 
 class TestAnswers:
     @pytest.mark.parametrize(
-        ("answer", "told"),
+        ("answer", "outcome"),
         [
             (said(GAP, "backlash", 1.5, 2.5), "right"),
             (said(GAP, "both", 2.1, 2.5), "wrong"),
@@ -97,8 +97,8 @@ class TestAnswers:
         ],
         ids=lambda x: x if isinstance(x, str) else f"{x.truth.name} {x}",
     )
-    def test_right_wrong_silent(self, answer: LoadsAnswer, told: str) -> None:
-        assert answer.told == told
+    def test_right_wrong_silent(self, answer: LoadsAnswer, outcome: str) -> None:
+        assert answer.told == outcome
 
     def test_a_gap_and_none_at_once(self) -> None:
         assert said(NONE, "at_least", 1.0, sinusoidal=True).contradicts
@@ -111,10 +111,10 @@ class TestAnswers:
         assert list(lengths.lost([right, wrong])) == [(right, wrong)]
 
     def test_before_and_now(self) -> None:
-        told = against([said(GAP, "backlash", 1.5, 2.5), said(NONE, "at_least", 1.0)], [said(GAP, "cannot_tell")])
-        assert "walk, gap: right 1 -> 0, wrong 0 -> 0; lost 1, gained 0 of 1" in told
-        assert "right -> silent: backlash 1.5 (1.5 to 2.5) -> cannot_tell" in told
-        assert "no gap" not in told
+        table = against([said(GAP, "backlash", 1.5, 2.5), said(NONE, "at_least", 1.0)], [said(GAP, "cannot_tell")])
+        assert "walk, gap: right 1 -> 0, wrong 0 -> 0; lost 1, gained 0 of 1" in table
+        assert "right -> silent: backlash 1.5 (1.5 to 2.5) -> cannot_tell" in table
+        assert "no gap" not in table
 
     def test_the_tables_count(self) -> None:
         short = replace(GAP, samples=1000)

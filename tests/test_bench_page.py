@@ -14,8 +14,8 @@ def test_only_what_stands_between_the_marks_is_replaced(tmp_path: Path, monkeypa
     document = tmp_path / "a.md"
     document.write_text("before\n<!-- one -->\nold\n<!-- end -->\n<!-- two -->\nkept\n<!-- end -->\n", encoding="utf-8")
     page.write("a.md", "new \\1\n", "one")
-    told = document.read_text(encoding="utf-8")
-    assert told == "before\n<!-- one -->\n\nnew \\1\n\n<!-- end -->\n<!-- two -->\nkept\n<!-- end -->\n"
+    text = document.read_text(encoding="utf-8")
+    assert text == "before\n<!-- one -->\n\nnew \\1\n\n<!-- end -->\n<!-- two -->\nkept\n<!-- end -->\n"
 
 
 def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,7 +41,7 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
         ("modules.md", "widths"),
         ("modules.md", "kp by default"),
         ("modules.md", "pid rules"),
-        *[("compensation.md", mark) for mark in PARTS],
+        *[("compensation.md", mark) for mark in (*PARTS, "stiction")],
     ],
 )
 def test_every_page_that_a_bench_writes_has_its_marks(name: str, mark: str) -> None:

@@ -314,8 +314,10 @@ class TestLadder:
             truths = list(chosen(Cell("backlash", "steps", "inside"), 2, pool))
         truths.sort(key=lambda truth: not truth.identifiable)
         d = truths[0].d
-        said = [("backlash", d, 0.9 * d, 1.1 * d), ("cannot_tell", None, None, None)]
-        rows = [Scored(t, "fit", v, x, a, b, None, "", 0.1) for t, (v, x, a, b) in zip(truths[:2], said, strict=True)]
+        answers = [("backlash", d, 0.9 * d, 1.1 * d), ("cannot_tell", None, None, None)]
+        rows = [
+            Scored(t, "fit", v, x, a, b, None, "", 0.1) for t, (v, x, a, b) in zip(truths[:2], answers, strict=True)
+        ]
         none, walk = replace(truths[2], cause="none"), replace(truths[3], cause="none", load="walk")
         sound = [(none, Rungs("", [5.0, 18.0, 19.0, 17.0], [])), (none, Rungs("", [-3.0] * 4, []))]
         sound.append((walk, Rungs("", [999.0] * 4, [])))

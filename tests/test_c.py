@@ -204,7 +204,7 @@ def test_beside_has_the_bits_of_python(library: Path, tmp_path: Path, cpp: bool,
     modules = {**{name: Input() for name in names}, "watch": watch, "ff": Output()}
     beside = Graph(h, modules, [f"{name} -> watch.{name}" for name in names] + ["watch -> ff"])
     pv, valve, integral, u_ff = 49.0, 50.0, 50.0, 0.0
-    told = []
+    expected = []
     for scan in range(6000):
         load, e = 0.5 * (scan // 500 % 2), sp - pv
         integral = integral + k * h / ti * e
@@ -215,14 +215,14 @@ def test_beside_has_the_bits_of_python(library: Path, tmp_path: Path, cpp: bool,
         u_ff = beside["ff"]
         pv = pv + (valve - 50.0 + load) / 10.0 * h
         if scan == 2999:
-            told.append(f"before: estimate {beside['watch.d_hat']!r}")
+            expected.append(f"before: estimate {beside['watch.d_hat']!r}")
             beside["watch.compensate"] = 1
         if scan % 1000 == 999:
             standing = beside["watch.standing"]
-            told.append(f"scan {scan + 1}: PV {pv!r}, u_FF {u_ff!r}, standing {standing:.0f}")
-    assert "estimate 1.9" in told[2] and "standing 0" in told[4], told
-    said = output_of(compiled("beside", library, tmp_path, cpp=cpp, shared=shared))
-    assert same_numbers(said) == same_numbers("\n".join(told))
+            expected.append(f"scan {scan + 1}: PV {pv!r}, u_FF {u_ff!r}, standing {standing:.0f}")
+    assert "estimate 1.9" in expected[2] and "standing 0" in expected[4], expected
+    printed = output_of(compiled("beside", library, tmp_path, cpp=cpp, shared=shared))
+    assert same_numbers(printed) == same_numbers("\n".join(expected))
 
 
 def rows_of(sim: glapp.Simulation) -> str:
@@ -241,15 +241,15 @@ def test_detector_has_the_bits_of_python(library: Path, tmp_path: Path, cpp: boo
     load = [(40.0, 20.0), (80.0, 0.0), (120.0, 20.0)]
     sim = glapp.simulate.closed_loop("P3", P3, h=0.1, t_end=160, load=load, **ACTING)
     detector = glapp._glapp.Detector({"k": P3[0], "ti": P3[1], "h": 0.1})
-    told = []
+    expected = []
     for sample in zip(sim.t, sim.sp, sim.pv, sim.op, strict=True):
         if (half := detector.update(*sample)) is not None:
-            told.append(f"{half.t_start!r} s to {half.t_end!r} s: d = {half.d!r}, reason {half.reason}")
-    assert len(told) > 20 and detector.estimate is not None
-    told.append(f"estimate {detector.estimate[0]!r} from {detector.estimate[4]} detections")
+            expected.append(f"{half.t_start!r} s to {half.t_end!r} s: d = {half.d!r}, reason {half.reason}")
+    assert len(expected) > 20 and detector.estimate is not None
+    expected.append(f"estimate {detector.estimate[0]!r} from {detector.estimate[4]} detections")
     program = compiled("detector", library, tmp_path, cpp=cpp, shared=shared)
-    said = output_of(program, *map(str, P3), "0.1", fed=rows_of(sim))
-    assert same_numbers(said) == same_numbers("\n".join(told))
+    printed = output_of(program, *map(str, P3), "0.1", fed=rows_of(sim))
+    assert same_numbers(printed) == same_numbers("\n".join(expected))
 
 
 @built
@@ -265,9 +265,9 @@ def test_fit_has_the_bits_of_python(library: Path, tmp_path: Path, cpp: bool, sh
     verdict = CATALOGUE["fit_verdicts"].index(fit.verdict) + 1
     width = f"width {fit.d!r} ({fit.low!r} to {fit.high!r}), verdict {verdict}, {fit.why}"
     kp, dead_time, lag = (limits[0] for limits in (fit.process.kp, fit.process.dead_time, fit.process.lag))
-    told = f"{width}\nprocess: gain {kp}, dead time {dead_time} s, lag {lag} s"
+    expected = f"{width}\nprocess: gain {kp}, dead time {dead_time} s, lag {lag} s"
     program = compiled("fit", library, tmp_path, cpp=cpp, shared=shared)
-    assert same_numbers(output_of(program, "1", fed=rows_of(sim))) == same_numbers(told)
+    assert same_numbers(output_of(program, "1", fed=rows_of(sim))) == same_numbers(expected)
 
 
 class Columns(ctypes.Structure):
@@ -343,12 +343,12 @@ def test_a_step_test_has_the_numbers_and_codes_of_python(loaded: ctypes.CDLL) ->
         )
 
     assert asked(65536) == OK, loaded.glapp_error()
-    told = json.loads(room.value)
-    assert needed.value == len(room.value) + 1 and told["d"] is not None
+    document = json.loads(room.value)
+    assert needed.value == len(room.value) + 1 and document["d"] is not None
     for name in ("d", "low", "high", "d_percent_span", "kp", "kp_low", "kp_high", "settle", "integrating"):
-        assert told[name] == found[name], name
-    assert told["holds"] == list(found["holds"]) and told["travel"]["d"] == found["travel"]["d"]
-    assert [one["evidence"] for one in told["readings"]] == [one["evidence_code"] for one in found["readings"]]
+        assert document[name] == found[name], name
+    assert document["holds"] == list(found["holds"]) and document["travel"]["d"] == found["travel"]["d"]
+    assert [one["evidence"] for one in document["readings"]] == [one["evidence_code"] for one in found["readings"]]
     assert asked(needed.value - 1) == BAD_LENGTH and b"must have" in loaded.glapp_error()
     assert asked(65536, Setting(b"op_span", 0.0)) == REFUSED
     assert loaded.glapp_error() == b"op_span = 0: must be a number above 0"
@@ -371,9 +371,13 @@ def test_the_answer_document_is_that_of_python(loaded: ctypes.CDLL) -> None:
         )
 
     assert asked(json.dumps(task), len(room)) == OK, loaded.glapp_error()
-    told = json.loads(room.value)["answer"]
-    assert told == json.loads(json.dumps(asdict(result.answer))), "every field, number by number"
-    assert told["confidence"] == "found" and told["limit"] == {"percent_span": 1.0, "width": 0.1, "origin": "nominal"}
+    document = json.loads(room.value)["answer"]
+    assert document == json.loads(json.dumps(asdict(result.answer))), "every field, number by number"
+    assert document["confidence"] == "found" and document["limit"] == {
+        "percent_span": 1.0,
+        "width": 0.1,
+        "origin": "nominal",
+    }
     assert asked(json.dumps(task | {"fit": False}), 100) == BAD_LENGTH and b"must have" in loaded.glapp_error()
     assert asked('{"acceptabel": 1}', len(room)) == REFUSED and b"task: unknown field" in loaded.glapp_error()
     assert asked('{"n": 0, "controller": {"k": 1, "ti": 1, "td": 0, "b": 1}}', len(room)) == REFUSED
@@ -433,7 +437,7 @@ def test_every_setting_of_the_catalogue_is_known(loaded: ctypes.CDLL) -> None:
 @built
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         ({"k": 0.5, "ti": 10.0}, "h: is missing"),
         (GOOD | {"ti": 0.0}, "ti = 0: must be greater than 0 s"),
@@ -445,10 +449,10 @@ def test_every_setting_of_the_catalogue_is_known(loaded: ctypes.CDLL) -> None:
         (GOOD | {"tI": 1.0}, "tI: there is no such setting of a detector"),
     ],
 )
-def test_a_setting_that_is_refused_is_named(loaded: ctypes.CDLL, settings: dict[str, float], told: str) -> None:
+def test_a_setting_that_is_refused_is_named(loaded: ctypes.CDLL, settings: dict[str, float], message: str) -> None:
     done, handle, wrong = made(loaded, **settings)
     assert done == REFUSED and handle.value is None
-    assert wrong.startswith(told)
+    assert wrong.startswith(message)
 
 
 class Module(ctypes.Structure):

@@ -140,8 +140,8 @@ def test_every_name_is_explained_in_the_docs(key: str, page: str) -> None:
 def test_every_finding_has_its_sentence_and_its_row_in_the_guide() -> None:
     """One list of codes, and in each place the same severities, in the crates' order in Python."""
     findings = {finding["code"]: set(finding["severities"]) for finding in CATALOGUE["findings"]}
-    told = [code.split()[0].removeprefix("quality.") for code, _ in _glapp.catalogue() if code.startswith("quality.")]
-    assert list(dict.fromkeys(told)) == list(findings)
+    named = [code.split()[0].removeprefix("quality.") for code, _ in _glapp.catalogue() if code.startswith("quality.")]
+    assert list(dict.fromkeys(named)) == list(findings)
     guide = (ROOT / "docs/quality.md").read_text(encoding="utf-8")
     listed = {
         code: set(re.findall("info|warning|refuse", severity))

@@ -56,12 +56,12 @@ def answering(monkeypatch, *lines):
 @pytest.mark.slow
 def test_a_person_chooses_the_columns_and_they_are_written(run, monkeypatch):
     write("plant.csv", rows(header="a,b,c,d"))
-    code, _, told = run("analyze", "plant.csv", "--no-fit")
-    assert code == 1 and "name it: --pv NAME, or in loops.toml columns = { pv =" in told
+    code, _, printed = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "name it: --pv NAME, or in loops.toml columns = { pv =" in printed
     answering(monkeypatch, "1", "7", "3", "4", "2")
-    code, shown, told = run("analyze", "plant.csv", "--no-fit")
+    code, shown, printed = run("analyze", "plant.csv", "--no-fit")
     assert code == 0 and "plant" in shown
-    assert "Which column is PV?" in told and "a number from 1 to 4" in told and "Wrote loops.toml" in told
+    assert "Which column is PV?" in printed and "a number from 1 to 4" in printed and "Wrote loops.toml" in printed
     [loop] = read_settings("loops.toml")
     assert (loop.columns.time, loop.columns.pv, loop.columns.op, loop.columns.sp) == ("a", "c", "d", "b")
     assert run("analyze", "loops.toml", "--no-fit")[0] == 0
@@ -70,8 +70,8 @@ def test_a_person_chooses_the_columns_and_they_are_written(run, monkeypatch):
 @pytest.mark.slow
 def test_a_person_says_which_number_is_the_day(run, monkeypatch):
     write("plant.csv", rows(time=lambda k: f"03/04/2026 10:{k // 60:02d}:{k % 60:02d}"))
-    code, _, told = run("analyze", "plant.csv", "--no-fit")
-    assert code == 1 and "--time-format 'day first'" in told and 'time_format = "day first"' in told
+    code, _, printed = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "--time-format 'day first'" in printed and 'time_format = "day first"' in printed
     answering(monkeypatch, "2")
     assert run("analyze", "plant.csv", "--no-fit")[0] == 0
     assert read_settings("loops.toml")[0].time_format == "month first"
@@ -80,8 +80,8 @@ def test_a_person_says_which_number_is_the_day(run, monkeypatch):
 @pytest.mark.slow
 def test_a_person_says_what_a_number_of_days_counts_from(run, monkeypatch):
     write("plant.csv", rows(time=lambda k: f"{60000 + k / 86400:.7f}"))
-    code, _, told = run("analyze", "plant.csv", "--no-fit")
-    assert code == 1 and "looks like a day number, but of which calendar?" in told
+    code, _, printed = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "looks like a day number, but of which calendar?" in printed
     answering(monkeypatch, "6")
     assert run("analyze", "plant.csv", "--no-fit")[0] == 0
     assert read_settings("loops.toml")[0].time_format == "excel"
@@ -90,14 +90,14 @@ def test_a_person_says_what_a_number_of_days_counts_from(run, monkeypatch):
 def test_nobody_answers(run, monkeypatch):
     write("plant.csv", rows(header="a,b,c,d"))
     answering(monkeypatch)
-    code, _, told = run("analyze", "plant.csv", "--no-fit")
-    assert code == 1 and "name it: --pv NAME" in told and not Path("loops.toml").exists()
+    code, _, printed = run("analyze", "plant.csv", "--no-fit")
+    assert code == 1 and "name it: --pv NAME" in printed and not Path("loops.toml").exists()
 
 
 def test_init_is_told_of_columns_as_analyze_is(run):
     write("plant.csv", rows(header="a,b,c,d"))
-    code, text, told = run("init", "plant.csv", "--pv", "c", "--op", "d", "--sp", "b", "--sample-time", 2)
-    assert code == 0, told
+    code, text, printed = run("init", "plant.csv", "--pv", "c", "--op", "d", "--sp", "b", "--sample-time", 2)
+    assert code == 0, printed
     write("loops.toml", text)
     [loop] = read_settings("loops.toml")
     assert (loop.columns.pv, loop.sample_time) == ("c", 2.0)
@@ -327,9 +327,9 @@ def test_the_table_fits_the_terminal(demo, columns):
     assert "backlash" in heads["FIC201"] and "…" not in out
     parts = {part: sum(line.split()[:1] == [part] for line in lines) for part in ("do", "why")}
     assert parts == {"do": 5, "why": 0}, "why is told to those who ask"
-    told = subprocess.run([*GLAPP, "analyze", demo, "--why"], capture_output=True, text=True, env=env).stdout
-    assert max(map(cell_len, told.splitlines())) <= columns
-    assert sum(line.split()[:1] == ["why"] for line in told.splitlines()) == 5
+    printed = subprocess.run([*GLAPP, "analyze", demo, "--why"], capture_output=True, text=True, env=env).stdout
+    assert max(map(cell_len, printed.splitlines())) <= columns
+    assert sum(line.split()[:1] == ["why"] for line in printed.splitlines()) == 5
     assert "LIC110 swings in a smooth wave" in " ".join(out.split())
     assert "\x1b" not in out
 

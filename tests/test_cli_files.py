@@ -50,7 +50,7 @@ def contents():
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("analyze", "--no-fit", "--csv", "a.csv", "b.csv"), "--csv: 'a.csv' exists, is not a table that glapp wrote"),
         (("analyze", "--no-fit", "--report", "a.csv", "b.csv"), "--report: 'a.csv' exists, is not a page"),
@@ -69,7 +69,7 @@ def contents():
         (("analyze", "a.csv", "--csv", "."), "--csv: '.' is a folder"),
     ],
 )
-def test_no_input_and_nothing_foreign_is_overwritten(run, words, told):
+def test_no_input_and_nothing_foreign_is_overwritten(run, words, message):
     """The shell writes all names in place of *: `--csv *.csv` put the table over the first recording."""
     os.link("a.csv", "hard.csv")
     Path("soft.html").symlink_to("a.csv")
@@ -78,7 +78,7 @@ def test_no_input_and_nothing_foreign_is_overwritten(run, words, told):
     before = contents()
     code, out, err = run(*(word.format(here=Path.cwd().name) for word in words))
     assert (code, out) == (2, "")
-    assert told in err
+    assert message in err
     assert contents() == before
 
 
@@ -131,8 +131,8 @@ def test_a_file_is_whole_or_as_it_was(tmp_path):
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
         "try:\n    write_file(Path(sys.argv[1]), 'x' * 5000)\nexcept OSError as error:\n    print(error.strerror)"
     )
-    told = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
-    assert (told.stdout, told.stderr) == ("File too large\n", "")
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("File too large\n", "")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -222,8 +222,8 @@ def test_zones_need_no_database_of_the_system(tmp_path):
         "[r] = open_recordings(sys.argv[1], [Loop(name='a', time_zone='Europe/Stockholm')])\n"
         "print([b.t.tolist() for b in r.batches()])"
     )
-    told = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
-    assert (told.stdout, told.stderr) == ("[[0.0, 1800.0, 7200.0]]\n", "")
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("[[0.0, 1800.0, 7200.0]]\n", "")
 
 
 def test_a_zone_that_is_unknown(monkeypatch):

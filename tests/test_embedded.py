@@ -63,8 +63,8 @@ def built(source: Path, bare: Path, out: Path) -> Path:
 def emulated(program: Path) -> str:
     """What it prints."""
     board = ("-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none", "-chardev", "stdio,id=out")
-    told = "enable=on,target=native,chardev=out"
-    return run("qemu-system-arm", *board, "-semihosting-config", told, "-kernel", program)
+    semihosting = "enable=on,target=native,chardev=out"
+    return run("qemu-system-arm", *board, "-semihosting-config", semihosting, "-kernel", program)
 
 
 def test_it_gives_the_same_bits_as_on_this_machine(bare, tmp_path):

@@ -310,9 +310,9 @@ def noisy() -> Simulation:
 def test_a_stream_shows_no_width_below_the_noise_limit(noisy: Simulation) -> None:
     """It showed the width of a gap that is not there, from nine detections."""
     estimator = feed(noisy, tf=FILTER)
-    said, floor = estimator.median_mean, estimator.noise_floor
-    assert said is not None and floor is not None
-    assert said[4] == 9 and 0.0 < said[0] < floor
+    behind, floor = estimator.median_mean, estimator.noise_floor
+    assert behind is not None and floor is not None
+    assert behind[4] == 9 and 0.0 < behind[0] < floor
     assert estimator.estimate is None
     halves = estimator.half_periods
     assert np.isnan(halves.d_hat[halves.median_mean < halves.noise_floor]).all()

@@ -63,8 +63,8 @@ def test_the_course_is_whole() -> None:
         program, text = read(path)
         exercises, answers = (text.split("## Exercises")[1] + program).split("## Answers")
         asked = re.findall(r"^(\d)\. ", exercises, flags=re.MULTILINE)
-        told = {found[0] or found[1] for found in re.findall(r"^(?:# (\d)\.|(\d)\. )", answers, flags=re.MULTILINE)}
-        assert len(asked) >= 3 and told == set(asked), path.name
+        numbers = {found[0] or found[1] for found in re.findall(r"^(?:# (\d)\.|(\d)\. )", answers, flags=re.MULTILINE)}
+        assert len(asked) >= 3 and numbers == set(asked), path.name
         for link in re.findall(r"\]\(([^)]+)\)", text):
             page, _, settings = link.partition("#laboratory")
             if settings:

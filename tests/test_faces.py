@@ -167,7 +167,7 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
         monitor = Monitor([result.loop], store, options=MonitorOptions(), clock=clock)
         status = monitor.status()["loops"][result.name]
         store.show(clock(), json.dumps(monitor.status()))
-        nodes = {name: said.value for name, said in node_values(status).items()}
+        nodes = {name: value.value for name, value in node_values(status).items()}
         found += columns_of(core, nodes, OPC_UA, "OPC UA")
         station = View(folder, clock)
         station.refresh()
@@ -208,5 +208,5 @@ def test_a_face_that_decides_by_itself_is_found(tmp_path: Path, monkeypatch: pyt
 
     planted = fits.row_of
     monkeypatch.setattr(fits, "row_of", lambda *given: planted(*given) | {"d": 0.0031})
-    told = walked(3, tmp_path)
-    assert told and all("database d" in one or "OPC UA Width" in one for one in told), told
+    faults = walked(3, tmp_path)
+    assert faults and all("database d" in one or "OPC UA Width" in one for one in faults), faults

@@ -54,10 +54,10 @@ def test_progress_follows_the_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(glapp._glapp, "fit", made_anew)
     moves = [(40.0 * k, 0.3 * (-1) ** k) for k in range(1, 40)]
     s = simulation(t_end=1600, load=moves)
-    told: list[float] = []
-    glapp.fit(t=s.t, pv=s.pv, op=s.op, progress=told.append)  # type: ignore[arg-type]
-    assert told == sorted(told) and told[-1] == 1.0
-    assert len(told) > 8 and max(np.diff([0.0, *told])) < 0.4
+    shares: list[float] = []
+    glapp.fit(t=s.t, pv=s.pv, op=s.op, progress=shares.append)  # type: ignore[arg-type]
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    assert len(shares) > 8 and max(np.diff([0.0, *shares])) < 0.4
 
     def stop(share: float | None) -> None:
         raise InterruptedError
@@ -121,7 +121,7 @@ def test_small_steps_of_the_load_show_no_gap(number: int) -> None:
 
 @pytest.mark.verify
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reason"),
     [
         ("none/steps/outside/36", "no model of the loop fits"),
         ("both/ramps/outside/9", "Record faster"),
@@ -129,12 +129,12 @@ def test_small_steps_of_the_load_show_no_gap(number: int) -> None:
         ("backlash/ramps/outside/56", "80 needed"),
     ],
 )
-def test_samples_too_far_apart_or_a_single_move_of_op_show_no_gap(name: str, told: str) -> None:
+def test_samples_too_far_apart_or_a_single_move_of_op_show_no_gap(name: str, reason: str) -> None:
     """Each of these once had a width that was not there, or a bound above the truth."""
     made = record(name)
     assert made is not None
     f = glapp.fit(made[0].recording)
-    assert f.verdict == "cannot_tell" and told in f.reason, f.reason
+    assert f.verdict == "cannot_tell" and reason in f.reason, f.reason
 
 
 @pytest.mark.verify
@@ -376,7 +376,7 @@ def _noise(n: int) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("columns", "told"),
+    ("columns", "message"),
     [
         (lambda t: (_noise(len(t)), np.full(len(t), 40.0)), "stands still"),
         (lambda t: (np.sin(t / 7), np.sin(t / 7)), "same signal"),
@@ -385,10 +385,10 @@ def _noise(n: int) -> Any:
         (lambda t: (_noise(len(t)), np.where(t < 1e9, np.nan, 1.0)), "OP is missing"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, told: str) -> None:
+def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, message: str) -> None:
     t = np.arange(0, 300, 0.5)
     f = fitted(t, *columns(t))
-    assert f.verdict == "cannot_tell" and told in f.reason, f.reason
+    assert f.verdict == "cannot_tell" and message in f.reason, f.reason
     assert f.d is None
 
 
@@ -532,11 +532,11 @@ def test_the_same_valve_three_months_apart() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "told"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "80 needed")])
-def test_a_single_step_of_op_gives_no_bound(name: str, told: str) -> None:
+@pytest.mark.parametrize(("name", "reason"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "80 needed")])
+def test_a_single_step_of_op_gives_no_bound(name: str, reason: str) -> None:
     """Each once had a bound: OP went through the gap once, and a step of PV of any size and time explains as much."""
     f = refinery(name)
-    assert f.verdict == "cannot_tell" and told in f.reason, f.reason
+    assert f.verdict == "cannot_tell" and reason in f.reason, f.reason
     assert f.d is not None and 1.5 < f.d < 2.7
 
 

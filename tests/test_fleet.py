@@ -270,8 +270,8 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
     settings = "".join(f"[loops.FIC{i}]\n{span}" for i in (1, 2, 4)) + "[loops.FIC5]\npv_span = [1, 0]\n"
     settings += '[loops.FIC6.columns]\npv = "FIC1.PW"\n'
     found, problems = rows(planned(tmp_path, settings))
-    told = {(p.code, p.file or p.loop): p for p in problems}
-    assert set(told) == {
+    issues = {(p.code, p.file or p.loop): p for p in problems}
+    assert set(issues) == {
         ("schema", "day=1/notes.parquet"),
         ("time", "day=1/counters.parquet"),
         ("unreadable", "day=1/cut.parquet"),
@@ -282,8 +282,8 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
         ("loop_tags", "FIC6"),
         ("settings", "loops.toml"),
     }
-    assert "did you mean 'FIC1." in told["loop_tags", "FIC6"].what
-    assert told["unit", "day=2/text.parquet"].tag == "FIC2.SP" and told["unit", "day=2/text.parquet"].rows == 50
+    assert "did you mean 'FIC1." in issues["loop_tags", "FIC6"].what
+    assert issues["unit", "day=2/text.parquet"].tag == "FIC2.SP" and issues["unit", "day=2/text.parquet"].rows == 50
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
 
 
@@ -376,8 +376,10 @@ def test_crossings_over_days_parts_and_one_pass_have_the_same_bits(
     shutil.copy(tmp_path / "lake" / "x.parquet", tmp_path / "other")
     parts = followed(planned(tmp_path / "other", GIVEN))
     assert len(days) == 3 and len(parts) > 9
-    told = json.loads(days[0]["state"])["pinned"]["told"]
-    once = _glapp.History({n: told[n] for n in ("k", "ti", "td", "b", "kp", "n", "h")} | {"op_limits": (0, 100)}, False)
+    pinned = json.loads(days[0]["state"])["pinned"]["told"]
+    once = _glapp.History(
+        {n: pinned[n] for n in ("k", "ti", "td", "b", "kp", "n", "h")} | {"op_limits": (0, 100)}, False
+    )
     once.take((x["time"] - x["time"][0]) * 1e-6, x["SP"], x["PV"], x["OP"], None)
     for pieces in (days, parts):
         assert json.loads(pieces[-1]["state"])["pinned"]["history"] == once.save()
@@ -416,14 +418,14 @@ def test_settings_are_pinned_until_a_day_shows_others(tmp_path: Path) -> None:
     for day in range(4):
         table = table_of({name: values[day * N : (day + 1) * N] for name, values in x.items()})
         of = look(table, loop, FIRST // DAY + day)
-        told = json.loads(of["detector"][0].as_py())
+        settings = json.loads(of["detector"][0].as_py())
         if day == 1:
-            told |= {"k": 1.1 * told["k"]}  # as another day reads the same law
+            settings |= {"k": 1.1 * settings["k"]}  # as another day reads the same law
         if day == 2:
             of = of.set_column(of.column_names.index("unfit_code"), "unfit_code", pa.array(["outside_span"]))
         if day == 3:
-            told |= {"k": 2 * told["k"]}
-        of = of.set_column(of.column_names.index("detector"), "detector", pa.array([json.dumps(told)]))
+            settings |= {"k": 2 * settings["k"]}
+        of = of.set_column(of.column_names.index("detector"), "detector", pa.array([json.dumps(settings)]))
         row = follow(table, of, loop, state)
         state = row["state"][0].as_py()
         rows_told += row.to_pylist()
@@ -530,8 +532,8 @@ def test_rows_folders_and_files_that_go_missing_are_counted(tmp_path: Path) -> N
     (lake / "old.csv").write_text("time,PV\n")
     names, wrong = files_of(lake)
     assert names == ["a.PARQUET"]
-    told = {(p.code, p.file) for p in wrong}
-    assert told == {("folder", "linked"), ("unreadable", "nowhere.parquet"), ("not_read", "old.csv")}
+    issues = {(p.code, p.file) for p in wrong}
+    assert issues == {("folder", "linked"), ("unreadable", "nowhere.parquet"), ("not_read", "old.csv")}
     _, problems = rows(planned(lake))
     assert {(p.code, p.rows) for p in problems} == {("no_time", 5), ("no_tag", 7)}
     if os.geteuid():  # for root no folder is closed
@@ -550,8 +552,8 @@ def test_a_loop_without_sp_beside_others_that_have_it_is_told(tmp_path: Path) ->
         found, problems = rows(planned(tmp_path / lake))
         assert {name for name, _ in found} == {"FIC1"}
         assert [(p.code, p.loop) for p in problems] == [("no_sp", "FIC2")]
-    told = '[loops.FIC1]\n[loops.FIC2]\ncolumns = { pv = "FIC2.PV", op = "FIC2.OP" }\n'
-    found, problems = rows(planned(tmp_path / "a", told))
+    settings = '[loops.FIC1]\n[loops.FIC2]\ncolumns = { pv = "FIC2.PV", op = "FIC2.OP" }\n'
+    found, problems = rows(planned(tmp_path / "a", settings))
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and problems == []
 
 
@@ -570,9 +572,14 @@ def test_a_fault_over_a_loop_refuses_it_and_says_nothing_of_its_valve(monkeypatc
     window = choose(day, 1)
     monkeypatch.setattr("glapp.fleet.windows.fit_recordings", lambda *a, **b: 1 / 0)
     row, windows, problems = judge(cut(table_of(x), loop, window), day, NOTHING, loop)
-    [told] = row.to_pylist()
-    assert (told["valve"], told["reason_code"], told["hindrance"], windows.num_rows) == ("refused", "fault", "data", 0)
-    assert "ZeroDivisionError" in told["reason"] and codes(problems) == {"fault"}
+    [row_of_loop] = row.to_pylist()
+    assert (row_of_loop["valve"], row_of_loop["reason_code"], row_of_loop["hindrance"], windows.num_rows) == (
+        "refused",
+        "fault",
+        "data",
+        0,
+    )
+    assert "ZeroDivisionError" in row_of_loop["reason"] and codes(problems) == {"fault"}
     monkeypatch.setattr("glapp.fleet.history.signals_of", lambda *a: 1 / 0)
     heard = follow(table_of(x), day, loop, None).select(CROSSINGS.names)
     _, _, problems = judge(cut(table_of(x), loop, []), day, heard, loop)
@@ -614,10 +621,10 @@ def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path: Path, m
 def test_every_code_of_a_problem_is_in_the_docs() -> None:
     folder = Path(run_module.__file__).parent
     source = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "demo.py")
-    told = set(re.findall(r'DataIssue\(\s*"(\w+)"', source)) | {"no_time", "no_tag", *LOST, *LEFT_OUT}
+    reported = set(re.findall(r'DataIssue\(\s*"(\w+)"', source)) | {"no_time", "no_tag", *LOST, *LEFT_OUT}
     page = (folder.parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8").partition("## What can be wrong")[2]
     known = {code for line in re.findall(r"^\| (`.*?) \|", page, re.M) for code in re.findall(r"`(\w+)`", line)}
-    assert len(told) > 20 and told <= known, told - known
+    assert len(reported) > 20 and reported <= known, reported - known
 
 
 def spoil_times(path: Path) -> None:
@@ -640,9 +647,11 @@ def test_loops_that_are_lost_with_their_files_are_refused(tmp_path: Path, capsys
     for again in (False, True):  # the second run reads nothing anew
         with pytest.raises(SystemExit) as end:
             app(["fleet", "analyze", str(lake), "--out", str(out), "--fits", "1"])
-        told = capsys.readouterr()
-        assert end.value.code == 1 and "5 loops:" in told.out and "3 refused" in told.out, again
-        assert "3 loops refused. 3 files could not be read in whole or in part (1400 rows" in " ".join(told.err.split())
+        printed = capsys.readouterr()
+        assert end.value.code == 1 and "5 loops:" in printed.out and "3 refused" in printed.out, again
+        assert "3 loops refused. 3 files could not be read in whole or in part (1400 rows" in " ".join(
+            printed.err.split()
+        )
         found = {row["loop"]: row for row in fleet.read(out).to_pylist()}
         refused = {name: row["reason_code"] for name, row in found.items() if row["valve"] == "refused"}
         assert refused == {"FIC1": "no_rows", "FIC2": "no_rows", "FIC3": "unreadable"}
@@ -710,8 +719,8 @@ def results(lake: Path) -> Path:
 def test_results_carry_where_they_come_from(lake: Path, results: Path) -> None:
     known = fleet.manifest(results)
     assert known["provenance"]["glapp"] == glapp.__version__ and known["provenance"]["fits"] == 1
-    for name, told in known["tables"].items():
-        assert fleet.read(results, name).num_rows == told["rows"]
+    for name, entry in known["tables"].items():
+        assert fleet.read(results, name).num_rows == entry["rows"]
         assert b"glapp" in pq.read_schema(results / known["folder"] / f"{name}.parquet").metadata
     inputs = {row["file"]: row for row in fleet.read(results, "inputs").to_pylist()}
     for name, row in inputs.items():
@@ -806,9 +815,13 @@ def test_a_later_run_reads_only_what_is_new(lake: Path, results: Path, tmp_path:
 def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         app(["fleet", "analyze", str(lake), "--out", str(results), "--fits", "1"])
-    told = capsys.readouterr()
-    assert end.value.code == 1 and "5 loops:" in told.out and "1 refused" in told.out and "3 problems" in told.err
-    assert "report.html" in told.out and "not in the answers: 1 loop refused. 1 file could not be read" in told.err
+    printed = capsys.readouterr()
+    assert (
+        end.value.code == 1 and "5 loops:" in printed.out and "1 refused" in printed.out and "3 problems" in printed.err
+    )
+    assert (
+        "report.html" in printed.out and "not in the answers: 1 loop refused. 1 file could not be read" in printed.err
+    )
     told_of = [(row["code"], row["loop"]) for row in fleet.read(results, "problems").to_pylist()]
     assert told_of == [("damaged", ""), ("no_rows", "FIC9"), ("schema", "")]
 

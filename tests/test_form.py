@@ -61,8 +61,8 @@ def test_t86_of_pv_is_dead_time_and_twice_the_lag():
     assert len(times) == 4  # the first move tells nothing
     assert times == pytest.approx([DEAD + 2 * LAG] * 4, abs=1.0)
     page = form_page([judged(test, loop)])
-    [told] = cells(page, "Step response time T86")
-    assert first_number(told) == pytest.approx(DEAD + 2 * LAG, abs=0.5)
+    [cells_of_t86] = cells(page, "Step response time T86")
+    assert first_number(cells_of_t86) == pytest.approx(DEAD + 2 * LAG, abs=0.5)
 
 
 def test_t86_of_the_travel_is_the_valves_own():
@@ -141,8 +141,8 @@ def test_the_command_writes_the_page(tmp_path):
     file, page = tmp_path / "FIC402.csv", tmp_path / "form.html"
     made().write_csv(file)
     asked = ["step-test", str(file), "--op-span", "0", "100", "--page", str(page)]
-    told = CliRunner().invoke(app, asked)
-    assert told.exit_code == 0, told.output
+    invoked = CliRunner().invoke(app, asked)
+    assert invoked.exit_code == 0, invoked.output
     assert "Fail" in text_of(page.read_text(encoding="utf-8"))
     assert CliRunner().invoke(app, [*asked, "--allowed", "3"]).exit_code == 0
     assert "Pass" in text_of(page.read_text(encoding="utf-8"))

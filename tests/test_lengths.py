@@ -58,7 +58,7 @@ def test_a_gap_is_told_and_not_less_exactly_with_more_rows() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "rows", "said"),
+    ("name", "rows", "message"),
     [
         # 0.4 units for each passage of OP, 27 in all: a gap of 1.96 % was claimed.
         ("steps/PID/none/0", 20_160, "cannot_tell"),
@@ -68,6 +68,6 @@ def test_a_gap_is_told_and_not_less_exactly_with_more_rows() -> None:
         ("setpoint/PI/none/0", 86_400, "sound"),
     ],
 )
-def test_what_a_model_lacks_adds_up_to_no_gap(name: str, rows: int, said: str) -> None:
+def test_what_a_model_lacks_adds_up_to_no_gap(name: str, rows: int, message: str) -> None:
     (answer,) = asked(name, [rows])
-    assert (answer.verdict, answer.holds) == (said, True), answer.reason
+    assert (answer.verdict, answer.holds) == (message, True), answer.reason

@@ -29,9 +29,9 @@ def entries(name: str) -> dict[str, list[tuple[Requirement, int]]]:
     text = (ROOT / "requirements" / f"{name}.txt").read_text(encoding="utf-8").replace("\\\n", " ")
     for line in text.splitlines():
         if line and not line.startswith("#"):
-            told, *hashes = line.split("--hash=sha256:")
+            parts, *hashes = line.split("--hash=sha256:")
             assert all(re.fullmatch(r"[0-9a-f]{64}", digest.strip()) for digest in hashes), line
-            one = Requirement(told.strip())
+            one = Requirement(parts.strip())
             found.setdefault(canonicalize_name(one.name), []).append((one, len(hashes)))
     return found
 
@@ -119,8 +119,10 @@ def osv() -> Iterator[str]:
 
 def test_an_advisory_is_told_with_its_lock_and_an_error(osv: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--database", osv]) == KNOWN
-    told = capsys.readouterr().out.splitlines()
-    assert told and all(re.fullmatch(r"requirements/\w+\.txt: numpy [\d.]+: GHSA-one, GHSA-two", line) for line in told)
+    printed = capsys.readouterr().out.splitlines()
+    assert printed and all(
+        re.fullmatch(r"requirements/\w+\.txt: numpy [\d.]+: GHSA-one, GHSA-two", line) for line in printed
+    )
     first = [query for query in _Osv.asked if "page_token" not in query]
     assert len(first) == len(locked(ROOT)) and {"crates.io", "PyPI"} == {q["package"]["ecosystem"] for q in first}
     assert all(set(query) <= {"package", "version", "page_token"} for query in _Osv.asked)

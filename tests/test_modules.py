@@ -249,8 +249,8 @@ def test_a_slow_actuator_stops_the_controllers_before_it() -> None:
         loop = with_actuator(rate)
         loop.run(60)
         seen = loop.run(3, record=["pid", "actuator", "pid.flags", "sp.flags"], sp=np.full(30, 70.0))
-        told = [Flag.AT_HIGH in Flag(int(seen[name][5])) for name in ("pid.flags", "sp.flags")]
-        assert told == [rate == 2.0] * 2, "the controller before it, and whoever gives the setpoint"
+        at_high = [Flag.AT_HIGH in Flag(int(seen[name][5])) for name in ("pid.flags", "sp.flags")]
+        assert at_high == [rate == 2.0] * 2, "the controller before it, and whoever gives the setpoint"
         waits = np.ptp(seen["pid"][1:10]) == 0.0 and seen["pid"][1] - seen["actuator"][1] > 1.0
         assert waits == (rate == 2.0), "no further while it is on its way"
 
@@ -631,10 +631,10 @@ def test_u_ff_that_is_not_followed_is_taken_away() -> None:
     watch["watch.compensate"] = 1
     together(theirs, watch, 3000, late=9)
     assert watch["watch.standing"] == 13.0 and watch["ff"] == 0.0
-    told = their_system(), beside_it(ff_delay=9, ff_longest=1.0)
-    told[1]["watch.compensate"] = 1
-    together(*told, 3000, late=9)
-    assert told[1]["watch.standing"] == 0.0
+    watched = their_system(), beside_it(ff_delay=9, ff_longest=1.0)
+    watched[1]["watch.compensate"] = 1
+    together(*watched, 3000, late=9)
+    assert watched[1]["watch.standing"] == 0.0
 
 
 def test_manual_in_their_system_takes_u_ff_away_at_once() -> None:

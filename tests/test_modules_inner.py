@@ -33,7 +33,7 @@ SPANS = {"pv_span": 100.0, "op_span": 100.0}
 
 
 def test_a_kp_by_default_has_the_sign_of_k_and_is_marked() -> None:
-    for told, used, defaulted in (
+    for settings, used, defaulted in (
         ({}, None, 0.0),
         ({"pv_span": 100.0}, None, 0.0),
         ({"op_span": 100.0}, None, 0.0),
@@ -43,10 +43,10 @@ def test_a_kp_by_default_has_the_sign_of_k_and_is_marked() -> None:
         (SPANS | {"kp": 1.2}, 1.2, 0.0),
         (SPANS | {"integrating": True}, None, 0.0),
     ):
-        loop = loop_with(**told)
-        assert math.isnan(loop["pid.kp_used"]) if used is None else loop["pid.kp_used"] == used, told
-        assert loop["pid.kp_defaulted"] == defaulted, told
-        assert loop["pid.kp"] == told.get("kp"), "what was given, and no more"
+        loop = loop_with(**settings)
+        assert math.isnan(loop["pid.kp_used"]) if used is None else loop["pid.kp_used"] == used, settings
+        assert loop["pid.kp_defaulted"] == defaulted, settings
+        assert loop["pid.kp"] == settings.get("kp"), "what was given, and no more"
 
 
 def test_kp_by_default_is_that_of_analyze() -> None:
@@ -57,7 +57,8 @@ def test_the_estimate_by_default_lies_near_that_with_the_true_kp_and_is_never_co
     """Thesis 6.5 with the process of this page: 2.0 shown with Kp, a little more with 1.5, more without."""
     compensation = {"comp_size": 4.0, "comp_band": 0.0, "comp_withdraw": False}
     loops = {
-        name: loop_with(**told, **compensation) for name, told in (("kp", {"kp": 1.0}), ("spans", SPANS), ("no", {}))
+        name: loop_with(**settings, **compensation)
+        for name, settings in (("kp", {"kp": 1.0}), ("spans", SPANS), ("no", {}))
     }
     for loop in loops.values():
         loop.run(1000, load=LOAD)
@@ -162,10 +163,10 @@ def test_the_corrected_width_is_the_whole_gap_while_half_of_it_is_compensated() 
 
 
 @pytest.mark.parametrize(
-    "told", [{"kp": 1.0}, SPANS, {}, {"kp": 1.0, "detector_tf": 4.0}], ids=["kp", "spans", "none", "2Ti"]
+    "settings", [{"kp": 1.0}, SPANS, {}, {"kp": 1.0, "detector_tf": 4.0}], ids=["kp", "spans", "none", "2Ti"]
 )
-def test_no_corrected_width_without_a_gap(told: dict[str, float]) -> None:
-    loop = loop_with(gap=0.0, **told)
+def test_no_corrected_width_without_a_gap(settings: dict[str, float]) -> None:
+    loop = loop_with(gap=0.0, **settings)
     seen = loop.run(1000, load=LOAD, record=["pid.corrected_d", "pid.corrected_doubt"])
     assert np.isnan(seen["pid.corrected_d"]).all() and (seen["pid.corrected_doubt"] > 0).all()
 

@@ -97,8 +97,8 @@ def test_the_same_name_with_other_endings_or_twice(run):
     assert names(run("analyze", "a.csv", "a.csv", "--json", "--no-fit")[1]) == ["a", "a (2)"]
     write("FIC1.csv", WIDE)
     write("FIC12.csv", WIDE)
-    told = names(run("analyze", "FIC1.csv", "FIC12.csv", "--json", "--no-fit")[1])
-    assert told == ["FIC1", "FIC1/FIC2", "FIC12/FIC1", "FIC12/FIC2"]
+    listed = names(run("analyze", "FIC1.csv", "FIC12.csv", "--json", "--no-fit")[1])
+    assert listed == ["FIC1", "FIC1/FIC2", "FIC12/FIC1", "FIC12/FIC2"]
     assert names(run("analyze", "no.csv", "x/no.csv", "--json", "--no-fit")[1]) == ["no", "x/no"]
 
 

@@ -153,8 +153,8 @@ def test_a_name_that_is_none_is_refused():
 
 
 def a_line(name, **fit):
-    told = {"verdict": "cannot_tell", "d": None, "low": None, "high": None, "reason_code": "may_be_a_gap"} | fit
-    return Line(record(name).truth, 1, {"fit": told}, {}, None, 1.0)
+    fields = {"verdict": "cannot_tell", "d": None, "low": None, "high": None, "reason_code": "may_be_a_gap"} | fit
+    return Line(record(name).truth, 1, {"fit": fields}, {}, None, 1.0)
 
 
 def test_a_line_is_read_as_it_was_written():
@@ -235,8 +235,8 @@ def test_the_oracle_sees_a_plain_gap_and_none_where_there_is_none():
     gap, none = oracle.Seen.of("steps/gap/12/1"), oracle.Seen.of("steps/none/12/1")
     assert gap.ratio > 50 > none.ratio
     lines = [a_line(one.name) for one in (gap, none)]
-    told = oracle.table(lines, {one.name: one.ratio for one in (gap, none)})
-    assert told.startswith("Of 1 gaps the oracle sees 1;") and "| all | 1 | 0.0 % (0.0 to 97.5) |" in told
+    table = oracle.table(lines, {one.name: one.ratio for one in (gap, none)})
+    assert table.startswith("Of 1 gaps the oracle sees 1;") and "| all | 1 | 0.0 % (0.0 to 97.5) |" in table
 
 
 @pytest.mark.verify

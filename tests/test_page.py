@@ -45,7 +45,7 @@ def page(browser: Any) -> Any:
     one.asked, one.wrong = [], []
     one.on("request", lambda request: one.asked.append(request.url))
     one.on("pageerror", lambda error: one.wrong.append(str(error)))
-    one.on("console", lambda said: one.wrong.append(said.text) if said.type == "error" else None)
+    one.on("console", lambda message: one.wrong.append(message.text) if message.type == "error" else None)
     one.goto(PAGE.as_uri())
     # What is shown before the fit is kept, to be looked at later.
     one.evaluate("""() => {
@@ -116,21 +116,21 @@ def same(page: Any, path: Path) -> None:
     found = page.evaluate("() => shown.answer")
     [recording] = open_recordings(path)
     result = glapp.analyze(recording)
-    told = json.loads(json.dumps(result.to_dict()))
+    document = json.loads(json.dumps(result.to_dict()))
     for key in ("verdict", "width", "low", "high", "urgency", "valve", "evidence"):
-        near(told["answer"][key], found["answer"][key], key)
+        near(document["answer"][key], found["answer"][key], key)
     for key in ("crossings", "d_hat", "detections", "half_periods", "noise_floor", "reasons"):
-        near(told[key], found[key], key)
-    for ours, theirs in zip(told["quality"], found["quality"], strict=True):
+        near(document[key], found[key], key)
+    for ours, theirs in zip(document["quality"], found["quality"], strict=True):
         near(ours["evidence"], {key: theirs["evidence"][key] for key in ours["evidence"]}, ours["code"])
-    said = page.locator("#result").text_content()  # also what is folded
+    text = page.locator("#result").text_content()  # also what is folded
     sentences = [words.next_step(result), *(words.sentence(one.text) for one in result.quality)]
     if result.fit is not None:
         sentences += [words.lead(result), words.sentence(result.fit.reason)]
     else:
         sentences.append(words.sentence(result.reason))
     for sentence in sentences:
-        assert sentence in said, sentence
+        assert sentence in text, sentence
     assert page.wrong == []
 
 
@@ -182,8 +182,8 @@ def test_forms_of_export_are_read(page: Any, tmp_path: Path, form: str) -> None:
     answered(page, path)
     assert page.evaluate("() => Array.from(shown.read.columns.pv)") == export.pv.tolist()
     assert page.locator("#result h2").inner_text() == export.loop
-    said = page.locator("#result").inner_text()
-    assert ("Each signal has times of its own" in said) == (export.told == "own_times")
+    text = page.locator("#result").inner_text()
+    assert ("Each signal has times of its own" in text) == (export.told == "own_times")
 
 
 def test_what_is_hidden_in_a_name_is_shown(page: Any, recordings: Path, tmp_path: Path) -> None:
@@ -314,9 +314,9 @@ def test_windows_are_fitted_side_by_side_with_the_same_bits(window: Any, process
         processors,
     )
     stages = [f"Fitting the gap, {done} of 3 windows done" for done in range(4)]
-    told = {"same": True, "kind": "join", "left": 0, "stages": [*stages, "Joining what the windows say"]}
-    told["so_far"] = [[1, 1], [2, 2]]
-    assert found == told | {"workers": min(3, processors)}
+    expected = {"same": True, "kind": "join", "left": 0, "stages": [*stages, "Joining what the windows say"]}
+    expected["so_far"] = [[1, 1], [2, 2]]
+    assert found == expected | {"workers": min(3, processors)}
 
 
 def test_what_the_windows_say_so_far_is_shown_until_all_are_done(analysed: Any) -> None:
@@ -356,9 +356,9 @@ def test_a_worker_that_breaks_off_ends_the_fit_with_a_word(window: Any, how: str
         how,
     )
     window.wait_for_selector("#wrong:not([hidden])")
-    said = window.locator("#wrong").inner_text()
-    assert f"the {'analysis' if how == 'reads' else 'fit'} broke off (" in said and "analyse again" in said
-    assert ("out of memory" in said) == (how != "cannot be fitted")
+    text = window.locator("#wrong").inner_text()
+    assert f"the {'analysis' if how == 'reads' else 'fit'} broke off (" in text and "analyse again" in text
+    assert ("out of memory" in text) == (how != "cannot be fitted")
     assert window.evaluate("() => fitting === null")
     assert not window.locator("#working").is_visible()
 

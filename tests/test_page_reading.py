@@ -206,9 +206,9 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     (folder / "asked.json").write_text(json.dumps(asked), encoding="utf-8")
     command = ["node", str(Path(__file__).parent / "page_reading.mjs"), scripts]
     command += [str(folder / "data.json"), str(folder / "asked.json")]
-    said = subprocess.run(command, capture_output=True, text=True, check=True)
-    told = [json.loads(line) for line in said.stdout.splitlines()]
-    return {name: {"file": path, **one} for (name, path), one in zip(files.items(), told, strict=True)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    replies = [json.loads(line) for line in done.stdout.splitlines()]
+    return {name: {"file": path, **one} for (name, path), one in zip(files.items(), replies, strict=True)}
 
 
 @pytest.mark.slow
@@ -240,10 +240,10 @@ def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> N
 @pytest.mark.parametrize("name", ASKED)
 @pytest.mark.slow
 def test_reads_the_same_numbers_after_the_same_answer(read: dict[str, dict[str, Any]], name: str) -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as answer:
         [one] = open_recordings(read[name]["file"])
         list(one.batches())
-    assert told.value.what in read[name]["wrong"]
+    assert answer.value.what in read[name]["wrong"]
     answered = read[f"{name}, answered"]
     compare(answered, open_recordings(answered["file"], defaults=ASKED[name].answer))
 
@@ -262,8 +262,8 @@ def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
     assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
     assert {labels[role]: unit for role, unit in found["units"].items()} == recording.units
     assert found["loop"] == recording.name
-    told = [(one["code"], one["severity"], one["evidence"]) for one in found["told"]]
-    assert told == [(one.code, one.severity, one.evidence) for one in recording.found]
+    findings = [(one["code"], one["severity"], one["evidence"]) for one in found["told"]]
+    assert findings == [(one.code, one.severity, one.evidence) for one in recording.found]
     if recording.t0 is None:
         assert found["t0"] is None
     else:
@@ -273,10 +273,10 @@ def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
 @pytest.mark.parametrize("name", REFUSED | DAMAGED)
 @pytest.mark.slow
 def test_refuses_the_same_files_in_the_same_words(read: dict[str, dict[str, Any]], name: str) -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reply:
         [one] = open_recordings(read[name]["file"])
         list(one.batches())
-    what, row = told.value.what, told.value.row
+    what, row = reply.value.what, reply.value.row
     if what.startswith(NOT_JSON):  # what is wrong with it is each parser's own to say
         what, row = NOT_JSON, None
     assert what in read[name]["wrong"]

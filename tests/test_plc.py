@@ -56,6 +56,29 @@ def test_the_same_bytes_each_time(packages, tmp_path):
         assert f"{target}/README.md" in first
 
 
+def test_the_tree_is_as_written(packages):
+    """The tree in plc/README.md, and the number of pages in that of AC 800M."""
+    text = (ROOT / "plc/README.md").read_text().split("dist/plc/\n", 1)[1].split("```", 1)[0]
+    written = set()
+    for line in text.splitlines():
+        names = re.sub(r"   in each archive.*", "", line).split()
+        folder = names.pop(0) if len(names) > 1 and names[0].endswith("/") else ""
+        written |= {folder + name for name in names}
+    folders = [path for path in packages.iterdir() if path.is_dir()]
+    made = [path for folder in [packages, *folders] for path in folder.iterdir() if path not in folders]
+    assert written == {f"{path.relative_to(packages).as_posix()}{'/' * path.is_dir()}" for path in made}
+    pages = len(list((packages / "ac800m/all").glob("*_*.html")))
+    assert f"| `all` | every block, each on its page | {pages} |" in (ROOT / "plc/packages/ac800m.md").read_text()
+
+
+@pytest.mark.parametrize("name", ["faceplate.svg", "messages.csv"])
+def test_what_a_screen_shows_are_tags_of_the_example(packages, name):
+    rows = (packages / "example/tags.csv").read_text().splitlines()[1:]
+    tags = {row.split(",")[0].removeprefix("GlappLoop.") for row in rows} | {"tag"}
+    shown = set(re.findall(r"\{(\w+)\}", (packages / "example" / name).read_text()))
+    assert len(shown) > 4 and shown <= tags
+
+
 def kinds() -> dict[str, str]:
     """Names of the units, and the word that each begins with."""
     found = {}
@@ -272,8 +295,8 @@ def test_pages_without_arrays_and_functions_give_the_same_numbers(packages, tmp_
     names = [name for text in pieces.values() for name in re.findall(r"(?m)^(\w+) : ", text)]
     assert max(map(len, names)) <= 32
     folder = write({name: text.replace("REAL", "LREAL") for name, text in units.items()}, tmp_path / "unpacked")
-    told = check("test", "twins", "--exact", *tests, GLAPP_PLC=str(folder))
-    assert f"{len(tests)} passed" in told
+    printed = check("test", "twins", "--exact", *tests, GLAPP_PLC=str(folder))
+    assert f"{len(tests)} passed" in printed
 
 
 @pytest.mark.slow

@@ -69,11 +69,11 @@ def test_a_sentence_is_found() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_a_page_is_readable(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    told = [(length(one), one) for one in sentences(text)]
-    assert [one for n, one in told if n > MOST] == []
-    assert sum(n for n, _ in told) <= MEAN * max(len(told), 1)
+    lengths = [(length(one), one) for one in sentences(text)]
+    assert [one for n, one in lengths if n > MOST] == []
+    assert sum(n for n, _ in lengths) <= MEAN * max(len(lengths), 1)
     assert said(text, *STIFF, *ARCHAIC, *BESIDE) == []
-    assert [one for _, one in told if INVERTED.match(one)] == []
+    assert [one for _, one in lengths if INVERTED.match(one)] == []
 
 
 def said(text: str, *words: str) -> list[str]:

@@ -33,10 +33,10 @@ def test_every_form_is_read_right(tmp_path, name):
     assert (recording.t0 and recording.t0.replace(tzinfo=None)) == want.t0
     np.testing.assert_allclose(got.t, want.t, atol=1e-6)
     for signal in ("sp", "pv", "op"):
-        values, told = getattr(got, signal), getattr(want, signal)
-        assert (values is None) == (told is None)
-        if told is not None:
-            np.testing.assert_allclose(values, told, rtol=1e-12)
+        values, expected = getattr(got, signal), getattr(want, signal)
+        assert (values is None) == (expected is None)
+        if expected is not None:
+            np.testing.assert_allclose(values, expected, rtol=1e-12)
     flags = np.zeros(len(got), np.uint8) if got.flags is None else got.flags
     assert np.flatnonzero(flags & NOT_AUTO).tolist() == list(want.manual)
     assert recording.units == want.units
@@ -162,8 +162,8 @@ def test_bad_cells_cost_their_own_half_periods_and_no_other():
 def test_without_sp_what_is_lost_is_told():
     made = simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, t_end=60, load=[(30, 0.5)])
     result = analyze(recording_from({"t": made.t, "PV": made.pv, "OP": made.op}), fit=False)
-    [told] = [finding for finding in result.quality if finding.code == "no_sp"]
-    assert told.severity == "info" and "the gap is fitted from OP and PV" in told.text
+    [findings] = [finding for finding in result.quality if finding.code == "no_sp"]
+    assert findings.severity == "info" and "the gap is fitted from OP and PV" in findings.text
 
 
 @pytest.mark.slow

@@ -166,8 +166,8 @@ class TestRefused:
     @pytest.mark.slow
     def test_recordings_that_cannot_be_fitted_are_told_and_do_not_count(self) -> None:
         answer = glapp.fit([small(0), small(1, columns={"op": ""})])
-        told = answer.recordings[1]
-        assert told.left_out is not None and told.left_out.startswith("there is no OP")
+        refused = answer.recordings[1]
+        assert refused.left_out is not None and refused.left_out.startswith("there is no OP")
         none = glapp.fit([small(0, columns={"op": ""}), small(1, columns={"op": ""})])
         assert none.verdict == "cannot_tell" and "there is no OP" in none.reason and none.d is None
 
@@ -211,10 +211,10 @@ class TestCommandLine:
         try:
             main()
         except SystemExit as end:
-            told = capsys.readouterr()
-            return int(end.code or 0), told.out + told.err
-        told = capsys.readouterr()
-        return 0, told.out + told.err
+            printed = capsys.readouterr()
+            return int(end.code or 0), printed.out + printed.err
+        printed = capsys.readouterr()
+        return 0, printed.out + printed.err
 
     @pytest.mark.slow
     def test_one_row_and_one_answer(self, capsys: Any, monkeypatch: Any, three: glapp.Fit) -> None:
@@ -257,16 +257,16 @@ class TestCommandLine:
         assert "tue.csv, pv_unit: is bar, and not given in mon.csv" in " ".join(out.split())
 
     @pytest.mark.parametrize(
-        ("toml", "told"),
+        ("toml", "message"),
         [
             ('file = "mon.csv"\nfiles = ["tue.csv"]', "files: are given in addition to file"),
             ('files = ["tue.csv", "tue.csv"]', "files: names tue.csv twice"),
         ],
     )
-    def test_files_that_contradict_themselves(self, capsys: Any, monkeypatch: Any, toml: str, told: str) -> None:
+    def test_files_that_contradict_themselves(self, capsys: Any, monkeypatch: Any, toml: str, message: str) -> None:
         Path("loops.toml").write_text(f"[loops.FIC1]\n{toml}\n")
         code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml")
-        assert code == 1 and told in " ".join(out.split())
+        assert code == 1 and message in " ".join(out.split())
 
     def test_a_loops_toml_says_so_itself(self, capsys: Any, monkeypatch: Any) -> None:
         Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv"]\n')

@@ -403,8 +403,8 @@ def test_neighbours_share_a_column_when_there_are_too_many_and_none_is_lost() ->
     shading = loop_figure(result).data[0]
     codes = np.asarray(shading.z)[0]
     assert len(codes) == figures.MAX_COLUMNS
-    told = sum(int(re.match(r"<b>(\d+) half", text)[1]) for text in shading.text[0])  # type: ignore[index]
-    assert told == result.half_periods.count
+    counted = sum(int(re.match(r"<b>(\d+) half", text)[1]) for text in shading.text[0])  # type: ignore[index]
+    assert counted == result.half_periods.count
 
 
 def test_a_loop_without_detections_has_no_panel_for_them(run: list[Result]) -> None:
@@ -657,9 +657,9 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
 
 def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -> None:
     fit = Fit("backlash", "a gap: likelihood ratio 41, 40 needed", "%", 2.0, 1.5, 3.0, lr_no_gap=41.0, lr_needed=40.0)
-    told = replace(worn, fit=fit).texts()
-    assert "likelihood" not in told["so"] + told["do"]
-    assert told["why"][0] == "a gap: likelihood ratio 41, 40 needed.".capitalize()
+    texts = replace(worn, fit=fit).texts()
+    assert "likelihood" not in texts["so"] + texts["do"]
+    assert texts["why"][0] == "a gap: likelihood ratio 41, 40 needed.".capitalize()
     assert words.basis(replace(worn, fit=fit)) == "strong evidence" and words.basis(worn) == "simple method alone"
     write_report([replace(worn, fit=fit)], file := tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
@@ -733,8 +733,8 @@ def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
     limit = a_loop(op_span=(0, 100), acceptable_dead_band=None)
     for verdict in ("backlash", "both", "at_least", "cannot_tell"):
         found = replace(result, loop=limit, fit=Fit(verdict, "a gap", "%", 2.0, 1.5, 2.5))
-        told = words.next_step(found)
-        assert used.search(told) and "confirm" not in told and "make a step test" not in told, told
+        advice = words.next_step(found)
+        assert used.search(advice) and "confirm" not in advice and "make a step test" not in advice, advice
         assert "make a step test" in (other := words.next_step(replace(found, step_test=None))) or "confirm" in other
         assert words.todo(found) == ("inspect" if verdict in ("backlash", "both") else "read test")
     within = replace(found, loop=a_loop(acceptable_dead_band=9.0), fit=Fit("backlash", "a gap", "%", 2.0, 1.5, 2.5))
@@ -784,27 +784,27 @@ def test_how_sure_it_is_is_what_the_benches_measured() -> None:
     def percent(cell: str) -> float:
         return float(cell.strip(" %+"))
 
-    told = " ".join(words.SURE)
+    text = " ".join(words.SURE)
     [records, *_] = re.findall(r"records of every kind, (\d+) in all", measured[measured.index("## Tables") :])
     assert f"On {records} simulated recordings" in words.SURE_OF_LIMITS
-    assert {round(percent(fit[2])), round(percent(fit[5]))} == {93, 96} and "93 to 96 of 100 such intervals" in told
+    assert {round(percent(fit[2])), round(percent(fit[5]))} == {93, 96} and "93 to 96 of 100 such intervals" in text
     assert (
-        f"in {round(10 * percent(fit[6]))} of 1000" in told and f"in {round(10 * percent(thesis[6]))} of 1000" in told
+        f"in {round(10 * percent(fit[6]))} of 1000" in text and f"in {round(10 * percent(thesis[6]))} of 1000" in text
     )
-    assert {round(percent(fit[k])) for k in (0, 3)} == {31} and "31 in 100 got a width" in told
+    assert {round(percent(fit[k])) for k in (0, 3)} == {31} and "31 in 100 got a width" in text
     low, high = sorted(round(percent(thesis[k])) for k in (1, 4))
-    assert f"{low} to {high} % too wide" in told
+    assert f"{low} to {high} % too wide" in text
     without, claims, with_gap = int(loads[0]), int(loads[1]) + int(loads[2]), int(loads[3])
-    assert f"{loads[-2].strip()} did" in told and f"in {claims} of {without} of" in told
-    assert f"On {without + with_gap} more" in told
+    assert f"{loads[-2].strip()} did" in text and f"in {claims} of {without} of" in text
+    assert f"On {without + with_gap} more" in text
 
 
 def test_how_to_read_it_covers_both_methods_and_every_verdict(worn: Result, tmp_path: Path) -> None:
     assert set(words.MEANINGS) == set(words.VERDICTS) == set(get_args(Verdict)) | set(get_args(Crossings))
     [file] = write_report([worn], tmp_path / "report.html")
     text = " ".join(" ".join(parsed(file).text).split())
-    for method, told in words.METHODS.items():
-        assert method in text and all(" ".join(one.split()) in text for one in told)
+    for method, sentences in words.METHODS.items():
+        assert method in text and all(" ".join(one.split()) in text for one in sentences)
     assert all(one in text for one in (*words.SURE, *words.MEANINGS.values()))
 
 

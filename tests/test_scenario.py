@@ -544,20 +544,20 @@ def test_a_short_controller_is_a_plain_pi_controller() -> None:
     """b = 1 and no filter in the loop: OP's first move is K times the step of the setpoint."""
     s = closed_loop("P2", (0.4, 2.4), d=0, noise=0, t_end=5, setpoint=[(1, 1.0)])
     assert np.diff(s.op).max() == pytest.approx(0.4 * (1 + 0.05 / 2.4), rel=1e-9)
-    told = {"d": 0, "noise": 0.01, "t_end": 50, "setpoint": [(1, 1.0)]}
-    plain = closed_loop("P2", (0.4, 2.4), **told)
-    assert same(plain, closed_loop("P2", (0.4, 2.4, 0, 1), tf=0, **told))
-    assert same(closed_loop("P2", (0.4, 2.4), tf=0.3, **told), closed_loop("P2", (0.4, 2.4, 0, 1), tf=0.3, **told))
-    assert not same(plain, closed_loop("P2", (0.4, 2.4), filter_in_loop=True, **told))
+    others = {"d": 0, "noise": 0.01, "t_end": 50, "setpoint": [(1, 1.0)]}
+    plain = closed_loop("P2", (0.4, 2.4), **others)
+    assert same(plain, closed_loop("P2", (0.4, 2.4, 0, 1), tf=0, **others))
+    assert same(closed_loop("P2", (0.4, 2.4), tf=0.3, **others), closed_loop("P2", (0.4, 2.4, 0, 1), tf=0.3, **others))
+    assert not same(plain, closed_loop("P2", (0.4, 2.4), filter_in_loop=True, **others))
 
 
 def test_a_tuning_is_a_controller() -> None:
-    told = {"d": 0.05, "t_end": 50, "setpoint": [(1, 1.0)]}
+    others = {"d": 0.05, "t_end": 50, "setpoint": [(1, 1.0)]}
     tuning = amigo_step("P2", "PI")
-    assert same(closed_loop("P2", tuning, **told), closed_loop("P2", tuning.controller, tf=0, **told))
+    assert same(closed_loop("P2", tuning, **others), closed_loop("P2", tuning.controller, tf=0, **others))
     filtered = assess("P2", tuning, tf=0.2)
-    assert same(closed_loop("P2", filtered, **told), closed_loop("P2", tuning.controller, tf=0.2, **told))
-    assert same(closed_loop("P2", filtered, tf=0, **told), closed_loop("P2", tuning, **told))
+    assert same(closed_loop("P2", filtered, **others), closed_loop("P2", tuning.controller, tf=0.2, **others))
+    assert same(closed_loop("P2", filtered, tf=0, **others), closed_loop("P2", tuning, **others))
 
 
 def test_a_simulation_is_drawn_and_is_a_data_frame() -> None:

@@ -116,8 +116,10 @@ def test_the_demonstration_is_scored(tmp_path: Path) -> None:
     report = tmp_path / "differ.html"
     done = CliRunner().invoke(app, ["score", str(labels), "--json", "--report", str(report)])
     assert done.exit_code == 1, "two of the four cannot be opened"
-    told = " ".join(done.stderr.split())
-    assert "row 4, column loop: has no loop 'LIC999'" in told and "row 5, column file: there is no such file" in told
+    printed = " ".join(done.stderr.split())
+    assert (
+        "row 4, column loop: has no loop 'LIC999'" in printed and "row 5, column file: there is no such file" in printed
+    )
     found = json.loads(done.stdout)
     assert found["valves"][0]["outcome"] == "right"
     assert sum(one["right"] + one["wrong"] + one["silent"] for one in found["counts"]) == 2

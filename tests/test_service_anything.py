@@ -43,8 +43,8 @@ def test_a_method_that_is_not_described_is_not_answered(tmp_path: Path) -> None:
     users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     client = TestClient(app_of(monitor, users, hosts=["testserver"]))
-    said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
-    assert undeclared(client, "/openapi.json", {"Authorization": f"Bearer {said['token']}"}) == []
+    login = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
+    assert undeclared(client, "/openapi.json", {"Authorization": f"Bearer {login['token']}"}) == []
     monitor.store.close()
 
 
@@ -88,8 +88,8 @@ def test_any_request_is_answered(tmp_path: Path, known: bool) -> None:
             users.put(name, role, PASSWORDS[name], BEGIN)
         headers = {}
         if known:
-            said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
-            headers["Authorization"] = f"Bearer {said['token']}"
+            login = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
+            headers["Authorization"] = f"Bearer {login['token']}"
         statuses[operation.label] = asked(operation, headers)
     monitor.store.close()
     let_in = {label for label, seen in statuses.items() if 200 in seen}

@@ -139,10 +139,10 @@ def test_live_values_may_be_waited_for(client: TestClient, monitor: Monitor, mon
     async def comes() -> float:
         transport = httpx.ASGITransport(app=client.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1", headers=vera) as asking:
-            told = asyncio.ensure_future(asking.get(f"/live?loop=FIC0&loop=FIC1&after={pv}"))
+            waiting = asyncio.ensure_future(asking.get(f"/live?loop=FIC0&loop=FIC1&after={pv}"))
             await asyncio.sleep(0)
             monitor.ingest.take([Value("FIC0", Signal.PV, pv + 1.0, 51.0, True)])
-            return (await told).json()["FIC0"]["pv"]["time"]
+            return (await waiting).json()["FIC0"]["pv"]["time"]
 
     assert asyncio.run(comes()) == pv + 1.0
 
@@ -369,9 +369,9 @@ def test_refused_logins_are_counted_and_told_together(monitor: Monitor) -> None:
         await monitor.step()
 
     asyncio.run(go())
-    told = [row["text"] for row in monitor.reader.events() if row["kind"] == "logins_refused"]
-    assert "a login was refused: as a name that is no user's, from 10.0.0.7" in told[-1]
-    assert len(told) <= 2 and not any("guess" in text or "secret" in text for text in told)
+    events = [row["text"] for row in monitor.reader.events() if row["kind"] == "logins_refused"]
+    assert "a login was refused: as a name that is no user's, from 10.0.0.7" in events[-1]
+    assert len(events) <= 2 and not any("guess" in text or "secret" in text for text in events)
     assert refused.total == 40 and not monitor.reader.commands()
     here = TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 1))
     assert "glapp_logins_refused_total 40.0" in here.get("/metrics").text

@@ -100,12 +100,12 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
 
 
 def test_settings_of_our_own_server_that_do_not_fit_together(tmp_path: Path) -> None:
-    for words, said in (
+    for words, message in (
         (["--opcua-user", "dcs"], "--opcua-port: is needed"),
         (["--opcua-port", "0", "--opcua-user", "dcs"], "are given together"),
         (["--opcua-port", "0", "--opcua-user", "dcs", "--opcua-password-file", tmp_path / "none"], "cannot be read"),
     ):
-        with pytest.raises((InputError, CommandError), match=said):
+        with pytest.raises((InputError, CommandError), match=message):
             glapp("--demo", "--data", tmp_path / "data", *words)
     assert not (tmp_path / "data").exists(), "nothing is begun"
 
@@ -150,9 +150,9 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         with pytest.raises(InputError, match="glapp watch watchdog-test PIC102"):
             glapp("enable", "PIC102", "--api-url", api_url)
         glapp("watchdog-test", "PIC102", "--api-url", api_url)
-        while "drilled" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
+        while "drilled" not in (events := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
             time.sleep(0.2)
-        assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in told
+        assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in events
         assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--api-url", api_url))
         assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--api-url", api_url))
         assert "engineer  engineer" in glapp("users", "list", "--api-url", api_url)
@@ -163,8 +163,10 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         code = child.wait(90)
     assert code == 0
     assert child.stdout is not None
-    said = child.stdout.read()
-    assert "Watching 2 loops" in said and re.search(r"Answers and DeviceHealth at opc\.tcp://127\.0\.0\.1:\d+/", said)
+    printed = child.stdout.read()
+    assert "Watching 2 loops" in printed and re.search(
+        r"Answers and DeviceHealth at opc\.tcp://127\.0\.0\.1:\d+/", printed
+    )
     child.stdout.close()
     assert FolderLock.holder(folder) is None
     with Reader(folder) as reader:

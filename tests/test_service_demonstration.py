@@ -77,16 +77,16 @@ def one_of(answers: dict[str, dict[str, Any]], loop: str) -> dict[str, Any]:
 
 def test_there_is_one_of_each_kind_and_none_says_what_is_not_true() -> None:
     answers = demonstration.answers(TODAY)
-    told = {name: one_of(answers, name)["answer"] for name in answers}
-    assert {name: answer["confidence"] for name, answer in told.items()} == WHAT
-    assert told["PIC102"]["verdict"] == "oscillation" and told["TIC103"]["trend"]["code"] == "grows"
+    values = {name: one_of(answers, name)["answer"] for name in answers}
+    assert {name: answer["confidence"] for name, answer in values.items()} == WHAT
+    assert values["PIC102"]["verdict"] == "oscillation" and values["TIC103"]["trend"]["code"] == "grows"
     kinds = {loop.name: loop.kind for loop in demonstration.loops()}
-    for name, answer in told.items():
+    for name, answer in values.items():
         wear = kinds[name].wear * (demonstration.DAYS - 1)  # on the last day that was recorded
         true = kinds[name].d + wear
         low, high = answer["low"], answer["high"]
         assert low is None or low <= true <= high, name
-    slope = told["TIC103"]["trend"]
+    slope = values["TIC103"]["trend"]
     assert slope["low"] <= kinds["TIC103"].wear <= slope["high"]
 
 

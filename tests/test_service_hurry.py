@@ -69,10 +69,10 @@ class Worn(Table):
             if scan == ENABLED:
                 await self.monitor.commands.enable("FIC101", "eve", "engineer")
             self.time.now += SCAN
-            told = self.sim.scan(40.0 if scan < REPAIRED else 0.0, self.u_ff.get("FIC101", 0.0))
-            told[Signal.U_FF] = self.u_ff.get("FIC101", 0.0)
+            scan_values = self.sim.scan(40.0 if scan < REPAIRED else 0.0, self.u_ff.get("FIC101", 0.0))
+            scan_values[Signal.U_FF] = self.u_ff.get("FIC101", 0.0)
             self.heard = self.time.now
-            take([Value("FIC101", signal, self.time.now, float(x), True) for signal, x in told.items()])
+            take([Value("FIC101", signal, self.time.now, float(x), True) for signal, x in scan_values.items()])
             await self.monitor.feedforward.caught_up(self.time.now)
             self.found.append({**self.monitor.status()["loops"]["FIC101"]["compensation"], "made": self._made()})
 

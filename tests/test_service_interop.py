@@ -128,8 +128,8 @@ def test_our_client_and_their_server(stack):
             await watch.heard("FIC101", 10)
         return loops, watch, back
 
-    with their_server(stack) as (url, told):
-        loops, watch, back = asyncio.run(run(url, told["uri"]))
+    with their_server(stack) as (url, answers):
+        loops, watch, back = asyncio.run(run(url, answers["uri"]))
     assert set(loops["FIC101"]) == {"sp", "pv", "op", "mode"}
     values = watch.of("FIC101")
     bad = [v for v in values if not v.good]
@@ -179,8 +179,8 @@ def test_our_client_and_their_server_encrypted(stack, pki):
         wrong = {"own": "stranger"}, {"server": "stranger"}, {"password": "wrong"}
         return await attempt(url, uri), [await attempt(url, uri, **one) for one in wrong]
 
-    with their_server(stack, pki) as (url, told):
-        right, refused = asyncio.run(run(url, told["uri"]))
+    with their_server(stack, pki) as (url, answers):
+        right, refused = asyncio.run(run(url, answers["uri"]))
     assert len(right.of("FIC101")) > 5 and not right.told("lost")
     assert not any(one.values for one in refused)
     strange, other, guessed = (one.told("lost")[0] for one in refused)
@@ -197,12 +197,12 @@ def test_their_client_and_our_plant():
         async with SimPlant(1, scan=0.1) as plant:
             return await said("node", "client", plant.url, NAMESPACE)
 
-    told = asyncio.run(run())
-    good = [(t, value) for t, value, status in told["seen"] if status == "Good"]
+    report = asyncio.run(run())
+    good = [(t, value) for t, value, status in report["seen"] if status == "Good"]
     steps = [b - a for (a, _), (b, _) in itertools.pairwise(good)]
     assert len(good) > 20 and all(0.09 < step < 0.11 for step in steps)
-    assert told["history"] == told["seen"][2:23]
-    assert (told["refused"], told["written"], told["back"]) == ("BadUserAccessDenied", "Good", 0.5)
+    assert report["history"] == report["seen"][2:23]
+    assert (report["refused"], report["written"], report["back"]) == ("BadUserAccessDenied", "Good", 0.5)
 
 
 @pytest.mark.parametrize("sealed", [False, True], ids=["open", "encrypted"])
@@ -232,13 +232,13 @@ def test_their_client_and_our_answers(stack, sealed, pki, tmp_path):
             await asyncio.gather(serving, return_exceptions=True)
             return asked.result()
 
-    told = asyncio.run(run())
+    report = asyncio.run(run())
     monitor.store.close()
-    times = [time for time, _, status in told["seen"] if status == "Good"]
+    times = [time for time, _, status in report["seen"] if status == "Good"]
     assert len(set(times)) > 10, "on a slow machine Milo's client asks for some once more"
     assert min(times) >= service.BEGIN + 199
-    assert told["written"] in ("BadUserAccessDenied", "BadNotWritable")
-    read = {name: (value, status) for name, (_, value, status) in told["read"].items()}
+    assert report["written"] in ("BadUserAccessDenied", "BadNotWritable")
+    read = {name: (value, status) for name, (_, value, status) in report["read"].items()}
     assert read == {
         "FIC0.Detections": (4, "Good"),
         "FIC0.DeviceHealth": (0, "Good"),
@@ -247,5 +247,5 @@ def test_their_client_and_our_answers(stack, sealed, pki, tmp_path):
         "FIC0.Standing": (None, "BadNotSupported"),
     }
     if sealed:
-        assert "BadUserAccessDenied" in told["refused"]["password"]
-        assert told["refused"]["certificate"] != "Good"
+        assert "BadUserAccessDenied" in report["refused"]["password"]
+        assert report["refused"]["certificate"] != "Good"

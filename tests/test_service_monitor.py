@@ -368,9 +368,9 @@ def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
 
     monitor = beside(tmp_path, look, Keeps())
     with Reader(tmp_path) as reader:
-        told = {row["kind"]: row["text"] for row in reader.events("FIC0")}
-    assert "had to be 0 within" in told["not_taken_away"] and "of every loop" in told["not_taken_away"]
-    assert "counted up again" in told["taken_away"]
+        events = {row["kind"]: row["text"] for row in reader.events("FIC0")}
+    assert "had to be 0 within" in events["not_taken_away"] and "of every loop" in events["not_taken_away"]
+    assert "counted up again" in events["taken_away"]
     assert monitor.status()["loops"]["FIC0"]["compensation"]["u_ff"] == 0.0
 
 
@@ -648,8 +648,10 @@ def test_a_fit_that_takes_too_long_is_ended_and_the_next_one_begins(tmp_path: Pa
         await monitor.step()
 
     asyncio.run(go())
-    told = {event["loop"]: event["text"] for event in monitor.reader.events() if event["kind"] == "not_fitted"}
-    assert told["FIC0"] == "it took more than 1e-06 s, and was ended" and "has no recording to fit yet" in told["FIC1"]
+    events = {event["loop"]: event["text"] for event in monitor.reader.events() if event["kind"] == "not_fitted"}
+    assert (
+        events["FIC0"] == "it took more than 1e-06 s, and was ended" and "has no recording to fit yet" in events["FIC1"]
+    )
     assert monitor.reader.answers("FIC0") == []
     monitor.store.close()
 
@@ -674,8 +676,8 @@ def test_a_fit_whose_process_is_killed_is_told_and_the_next_one_begins(tmp_path:
         await monitor.step()
 
     asyncio.run(go())
-    told = {event["loop"]: event["text"] for event in monitor.reader.events() if event["kind"] == "not_fitted"}
-    assert told["FIC0"] == "its process was ended" and "has no recording to fit yet" in told["FIC1"]
+    events = {event["loop"]: event["text"] for event in monitor.reader.events() if event["kind"] == "not_fitted"}
+    assert events["FIC0"] == "its process was ended" and "has no recording to fit yet" in events["FIC1"]
     monitor.store.close()
 
 

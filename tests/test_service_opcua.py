@@ -508,8 +508,8 @@ def test_a_taker_that_fails_is_not_the_connection(shared):
 def message(n, number, when=None):
     seen = ua.DataValue(ua.Variant(1.0), SourceTimestamp=datetime.now(UTC))
     part = ua.DataChangeNotification(MonitoredItems=[ua.MonitoredItemNotification(ClientHandle=0, Value=seen)] * n)
-    told = ua.NotificationMessage(SequenceNumber=number, PublishTime=datetime.now(UTC), NotificationData=[part])
-    return ua.PublishResult(SubscriptionId=1, NotificationMessage=told)
+    notification = ua.NotificationMessage(SequenceNumber=number, PublishTime=datetime.now(UTC), NotificationData=[part])
+    return ua.PublishResult(SubscriptionId=1, NotificationMessage=notification)
 
 
 def link(**connection):
@@ -669,9 +669,9 @@ def test_a_history_that_is_shorter_than_the_break_or_is_not_there():
         one.client = SimpleNamespace(uaclient=SimpleNamespace(history_read=history_read))
         one.nodes = {handle: ua.NodeId(handle, 1) for handle in range(4)}
         asyncio.run(fed.source._backfill(one, lambda values: None, fed.begin))
-        told = [(e.kind, e.loop) for e in fed.events]
+        events = [(e.kind, e.loop) for e in fed.events]
         fed.events.clear()
-        return told
+        return events
 
     longer = [("not_backfilled", "L0"), ("not_backfilled", "L1")]
     assert answers() == longer and min(begins) == fed.begin - 86_400.0
@@ -704,14 +704,14 @@ def test_a_server_that_takes_no_filter_and_is_slower():
 
 
 @pytest.mark.parametrize(
-    ("kind", "access", "told"),
+    ("kind", "access", "kinds"),
     [
         (ua.VariantType.Double, 3, []),
         (ua.VariantType.Double, 1, ["not_writable"]),
         (ua.VariantType.Int32, 3, ["tag_missing"]),
     ],
 )
-def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, told):
+def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, kinds):
     tags = {"pv": "s=pv", "sp": "s=sp", "u_ff": "s=u_ff", "u_ff_limit": 1.0, "u_ff_rate": 1.0}
     events, told_to = [], EventFilter()
     told_to.tell = events.append
@@ -724,7 +724,7 @@ def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, told):
     client = SimpleNamespace(uaclient=SimpleNamespace(read_attributes=read_attributes))
     nodes.nodes["L"].node = ua.NodeId("u_ff", 0)
     asyncio.run(nodes.check(client, 500))
-    assert [e.kind for e in events] == told and (nodes.nodes["L"].node is None) == bool(told)
+    assert [e.kind for e in events] == kinds and (nodes.nodes["L"].node is None) == bool(kinds)
 
 
 @pytest.mark.parametrize("steps", range(5))
@@ -974,7 +974,7 @@ def test_security(certificates, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("pv = 'FIC101.PV'", "loop FIC101, opcua.pv: is 'FIC101.PV', must be a node such as"),
         ("position_ = 'i=1'", "loop FIC101, opcua.position_: no such key; did you mean position?"),
@@ -983,14 +983,14 @@ def test_security(certificates, monkeypatch):
         ("pv = 'i=1'\nsp = 'i=1'", "opcua.sp: i=1 is named twice"),
     ],
 )
-def test_tags_that_are_wrong(text, said):
+def test_tags_that_are_wrong(text, expected):
     with pytest.raises(InputError) as error:
         parse_settings(f"[loops.FIC101.opcua]\n{text}", "loops.toml", Path())
-    assert str(error.value).startswith("loops.toml, loop FIC101") and said in str(error.value)
+    assert str(error.value).startswith("loops.toml, loop FIC101") and expected in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("", "opcua.url: is required"),
         ("url = 'http://plant'", "opcua.url: string should match pattern"),
@@ -1004,12 +1004,12 @@ def test_tags_that_are_wrong(text, said):
         ("url = 'opc.tcp://p:1'\nqueue = 1", "opcua.queue: is 1, must be ≥ 100"),
     ],
 )
-def test_connections_that_are_wrong(tmp_path, text, said):
+def test_connections_that_are_wrong(tmp_path, text, expected):
     path = tmp_path / "loops.toml"
     path.write_text(f"[opcua]\n{text}\n[loops.A]\n")
     with pytest.raises(InputError) as error:
         read_connection(path)
-    assert str(error.value).startswith(str(path)) and said in str(error.value)
+    assert str(error.value).startswith(str(path)) and expected in str(error.value)
 
 
 def test_a_file_without_a_connection(tmp_path):
@@ -1028,7 +1028,7 @@ def test_files_are_beside_the_settings(tmp_path):
 def test_nodes_that_are_written_are_nothing_else():
     made = {"pv": "i=1", "sp": "i=2", "u_ff": "i=3", "u_ff_limit": 1, "u_ff_rate": 1}
     connection = Connection(url="opc.tcp://p:1", watchdog="i=9")
-    for other, said in (
+    for other, expected in (
         ({"pv": "i=3", "sp": "i=5"}, "loop B, opcua.pv: i=3 is also u_ff of A"),
         ({**made, "pv": "i=4"}, "loop B, opcua.u_ff: i=3 is also u_ff of A"),
         ({**made, "u_ff": "i=9"}, "loop B, opcua.u_ff: i=9 is also opcua.watchdog"),
@@ -1036,7 +1036,7 @@ def test_nodes_that_are_written_are_nothing_else():
     ):
         with pytest.raises(InputError) as error:
             check_tags(connection, [Loop(name="A", opcua=made), Loop(name="B", opcua=other)])
-        assert str(error.value) == said
+        assert str(error.value) == expected
 
 
 def test_the_help_names_every_fault(monkeypatch, capsys):
@@ -1044,8 +1044,8 @@ def test_the_help_names_every_fault(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["glapp", "plant", "--help"])
     with pytest.raises(SystemExit):
         glapp.cli.main()
-    said = capsys.readouterr().out
-    assert all(re.search(rf"\b{kind}\b", said) for kind in (*FAULTS, "gone", "moved"))
+    printed = capsys.readouterr().out
+    assert all(re.search(rf"\b{kind}\b", printed) for kind in (*FAULTS, "gone", "moved"))
 
 
 def test_the_page_names_every_key_every_fault_and_all_that_is_told():
@@ -1054,9 +1054,9 @@ def test_the_page_names_every_key_every_fault_and_all_that_is_told():
     [loop] = parse_settings(example, "plant.md", Path())
     check_tags(Connection(url="opc.tcp://p:1"), [loop])
     sources = [Path(module.__file__).read_text(encoding="utf-8") for module in (opcua, opcua_u_ff)]
-    told = set(re.findall(r"_events\.(?:event|often|once)\(\s*\"(\w+)\"", "".join(sources)))
-    assert len(told) > 20
-    for word in (*Connection.model_fields, *Tags.model_fields, *FAULTS, *told):
+    kinds = set(re.findall(r"_events\.(?:event|often|once)\(\s*\"(\w+)\"", "".join(sources)))
+    assert len(kinds) > 20
+    for word in (*Connection.model_fields, *Tags.model_fields, *FAULTS, *kinds):
         assert f"`{word}`" in page, word
 
 
@@ -1110,7 +1110,7 @@ def test_a_repair_on_request_leaves_a_tenth_of_the_gap():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "expected"),
     [
         ({"loops": 0}, "loops: is 0"),
         ({"scan": 0.0}, "scan: is 0.0, must be > 0"),
@@ -1118,8 +1118,8 @@ def test_a_repair_on_request_leaves_a_tenth_of_the_gap():
         ({"repair": 0.0}, "repair: is 0.0, must be > 0"),
     ],
 )
-def test_plants_that_cannot_be(wrong, said):
-    with pytest.raises(InputError, match=said):
+def test_plants_that_cannot_be(wrong, expected):
+    with pytest.raises(InputError, match=expected):
         SimPlant(**wrong)
 
 
@@ -1164,7 +1164,7 @@ def test_the_command_serves_a_plant_and_finds_its_tags(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     [
         (["plant", "--fault", "x"], "--fault: is 'x', must be AFTER,KIND[,LOOP[,SECONDS]]"),
         (["plant", "--fault", "1,fire"], "--fault: there is no 'fire'; there are"),
@@ -1172,11 +1172,11 @@ def test_the_command_serves_a_plant_and_finds_its_tags(tmp_path):
         (["tags", "plant"], "'plant' is neither opc.tcp://host:port nor a loops.toml"),
     ],
 )
-def test_wrong_command_lines(words, said, monkeypatch, capsys):
+def test_wrong_command_lines(words, expected, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["glapp", *words])
     with pytest.raises(SystemExit) as end:
         glapp.cli.main()
-    assert end.value.code == 2 and said in capsys.readouterr().err
+    assert end.value.code == 2 and expected in capsys.readouterr().err
 
 
 @pytest.mark.slow

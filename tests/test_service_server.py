@@ -65,8 +65,8 @@ def test_what_it_says(monitor: Monitor) -> None:
     async def go() -> None:
         await monitor.fits.keep_answer("FIC0", "olaf", answer())
         async with served(monitor) as (_, client, node):
-            said = {name: await read(node(f"FIC0.{name}")) for name in NODES}
-            plain = {name: one.Value.Value for name, one in said.items() if one.StatusCode.is_good()}
+            nodes = {name: await read(node(f"FIC0.{name}")) for name in NODES}
+            plain = {name: one.Value.Value for name, one in nodes.items() if one.StatusCode.is_good()}
             shown = monitor.status()["loops"]["FIC0"]
             assert {name: plain[name] for name in ("Verdict", "Confidence", "Width", "Low", "NextStep", "Urgency")} == {
                 "Verdict": "backlash",
@@ -76,13 +76,15 @@ def test_what_it_says(monitor: Monitor) -> None:
                 "NextStep": "Look at the valve.",
                 "Urgency": "medium",
             }
-            assert said["High"].StatusCode.name == "BadNoData", "there is no upper limit"
+            assert nodes["High"].StatusCode.name == "BadNoData", "there is no upper limit"
             assert plain["Detections"] == shown["accepted"] == 4
             assert plain["Standing"] == "not_enabled" and plain["UFf"] == 0.0
             assert plain["LastSeen"].timestamp() == shown["seen"] == BEGIN + 199
             assert plain["DeviceHealth"] == Health.MAINTENANCE_REQUIRED == 4
-            assert {said[name].SourceTimestamp.timestamp() for name in ("Verdict", "Low", "High")} == {monitor._clock()}
-            assert said["LastSeen"].SourceTimestamp.timestamp() == BEGIN + 199
+            assert {nodes[name].SourceTimestamp.timestamp() for name in ("Verdict", "Low", "High")} == {
+                monitor._clock()
+            }
+            assert nodes["LastSeen"].SourceTimestamp.timestamp() == BEGIN + 199
 
             for name, info in NODES.items():
                 is_analog = await node(f"FIC0.{name}").read_type_definition() == ua.NodeId(ua.ObjectIds.AnalogUnitType)
@@ -180,8 +182,8 @@ def test_a_change_arrives_and_what_stays_is_not_told_again(monitor: Monitor) -> 
             await monitor.fits.keep_answer("FIC0", "olaf", answer(d=2.5))
             await changes.until(lambda: len(changes.seen) >= 3)
             await asyncio.sleep(0.3)
-            told = {("FIC0.Verdict", "backlash"), ("FIC0.Width", 2.5), ("FIC0.DeviceHealth", 4)}
-            assert set(changes.seen) == told and len(changes.seen) == 3
+            expected = {("FIC0.Verdict", "backlash"), ("FIC0.Width", 2.5), ("FIC0.DeviceHealth", 4)}
+            assert set(changes.seen) == expected and len(changes.seen) == 3
             assert (await read(node("FIC0.Detections"))).SourceTimestamp == before
             running.cancel()
             await asyncio.gather(running, return_exceptions=True)
@@ -243,8 +245,8 @@ def test_health_is_that_of_the_answer(
 ) -> None:
     """It took OP's span as 0 to 100 whatever its unit was: 0.2 to 0.4 mA of 16 is more than 0.5 % of span."""
     loop = Loop(name="FIC0", op_span=span, op_unit="mA", acceptable_dead_band=limit)
-    said = Fit(verdict, "seen", "mA", 0.3, low, high)
-    asyncio.run(monitor.fits.keep_answer("FIC0", "olaf", service.answered(said, loop)))
+    fit = Fit(verdict, "seen", "mA", 0.3, low, high)
+    asyncio.run(monitor.fits.keep_answer("FIC0", "olaf", service.answered(fit, loop)))
     assert monitor.status()["loops"]["FIC0"]["health"] == health.name
     assert node_values(monitor.status()["loops"]["FIC0"])["DeviceHealth"].value == health
 
@@ -321,7 +323,7 @@ def test_what_cannot_be_served_is_refused(monitor: Monitor, certificates: Path) 
         async with AnswerServer(monitor.status, port, host, Security(**security)):
             pass
 
-    for said, settings in (
+    for message, settings in (
         ("opcua-host: is 0.0.0.0, which others reach", {"host": "0.0.0.0"}),
         ("opcua-host", {"host": "0.0.0.0", "certificate": own, "private_key": key}),
         ("given together", {"certificate": own}),
@@ -331,7 +333,7 @@ def test_what_cannot_be_served_is_refused(monitor: Monitor, certificates: Path) 
         ("cannot be used", {"certificate": key.with_suffix(".pem"), "private_key": key}),
         ("is not the key", {"certificate": own, "private_key": certificates / "client.pem"}),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             asyncio.run(begin(**settings))
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="opcua-port"):
         asyncio.run(begin(taken.getsockname()[1]))

@@ -106,10 +106,10 @@ def test_each_parameter_is_allowed_within_its_bounds_and_refused_beyond(
         else:
             refused += 1
             assert reply.status_code == 409 and now == before, (value, reply.text)
-            said = reply.json()["detail"]
-            assert said.startswith(f"loop FIC0, {name}: ") and f"{value:.15g}" in said, said
-            assert bound.words in said or "odd" in said, said
-            assert monitor.reader.commands()[0]["refused"] == said, "it is put down"
+            message = reply.json()["detail"]
+            assert message.startswith(f"loop FIC0, {name}: ") and f"{value:.15g}" in message, message
+            assert bound.words in message or "odd" in message, message
+            assert monitor.reader.commands()[0]["refused"] == message, "it is put down"
     assert allowed >= 1 and refused >= 4
     for word in ("NaN", "Infinity", "-Infinity", "1e999", '"x"', "[]"):
         text = f'{{"values": {{"{name}": {word}}}}}'
@@ -147,8 +147,8 @@ def test_bounds_that_go_by_others_move_with_them(client: TestClient) -> None:
     assert post(comp_limit=4.0, comp_size=5.0)[0] == 200
     assert post(comp_size=12.0, comp_limit=10.0)[0] == 200
     assert post(comp_release=50.0)[0] == 200
-    status, said = post(ti=4.0)
-    assert status == 409 and "comp_release: is 50 s, must be > 0 and ≤ 40 s" in said
+    status, response = post(ti=4.0)
+    assert status == 409 and "comp_release: is 50 s, must be > 0 and ≤ 40 s" in response
     assert post(ti=4.0, comp_release=None)[0] == 200
 
 
@@ -167,9 +167,9 @@ def test_what_an_older_version_saved_is_not_used_and_that_is_told(tmp_path: Path
         now = again.commands.settings("FIC0")
         assert (now["comp_release"], now["comp_limit"], now["comp_rate"], now["ti"]) == (5.0, 10.0, 1.2, 5.0), step
         assert (now["comp_size"], now["comp_band"]) == (2.0, 0.25), "what is within its bounds is kept"
-        told = next(row["text"] for row in again.reader.events() if row["kind"] == "setting_refused")
+        text = next(row["text"] for row in again.reader.events() if row["kind"] == "setting_refused")
         for name in ("comp_release", "comp_limit", "comp_rate", "ti"):
-            assert f"loop FIC0, {name}: is {old[name]:.15g}" in told, (name, told)
+            assert f"loop FIC0, {name}: is {old[name]:.15g}" in text, (name, text)
         row = again.reader.commands("FIC0")[0]
         assert row["person"] == "glapp" and row["before"]["comp_release"] == 1e9
         # And other parameters may be set.

@@ -280,8 +280,8 @@ def test_an_empty_or_foreign_file_is_damage_that_is_told(tmp_path: Path, content
     assert aside.read_bytes() == content and monitor.store.found is not None
     [event] = [event for event in monitor.reader.events() if event["kind"] == "database_damaged"]
     assert event["text"].startswith(f"the database {why}") and aside.name in event["text"]
-    told = monitor.status()
-    assert told["damaged"] == monitor.store.found and told["loops"]["FIC0"]["health"] == "CHECK_FUNCTION"
+    status = monitor.status()
+    assert status["damaged"] == monitor.store.found and status["loops"]["FIC0"]["health"] == "CHECK_FUNCTION"
     monitor.store.close()
     monitor.reader.close()
     with closing(Store(tmp_path)) as again:

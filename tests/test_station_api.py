@@ -64,13 +64,13 @@ READS = ("/overview", "/loops/FIC0", "/loops/FIC0/detections", "/events")
 def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Monitor, Station, Any]) -> None:
     monitor, station, _ = plant
     vera = token(client)
-    told = client.get("/api/overview", headers=vera).json()
-    assert [row["loop"] for row in told["loops"]] == [row.loop for row in station.listed.rows]
-    assert told["whole"] and told["loops"][0]["width"] == "2.40 % (2.15 to 3.11)" and told["behind"] is None
-    again = client.get(f"/api/overview?since={told['version']}", headers=vera).json()
+    document = client.get("/api/overview", headers=vera).json()
+    assert [row["loop"] for row in document["loops"]] == [row.loop for row in station.listed.rows]
+    assert document["whole"] and document["loops"][0]["width"] == "2.40 % (2.15 to 3.11)" and document["behind"] is None
+    again = client.get(f"/api/overview?since={document['version']}", headers=vera).json()
     assert not again["whole"] and again["loops"] == [] and again["gone"] == []
     one = client.get("/api/loops/FIC0", headers=vera).json()
-    assert one["row"] == told["loops"][0] and one["answer"]["width"] == 2.4
+    assert one["row"] == document["loops"][0] and one["answer"]["width"] == 2.4
     found = client.get("/api/loops/FIC0/detections", headers=vera).json()
     rows = monitor.reader.half_periods("FIC0")
     assert len(rows) > 3 and found["time"] == pytest.approx([row["t_end"] for row in rows], abs=1e-3)
@@ -87,12 +87,12 @@ def test_only_what_has_changed_is_told_again(client: TestClient, plant: tuple[Mo
     vera = token(client)
     before, rows = station.listed, list(station.listed.rows)
     station.listed = before.after(rows[1:])
-    told = client.get(f"/api/overview?since={before.version}", headers=vera).json()
-    assert (told["whole"], told["loops"], told["gone"]) == (False, [], [rows[0].loop])
+    document = client.get(f"/api/overview?since={before.version}", headers=vera).json()
+    assert (document["whole"], document["loops"], document["gone"]) == (False, [], [rows[0].loop])
     station.listed = station.listed.after(rows)
-    told = client.get(f"/api/overview?since={before.version}", headers=vera).json()
-    assert [row["loop"] for row in told["loops"]] == [rows[0].loop] and told["gone"] == []
-    for since in (1, told["version"] + 1):  # of a window that ran before, or of none
+    document = client.get(f"/api/overview?since={before.version}", headers=vera).json()
+    assert [row["loop"] for row in document["loops"]] == [rows[0].loop] and document["gone"] == []
+    for since in (1, document["version"] + 1):  # of a window that ran before, or of none
         assert client.get(f"/api/overview?since={since}", headers=vera).json()["whole"]
 
 
@@ -112,8 +112,8 @@ def test_it_only_reads(client: TestClient) -> None:
             assert client.request(method, f"/api{path}", headers=eve).status_code == 405, (method, path)
             ours = {**eve, "Origin": HERE}
             assert client.request(method, f"/api{path}", headers=ours).status_code == 405, (method, path)
-    told = client.get("/api/openapi.json").json()
-    changing = {path for path, methods in told["paths"].items() if methods.keys() - {"get"}}
+    document = client.get("/api/openapi.json").json()
+    changing = {path for path, methods in document["paths"].items() if methods.keys() - {"get"}}
     assert changing == {"/login"}
 
 
@@ -142,9 +142,9 @@ def test_logins_count_by_the_address_they_come_from(plant: tuple[Monitor, Statio
     for i in range(TRIES_OF_ADDRESS):
         reply = away.post("/api/login", json={"user": f"u{i}", "password": "no"})
         assert (reply.status_code, reply.json()["detail"]) == (401, "wrong name or password")
-    said = away.post("/api/login", json={"user": "eve", "password": PASSWORDS["eve"]})
+    response = away.post("/api/login", json={"user": "eve", "password": PASSWORDS["eve"]})
     assert (
-        said.status_code == 401 and "too many wrong passwords: wait " in said.json()["detail"]
+        response.status_code == 401 and "too many wrong passwords: wait " in response.json()["detail"]
     )  # on a slow machine less than 300 s
     for forged in ({"X-Forwarded-For": "10.0.0.8"}, {"Glapp-Address": "10.0.0.8", "Glapp-Station": "guess"}):
         again = away.post("/api/login", json={"user": "vera", "password": PASSWORDS["vera"]}, headers=forged)
@@ -168,8 +168,8 @@ def test_a_token_reads_nothing_when_its_user_is_removed(
         lambda: users.remove("rick"),
     ):
         users.put("rick", "viewer", "ricks-password", time.time())
-        said = client.post("/api/login", json={"user": "rick", "password": "ricks-password"}).json()
-        rick = {"Authorization": f"Bearer {said['token']}"}
+        login = client.post("/api/login", json={"user": "rick", "password": "ricks-password"}).json()
+        rick = {"Authorization": f"Bearer {login['token']}"}
         assert all(client.get(f"/api{path}", headers=rick).status_code == 200 for path in READS)
         change()
         assert all(client.get(f"/api{path}", headers=rick).status_code == 401 for path in READS)
@@ -178,15 +178,15 @@ def test_a_token_reads_nothing_when_its_user_is_removed(
 def test_what_stands_behind_it_may_be_gone(tmp_path: Path) -> None:
     station = Station(View(tmp_path), ApiClient(tmp_path))
     client = TestClient(api_of(station), base_url=HERE)
-    said = client.get("/overview", headers={"Authorization": "Bearer x"})
-    assert said.status_code == 503 and "holds no glapp.db" in said.json()["detail"]
-    said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]})
-    assert said.status_code == 503 and "api-url is not there" in said.json()["detail"]
+    reply = client.get("/overview", headers={"Authorization": "Bearer x"})
+    assert reply.status_code == 503 and "holds no glapp.db" in reply.json()["detail"]
+    reply = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]})
+    assert reply.status_code == 503 and "api-url is not there" in reply.json()["detail"]
     session = station.sessions.begin("t", "eve", "engineer", dark=False)
     client.cookies.set(COOKIE, session.id)
     station._look()
-    told = client.get("/overview").json()
-    assert told["loops"] == [] and "holds no glapp.db" in told["why"]
+    document = client.get("/overview").json()
+    assert document["loops"] == [] and "holds no glapp.db" in document["why"]
     assert client.get("/events").status_code == 503
     assert client.get("/loops/FIC0").status_code == 404
 

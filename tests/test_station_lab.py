@@ -88,13 +88,13 @@ def test_every_variable_that_may_be_set_is_set_while_it_runs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "said"),
+    ("path", "value", "message"),
     [("gap.d", -1.0, "gap"), ("gap.out", 1.0, "only shown"), ("watch.n", 4.0, "odd"), ("nothing.d", 1.0, "only shown")],
 )
-def test_what_cannot_be_is_refused_and_all_is_as_it_was(path: str, value: float, said: str) -> None:
+def test_what_cannot_be_is_refused_and_all_is_as_it_was(path: str, value: float, message: str) -> None:
     lab = Lab(THESIS)
     before = {one: lab[one] for one in lab.paths}
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         lab[path] = value
     assert {one: lab[one] for one in lab.paths} == before
 
@@ -122,7 +122,7 @@ def test_a_loop_from_a_form() -> None:
 
 
 @pytest.mark.parametrize(
-    ("project", "said"),
+    ("project", "message"),
     [
         (replace(THESIS, parts=(*THESIS.parts, Part("sp", "Input"))), "sp: is there twice"),
         (replace(THESIS, parts=(*THESIS.parts, Part("new", "Nothing"))), "no 'Nothing'"),
@@ -133,8 +133,8 @@ def test_a_loop_from_a_form() -> None:
         (replace(THESIS, h=0.0), "scan time|h"),
     ],
 )
-def test_what_is_no_loop_is_refused_with_its_place(project: Project, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_what_is_no_loop_is_refused_with_its_place(project: Project, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         Lab(project)
 
 

@@ -272,8 +272,8 @@ def test_bad_values_are_left_out():
 
 def test_the_answer_is_strict_json():
     for moves in (UP_UP_BACK, steps(50)):
-        told = read(recorded(moves, position=True)).to_dict()
-        again = json.loads(json.dumps(told, allow_nan=False))
+        document = read(recorded(moves, position=True)).to_dict()
+        again = json.loads(json.dumps(document, allow_nan=False))
         assert again["unit"] == "%"
         assert {"d", "low", "high", "kp", "readings", "holds", "reason", "travel"} <= set(again)
 

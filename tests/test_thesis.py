@@ -47,9 +47,9 @@ def is_that_of_the_gallery(one: Shown, number: str) -> None:
     assert len({x.what for x in one.numbers}) == len(one.numbers)
     assert numbers.keys() == {x.what for x in one.numbers}
     for x in one.numbers:
-        told = numbers[x.what]
-        assert x.agrees(told["glapp"]), f"{x.what}: {x.ours}, recorded {told['glapp']}; make gallery"
-        assert (x.unit, x.thesis, x.same) == (told["unit"], told["thesis"], told["same"]), "make gallery"
+        stored = numbers[x.what]
+        assert x.agrees(stored["glapp"]), f"{x.what}: {x.ours}, recorded {stored['glapp']}; make gallery"
+        assert (x.unit, x.thesis, x.same) == (stored["unit"], stored["thesis"], stored["same"]), "make gallery"
     assert bool(one.why) != one.same, "a reason stands where a number differs"
 
 
@@ -101,10 +101,10 @@ def test_html_page_stands_alone(shown: dict[str, Shown], tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("said", "number"), [("5.1", "5.1"), ("Figure 5.1", "5.1"), ("figure-5.1", "5.1"), ("table 8.1", "Table 8.1")]
+    ("text", "number"), [("5.1", "5.1"), ("Figure 5.1", "5.1"), ("figure-5.1", "5.1"), ("table 8.1", "Table 8.1")]
 )
-def test_numbers_as_people_write_them(said: str, number: str) -> None:
-    assert find(said) == number
+def test_numbers_as_people_write_them(text: str, number: str) -> None:
+    assert find(text) == number
 
 
 def test_unknown_number() -> None:

@@ -272,8 +272,8 @@ def median_mean(params: dict[str, float]) -> Callable[..., tuple[float, ...]]:
 
 def detector(params: dict[str, float]) -> Callable[..., list[float] | None]:
     limits = (params["op_low"], params["op_high"]) if "op_low" in params else None
-    told = {name: params.get(name) for name in ("k", "ti", "td", "b", "kp", "tf", "max_h", "op_span")}
-    block = _glapp.Detector({**told, "n": int(params["n"]), "h": 0.0, "op_limits": limits})
+    settings = {name: params.get(name) for name in ("k", "ti", "td", "b", "kp", "tf", "max_h", "op_span")}
+    block = _glapp.Detector({**settings, "n": int(params["n"]), "h": 0.0, "op_limits": limits})
     columns = read(VECTORS / "detector.json")["outputs"]
     t = 0.0
 
@@ -369,9 +369,9 @@ def backlash_detection(params: dict[str, float]) -> Callable[..., list[float]]:
     wires = ["pv -> pid.pv", "sp -> pid.sp", "pv -> watch.pv", "sp -> watch.sp", "watch -> pid.ff", "pid -> valve"]
     graph = modules.Graph(0.25, named, wires)
 
-    def update(pv: float, sp: float, mode: float, manual: float, told: float, enable: float, h: float) -> list[float]:
+    def update(pv: float, sp: float, mode: float, manual: float, flags: float, enable: float, h: float) -> list[float]:
         _set(graph, "pid", mode=mode, manual=manual)
-        _set(graph, "valve", flags=told)
+        _set(graph, "valve", flags=flags)
         _set(graph, "watch", compensate=enable)
         graph.scan(pv=pv, sp=sp, h=h)
         return [graph["pid"], *(graph[f"watch.{name}"] for name in SHOWN)]
@@ -394,9 +394,9 @@ def foreign_detection(params: dict[str, float]) -> Callable[..., list[float]]:
     named = {**{name: modules.Input() for name in inputs}, "watch": watch, "ff": modules.Output()}
     graph = modules.Graph(0.25, named, [*(f"{name} -> watch.{name}" for name in inputs), "watch -> ff"])
 
-    def update(pv: float, sp: float, op: float, told: float, back: float, enable: float, h: float) -> list[float]:
+    def update(pv: float, sp: float, op: float, flags: float, back: float, enable: float, h: float) -> list[float]:
         _set(graph, "watch", compensate=enable)
-        graph.scan(pv=pv, sp=sp, op=op, flags=told, h=h, **({"u_ff": back} if params["read_back"] else {}))
+        graph.scan(pv=pv, sp=sp, op=op, flags=flags, h=h, **({"u_ff": back} if params["read_back"] else {}))
         return [graph["ff"], *(graph[f"watch.{name}"] for name in (*SHOWN[1:], "delta"))]
 
     return update
@@ -413,9 +413,9 @@ def pid_advanced(params: dict[str, float]) -> Callable[..., list[float]]:
     graph = modules.Graph(0.25, named, ["pv -> pid.pv", "sp -> pid.sp", "by -> pid.by", "pid -> valve"])
 
     def update(pv: float, sp: float, by: float, *others: float) -> list[float]:
-        mode, manual, told, enable, h = others
+        mode, manual, flags, enable, h = others
         _set(graph, "pid", mode=mode, manual=manual, compensate=enable)
-        _set(graph, "valve", flags=told)
+        _set(graph, "valve", flags=flags)
         graph.scan(pv=pv, sp=sp, by=by, h=h)
         # What the controller itself says of a bad value is not told there.
         wrong_sign = float(int(graph["pid.error"]) & 256)
@@ -457,11 +457,11 @@ def pid_tuner(params: dict[str, float]) -> Callable[..., list[float]]:
     graph = modules.Graph(0.2, named, ["pv -> pid.pv", "sp -> pid.sp", "pid -> valve"])
     found = ("tune_phase", "tune_stop", "tune_ku", "tune_tu", "tune_kp", "tune_kappa", "k", "ti", "td")
 
-    def update(pv: float, sp: float, mode: float, told: float, tune: float, take: float, h: float) -> list[float]:
+    def update(pv: float, sp: float, mode: float, flags: float, tune: float, take: float, h: float) -> list[float]:
         if take:
             graph.take_over("pid")
         _set(graph, "pid", mode=mode, tune=tune)
-        _set(graph, "valve", flags=told)
+        _set(graph, "valve", flags=flags)
         graph.scan(pv=pv, sp=sp, h=h)
         return [graph[f"pid.{name}"] for name in ("out", "ysp", *found)]
 
@@ -489,9 +489,9 @@ def auto_tuner_module(params: dict[str, float]) -> Callable[..., list[float]]:
             wish = graph["tuner.run"] = run
         graph["valve.flags"], graph["valve.tracking"] = flags, tracking
         graph.scan(x=x, pv=pv, h=h)
-        told = [graph[f"x.{name}"] for name in ("flags", "tracking")]
+        backward = [graph[f"x.{name}"] for name in ("flags", "tracking")]
         shown = [graph[f"tuner.{name}"] for name in ("phase", "stop", "ku", "tu", "kp", "kappa")]
-        return [graph["tuner.out"], *told, *shown[:2], refused, *shown[2:]]
+        return [graph["tuner.out"], *backward, *shown[:2], refused, *shown[2:]]
 
     return update
 

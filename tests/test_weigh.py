@@ -29,10 +29,10 @@ class TestAnswer:
     def test_the_log_odds_are_the_sum_of_base_and_terms(self, recording: glapp.Recording) -> None:
         fit = glapp.fit(recording)
         assert fit.weighed is not None
-        told = _glapp.fit_weighed(json.dumps(fit.best["evidence"]))
+        weighed = _glapp.fit_weighed(json.dumps(fit.best["evidence"]))
         factor, terms = fit.weighed["log_bayes_factor"], fit.weighed["terms"]
-        assert factor == pytest.approx(told["log_bayes_factor"])
-        each = [worth for _, _, worth in told["quantities"].values()]
+        assert factor == pytest.approx(weighed["log_bayes_factor"])
+        each = [worth for _, _, worth in weighed["quantities"].values()]
         assert sum(terms.values()) == pytest.approx(sum(each))
 
     def test_more_likelihood_is_never_less_probable(self, recording: glapp.Recording) -> None:

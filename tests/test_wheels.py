@@ -62,6 +62,6 @@ def test_what_is_lacking_skips_a_platform_and_a_wrong_answer_fails(
     assert ended("musl-aarch64") == (0, "musl-aarch64: one.whl, 0.0 MB; not tried: it runs on another machine\n")
     # An emulated processor analyses the beginning of each recording, an emulated system all of it.
     for name, rows in (("windows-x86_64", None), ("linux-aarch64", build.FIRST)):
-        code, said = ended(name, "--under", "emulator 'a python'")
-        assert code == 1 and said.endswith("WRONG: another width\n")
+        code, printed = ended(name, "--under", "emulator 'a python'")
+        assert code == 1 and printed.endswith("WRONG: another width\n")
         assert asked.pop() == ("one.whl", ["emulator", "a python"], rows)

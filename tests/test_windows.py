@@ -127,9 +127,9 @@ def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
     assert f.d == pytest.approx(widths[-1], rel=0.05)
     assert f.low is not None and f.low > widths[-2]
     assert "it grew from 0.0" in f.reason and "in 16 days" in f.reason
-    told = result.to_dict()["fit"]
-    assert told["trend"] == [f.trend.slope, f.trend.error]
-    assert len(told["windows"]) == len(f.windows)
+    document = result.to_dict()["fit"]
+    assert document["trend"] == [f.trend.slope, f.trend.error]
+    assert len(document["windows"]) == len(f.windows)
 
 
 @pytest.mark.verify
@@ -165,15 +165,15 @@ def test_op_that_only_moves_after_the_beginning_is_found() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         (lambda t: Windows(0, 1.0), "length is 0, must be > 0"),
         (lambda t: Windows(10, np.nan), "hole is NaN, must be > 0"),
         (lambda t: Windows(10, 1.0).add(Batch(t, t, t[:5], t)), "must be of the same length"),
     ],
 )
-def test_wrong_windows_are_refused(wrong: Any, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_wrong_windows_are_refused(wrong: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         wrong(np.arange(20.0))
 
 

@@ -246,12 +246,12 @@ def test_a_sentence_beside_the_catalogue_is_found() -> None:
 def test_every_text_that_is_allowed_is_there() -> None:
     """An allowance that nobody needs would hide the next sentence that begins so."""
     sources = [(ROOT / "python/glapp" / name).read_text(encoding="utf-8") for name in SHOWING]
-    told = [text for source in sources for _, text in texts_of(source)]
-    assert [b for all_of in BESIDE.values() for b in all_of if not any(text.startswith(b) for text in told)] == []
+    texts = [text for source in sources for _, text in texts_of(source)]
+    assert [b for all_of in BESIDE.values() for b in all_of if not any(text.startswith(b) for text in texts)] == []
     scripts = [path.read_text(encoding="utf-8") for path in (ROOT / "page").glob("*.js")]
-    told = [text for script in scripts for _, text in texts_of_script(script)]
+    texts = [text for script in scripts for _, text in texts_of_script(script)]
     unused = [
-        b for all_of in BESIDE_ON_THE_PAGE.values() for b in all_of if not any(text.startswith(b) for text in told)
+        b for all_of in BESIDE_ON_THE_PAGE.values() for b in all_of if not any(text.startswith(b) for text in texts)
     ]
     assert unused == []
 
@@ -265,7 +265,7 @@ def test_numbers_are_written_as_before() -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "numbers", "told"),
+    ("code", "numbers", "sentence"),
     [
         ("quality.shifts", {"rows": "3 7", "count": 5}, "(row 5, row 9 and more)"),
         ("crossings.disagree", {"kept": 2, "count": 9}, "2 of the last 9 lie within 20 % of their median"),
@@ -278,8 +278,8 @@ def test_numbers_are_written_as_before() -> None:
         ),
     ],
 )
-def test_a_message_is_told(code: str, numbers: dict[str, object], told: str) -> None:
-    assert told in to_text(code, numbers)
+def test_a_message_is_told(code: str, numbers: dict[str, object], sentence: str) -> None:
+    assert sentence in to_text(code, numbers)
 
 
 def test_what_is_missing_is_named() -> None:

@@ -123,8 +123,8 @@ def run(command: list[str], folder: Path, environment: dict[str, str]) -> str:
         Where it fails, with all that it says.
     """
     # An emulator may not start without an input.
-    told = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    done = subprocess.run(command, cwd=folder, env=environment, encoding="utf-8", errors="replace", **told)
+    pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    done = subprocess.run(command, cwd=folder, env=environment, encoding="utf-8", errors="replace", **pipes)
     assert done.returncode == 0, f"{shlex.join(command)} ended with {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout
 
@@ -138,8 +138,8 @@ def answers(
     for path in (folder / "demo").glob("*.csv") if rows else ():
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         path.write_text("".join(lines[: rows + 1]), encoding="utf-8")
-    told = json.loads(run([*glapp, "analyze", "demo/loops.toml", "--json"], folder, environment))
-    return [(one["loop"], one["answer"]["verdict"], one["answer"]["width"]) for one in told["loops"]]
+    document = json.loads(run([*glapp, "analyze", "demo/loops.toml", "--json"], folder, environment))
+    return [(one["loop"], one["answer"]["verdict"], one["answer"]["width"]) for one in document["loops"]]
 
 
 def installed(wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
@@ -183,8 +183,8 @@ def tried(wheel: Path, under: list[str], rows: int | None = None) -> str:
     with tempfile.TemporaryDirectory() as room:
         folder = Path(room)
         python, alone = installed_under(under, wheel, folder) if under else installed(wheel, folder)
-        told, ours = answers(python, folder, alone, rows), answers([sys.executable], folder, dict(os.environ), rows)
-        assert len(told) == len(ours) and all(map(alike, told, ours)), (told, ours)
+        theirs, ours = answers(python, folder, alone, rows), answers([sys.executable], folder, dict(os.environ), rows)
+        assert len(theirs) == len(ours) and all(map(alike, theirs, ours)), (theirs, ours)
         test = [
             "-m",
             "pytest",
@@ -196,7 +196,7 @@ def tried(wheel: Path, under: list[str], rows: int | None = None) -> str:
         ]
         vectors = run([*python, *test], folder, alone).splitlines()[-1]
     part = "" if rows is None else f", their first {rows} rows"
-    return f"{len(told)} loops of the demonstration{part}; vectors: {vectors}"
+    return f"{len(theirs)} loops of the demonstration{part}; vectors: {vectors}"
 
 
 def source(folder: Path) -> Path:
@@ -232,13 +232,13 @@ def main() -> int:
             wrong = 1
             print(f"{name}: could not be built, maturin ended with {error.returncode}")
             continue
-        said = "not tried: it runs on another machine"
+        outcome = "not tried: it runs on another machine"
         if under or (of.runs_on == here and not on_musl()):
             try:
-                said = tried(wheel, under, None if of.triple.startswith(processor) else FIRST)
+                outcome = tried(wheel, under, None if of.triple.startswith(processor) else FIRST)
             except (AssertionError, subprocess.CalledProcessError) as error:
-                wrong, said = 1, f"WRONG: {error}"
-        print(f"{name}: {wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB; {said}", flush=True)
+                wrong, outcome = 1, f"WRONG: {error}"
+        print(f"{name}: {wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB; {outcome}", flush=True)
     if not given.platforms:
         package = source(folder)
         print(f"source: {package.name}, {package.stat().st_size / 1e6:.1f} MB")

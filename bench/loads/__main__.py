@@ -44,7 +44,11 @@ def table(answers: Sequence[LoadsAnswer]) -> str:
         gap = [a for a in of if a.truth.d > 0]
         known = [a for a in gap if a.truth.identifiable]
         sided = [a for a in gap if a.sided]
-        numbers = [*counted(of), len(known), *(sum(a.told == told for a in known) for told in ("right", "silent"))]
+        numbers = [
+            *counted(of),
+            len(known),
+            *(sum(a.told == outcome for a in known) for outcome in ("right", "silent")),
+        ]
         error = f"{100 * np.median([(a.d or 0.0) / a.truth.d - 1 for a in sided]):+.1f} %" if sided else ""
         body.append([row, *map(str, numbers), error, f"{sum(a.holds for a in sided)} of {len(sided)}"])
     return markdown([*head, "median error", "interval holds"], body)

@@ -115,8 +115,8 @@ class Record:
         up, down = traversals(self.position[:samples])
         op_range = float(np.ptp(self.op[:samples]))
         h = self.table["t"][1].as_py()
-        told = identifiable(self.d, up, down, op_range, self.gain, self.sigma, h, self.lag)
-        return Truth(self.loop.name, samples, h, self.d, up, down, op_range, self.size, told)
+        identified = identifiable(self.d, up, down, op_range, self.gain, self.sigma, h, self.lag)
+        return Truth(self.loop.name, samples, h, self.d, up, down, op_range, self.size, identified)
 
 
 def record(name: str, samples: int = SAMPLES, moves: Callable[[float], Piece] | None = None) -> Record:

@@ -14,6 +14,6 @@ def guide() -> str:
     """The table of bench/results/file_forms.md: every form, its maker's document, and what a person has to say."""
     lines = ["| form | maker | as shown in | what has to be said |", "|---|---|---|---|"]
     for form in FORMS.values():
-        said = ", ".join(f"`{key}`" for key in form.make().answer) or "nothing"
-        lines.append(f"| `{form.name}` | {form.maker} | {form.source.replace('|', '&#124;')} | {said} |")
+        keys = ", ".join(f"`{key}`" for key in form.make().answer) or "nothing"
+        lines.append(f"| `{form.name}` | {form.maker} | {form.source.replace('|', '&#124;')} | {keys} |")
     return "\n".join(lines) + "\n"

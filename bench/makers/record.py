@@ -89,11 +89,11 @@ def stamps(pattern: str = "%Y-%m-%d %H:%M:%S", step: float = STEP, t0: datetime 
 
 def american(t0: datetime = T0) -> list[str]:
     """11/14/2025 6:00:00 AM: no zeros in front."""
-    told = []
+    rows_of_text = []
     for m in moments(t0=t0):
         hour = m.hour % 12 or 12
-        told.append(f"{m.month}/{m.day}/{m.year} {hour}:{m:%M:%S} {'AM' if m.hour < 12 else 'PM'}")
-    return told
+        rows_of_text.append(f"{m.month}/{m.day}/{m.year} {hour}:{m:%M:%S} {'AM' if m.hour < 12 else 'PM'}")
+    return rows_of_text
 
 
 def epoch(per_second: int) -> list[int]:

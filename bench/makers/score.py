@@ -34,16 +34,16 @@ def of(form: Form, folder: Path) -> Outcome:
     try:
         differs = _compare(_read(path, None), want, path)
     except InputError as error:
-        said = str(error)
+        text = str(error)
     else:
         return Outcome(form.name, "wrong" if differs else "read", differs)
     if not want.answer:
-        return Outcome(form.name, "refused", said)
+        return Outcome(form.name, "refused", text)
     try:
         differs = _compare(_read(path, want.answer), want, path)
     except InputError as error:
-        return Outcome(form.name, "refused", f"{said}; with the answer: {error}")
-    return Outcome(form.name, "wrong", differs) if differs else Outcome(form.name, "asked", said)
+        return Outcome(form.name, "refused", f"{text}; with the answer: {error}")
+    return Outcome(form.name, "wrong", differs) if differs else Outcome(form.name, "asked", text)
 
 
 def _read(path: Path, answer: dict[str, Any] | None) -> list[tuple[Recording, Batch]]:
@@ -74,9 +74,9 @@ def _compare(read: list[tuple[Recording, Batch]], want: Export, path: Path) -> s
         return f"rows not in automatic: {found[:5]}, not {list(want.manual)}"
     good = np.setdiff1d(np.arange(len(want.t)), bad)
     for signal in ("sp", "pv", "op"):
-        values, told = getattr(got, signal), getattr(want, signal)
-        if (values is None) != (told is None):
+        values, expected = getattr(got, signal), getattr(want, signal)
+        if (values is None) != (expected is None):
             return f"{signal.upper()} is {'missing' if values is None else 'there'}"
-        if told is not None and not np.allclose(values[good], told[good], rtol=1e-12):
-            return f"{signal.upper()}: {values[good][:3].tolist()}, not {told[good][:3].tolist()}"
+        if expected is not None and not np.allclose(values[good], expected[good], rtol=1e-12):
+            return f"{signal.upper()}: {values[good][:3].tolist()}, not {expected[good][:3].tolist()}"
     return ""

@@ -85,8 +85,8 @@ def read(path: Path) -> list[Scored]:
             d, low, high, at_least = (
                 float(row[name]) if row[name] else None for name in ("d_hat", "low", "high", "at_least")
             )
-            said = (row["method"], row["verdict"], d, low, high, at_least, row["reason"], float(row["seconds"]))
-            scored.append(Scored(truth, *said))
+            columns = (row["method"], row["verdict"], d, low, high, at_least, row["reason"], float(row["seconds"]))
+            scored.append(Scored(truth, *columns))
     return scored
 
 
@@ -112,8 +112,8 @@ def main() -> None:
         for truth, answers in measured(given.each, tuple(METHODS), known):
             of_truth = asdict(truth)
             for method, answer, seconds in answers:
-                said = ["" if getattr(answer, name) is None else getattr(answer, name) for name in SAID]
-                writer.writerow([*(of_truth[name] for name in names), method, *said, f"{seconds:.4f}"])
+                columns = ["" if getattr(answer, name) is None else getattr(answer, name) for name in SAID]
+                writer.writerow([*(of_truth[name] for name in names), method, *columns, f"{seconds:.4f}"])
             file.flush()
     scored = read(OUT)
     records = len({row.truth.name for row in scored})

@@ -199,10 +199,10 @@ def _regular(scored: Rows, methods: Sequence[str]) -> str:
         rows = [row for row in _by(scored, cause=cause, regular=True) if row.truth.identifiable or cause not in FAULTY]
         cells = []
         for method in methods:
-            said = [row.verdict for row in rows if row.method == method]
-            n = max(len(said), 1)
-            valve, denied = sum(v in FAULT for v in said), sum(v in DENIAL for v in said)
-            parts = (valve, denied, len(said) - valve - denied)
+            verdicts = [row.verdict for row in rows if row.method == method]
+            n = max(len(verdicts), 1)
+            valve, denied = sum(v in FAULT for v in verdicts), sum(v in DENIAL for v in verdicts)
+            parts = (valve, denied, len(verdicts) - valve - denied)
             cells.append(" / ".join(f"{100 * part / n:.0f}" for part in parts))
         body.append([cause, str(len({row.truth.name for row in rows})), *cells])
     return markdown(["truth", "records", *(f"{m} [%]" for m in methods)], body)
@@ -233,8 +233,8 @@ def _confusion(rows: Rows) -> str:
     verdicts.sort(key=lambda v: -sum(row.verdict == v for row in rows))
     body = []
     for cause in ("none", "oscillation", *FAULTY):
-        told = [row for row in _by(rows, cause=cause) if cause not in FAULTY or _cause_seen(row.truth)]
-        body.append([cause, str(len(told)), *(_share([row.verdict == v for row in told]) for v in verdicts)])
+        of_cause = [row for row in _by(rows, cause=cause) if cause not in FAULTY or _cause_seen(row.truth)]
+        body.append([cause, str(len(of_cause)), *(_share([row.verdict == v for row in of_cause]) for v in verdicts)])
     return markdown(["truth", "records", *verdicts], body)
 
 
@@ -308,13 +308,13 @@ def worst(scored: Rows, method: str, count: int = 20) -> str:
         if wrong(row) == 0:
             break
         t = row.truth
-        said = " to ".join("" if x is None else f"{x:.3g}" for x in (row.low or row.at_least, row.high))
+        limits = " to ".join("" if x is None else f"{x:.3g}" for x in (row.low or row.at_least, row.high))
         body.append(
             [
                 *(t.name, t.process, t.rule, t.departure, f"{t.d:g}", "yes" if t.identifiable else "no"),
                 *(f"{min(t.up, t.down)}", f"{t.d * abs(t.gain) / t.sigma:.1f}"),
                 *(f"{t.lag / t.h:.1f}", f"{t.op_unseen:.2g}", f"{t.load_size:.2g}"),
-                *(row.verdict, "" if row.d is None else f"{row.d:.3g}", said.strip() if said != " to " else ""),
+                *(row.verdict, "" if row.d is None else f"{row.d:.3g}", limits.strip() if limits != " to " else ""),
             ]
         )
     head = ["record", "process", "tuning", "departure", "d", "identifiable"]

@@ -185,13 +185,13 @@ def figure_5_4() -> Shown:
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=5.0)
         lost = before.accepted & ~np.isin(before.half_periods.t_end, after.t)
-        for axes, seen, told in ((top, before, "without (5.1), as in figure 5.1"), (bottom, after, "with (5.1)")):
+        for axes, seen, label in ((top, before, "without (5.1), as in figure 5.1"), (bottom, after, "with (5.1)")):
             of_gap = abs(seen.d - 5) <= 1
             axes.plot(seen.t[of_gap], seen.d[of_gap], "o", color=style.DETECTION, markersize=5, label="of the gap")
             axes.plot(seen.t[~of_gap], seen.d[~of_gap], "x", color=style.WRONG, markersize=5, label="other")
             axes.axhline(5, color=style.TRUE, linewidth=1.0, label="the gap")
             axes.axvline(550, color=style.MUTED, linewidth=0.8, linestyle=":")
-            axes.annotate(told, (540, 60), color=style.INK, ha="right")
+            axes.annotate(label, (540, 60), color=style.INK, ha="right")
             axes.set(ylabel="detected width [%]", yscale="log", ylim=(0.01, 250))
         bottom.plot(
             before.half_periods.t_end[lost],

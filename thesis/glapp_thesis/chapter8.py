@@ -780,12 +780,12 @@ def _dead_times(axes: Axes, found: dict[str, DeadTime], usual: dict[str, DeadTim
 
 def _dead_time_numbers(found: dict[str, DeadTime], thesis: Mapping[float, str | None]) -> Iterator[Number]:
     for plant, one in found.items():
-        for dead_time, said in thesis.items():
+        for dead_time, theirs in thesis.items():
             seen = one.estimate.get(dead_time)
             yield Number(
                 f"{plant}, L = {dead_time:g} s: estimate, median of {SEEDS} seeds",
                 "%",
-                said,
+                theirs,
                 None if seen is None else _shown_estimate(seen),
             )
         yield Number(f"{plant}: dead times at which the loop is unstable", "", None, float(len(one.unstable)))
@@ -1177,10 +1177,10 @@ def _recording(
         style.legend(bottom)
         return figure
 
-    told = numbers([one for _, one in runs])
+    values = numbers([one for _, one in runs])
     if manual is not None:
-        told += _answer_numbers(site, answered, manual)
-    return Shown(number, title, section, sentence, told, f"{NOT_PUBLIC} {note}".strip(), draw, why)
+        values += _answer_numbers(site, answered, manual)
+    return Shown(number, title, section, sentence, values, f"{NOT_PUBLIC} {note}".strip(), draw, why)
 
 
 def _draw_answers(axes: Axes, site: Site, answered: list[Answered], detected: list[float | None]) -> None:

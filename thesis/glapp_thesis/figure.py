@@ -86,8 +86,8 @@ class Number:
         if self.ours is None:
             return "none" in self.thesis
         for words, meaning in _WORDS:
-            if said := re.fullmatch(words, self.thesis):
-                return meaning(self.ours, float(said[1]) if said.groups() else math.nan)
+            if match := re.fullmatch(words, self.thesis):
+                return meaning(self.ours, float(match[1]) if match.groups() else math.nan)
         raise ValueError(f"{self.what}: nobody decides whether {self.ours:g} is {self.thesis!r}")
 
     def agrees(self, recorded: float | None) -> bool:

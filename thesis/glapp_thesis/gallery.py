@@ -99,8 +99,8 @@ def as_html(shown: Sequence[Shown]) -> str:
     if differs := _differs(shown):
         parts.append(f"<h2>{DIFFERS}</h2><ul>")
         parts += [
-            f'<li>{say(said)} ({say(section)}). Here <a href="#{one.picture[:-4]}">{say(one.name)}</a>: {say(here)}'
-            for one, section, said, here, _ in differs
+            f'<li>{say(sentence)} ({say(section)}). Here <a href="#{one.picture[:-4]}">{say(one.name)}</a>: {say(here)}'
+            for one, section, sentence, here, _ in differs
         ]
         parts.append("</ul>")
     for one in shown:

@@ -46,9 +46,9 @@ def _numbers(item: Item, figures: Figures) -> Iterator[Number]:
         yield from CHECKS[item.check]()
     wanted = [(item.figure, what) for what in figures[item.figure]["numbers"]] if item.figure else []
     for figure, what in [*wanted, *([item.refers] if item.refers else [])]:
-        told = figures[figure]["numbers"][what]
-        if told["thesis"] is not None:
-            yield Number(what, told["unit"], told["thesis"], told["glapp"], holds=told["same"])
+        number = figures[figure]["numbers"][what]
+        if number["thesis"] is not None:
+            yield Number(what, number["unit"], number["thesis"], number["glapp"], holds=number["same"])
 
 
 def _told(number: Number) -> str:

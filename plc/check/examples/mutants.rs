@@ -25,7 +25,7 @@ const AT_ONCE: usize = 1000;
 
 fn tests() -> Vec<PathBuf> {
     let built = Command::new(env!("CARGO"))
-        .args(["test", "-p", "glapp-plc-check", "--no-run", "--message-format=json"])
+        .args(["test", "--release", "-p", "glapp-plc-check", "--no-run", "--message-format=json"])
         .stderr(Stdio::inherit())
         .output()
         .expect("cargo");

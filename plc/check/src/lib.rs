@@ -16,7 +16,7 @@ mod trial;
 pub use layout::{Variable, Within};
 pub use library::{Build, Library, Value, Way, sources, trees};
 pub use mutate::{Mutant, Mutants};
-pub use page::{members, pins};
+pub use page::{Pin, members, pins};
 pub use run::Instance;
 pub use trace::Trace;
 pub use tree::{Fault, Unit};

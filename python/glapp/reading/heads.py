@@ -102,9 +102,9 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
         names = _under(names, rows[below.pop(0)][1])
     elif named - 1 in lines and _says_value(rows[named][1]):
         names = _under([" ".join(cell.split()) for cell in rows[named - 1][1]], rows[named][1])
-    told = [i for i in below if _are_units(rows[i][1])] or [i for i in below if _are_short(rows[i][1])]
-    if told:
-        units = [cell.strip(" []()") or None for cell in rows[told[-1]][1]]
+    unit_rows = [i for i in below if _are_units(rows[i][1])] or [i for i in below if _are_short(rows[i][1])]
+    if unit_rows:
+        units = [cell.strip(" []()") or None for cell in rows[unit_rows[-1]][1]]
     for i in [i for i in range(start, end) if i != named and len(rows[i][1]) == width]:
         for at, cell in enumerate(rows[i][1]):
             if not names[at] and understand(cell).role == "time":

@@ -91,18 +91,18 @@ def annotated(text: str, label: str) -> Source:
     """
     rows = _Rows()
     names: list[str] | None = None
-    said: dict[str, list[str]] = {}
+    notes: dict[str, list[str]] = {}
     for line, cells in _records(text, label):
         if not cells:
-            names, said = None, {}
+            names, notes = None, {}
         elif cells[0] in _ANNOTATIONS:
             names = None
-            said[cells[0]] = cells
+            notes[cells[0]] = cells
         elif cells[0].startswith("#datatype "):  # the extended form has no column for annotations
-            names, said = None, {"#datatype": [cells[0].removeprefix("#datatype "), *cells[1:]]}
+            names, notes = None, {"#datatype": [cells[0].removeprefix("#datatype "), *cells[1:]]}
         elif names is None:
             names = cells
-            roles = _roles(names, said)
+            roles = _roles(names, notes)
         else:
             if len(cells) != len(names):
                 what = f"has {len(cells)} cell{'s' * (len(cells) != 1)} where the header has {len(names)}"
@@ -132,9 +132,9 @@ def _records(text: str, label: str) -> Iterator[tuple[int, list[str]]]:
         raise InputError(f"is not a table of text: {error}", file=label, row=before + 1) from None
 
 
-def _roles(names: Sequence[str], said: dict[str, list[str]]) -> dict[str, list[int]]:
+def _roles(names: Sequence[str], notes: dict[str, list[str]]) -> dict[str, list[int]]:
     """Columns of each kind: time, series (measurement and tags), field and value, or fields."""
-    kinds = said.get("#datatype", [])
+    kinds = notes.get("#datatype", [])
     of = {i: kinds[i] if i < len(kinds) else "" for i in range(len(names))}
     times = [i for i, name in enumerate(names) if name == "_time"] or [
         i for i in of if of[i].startswith("dateTime") and names[i] not in _OWN
@@ -147,7 +147,7 @@ def _roles(names: Sequence[str], said: dict[str, list[str]]) -> dict[str, list[i
     }
     if times:
         roles["time"] = times[:1]
-    group = said.get("#group", [])
+    group = notes.get("#group", [])
     for i, name in enumerate(names):
         if name in _OWN or i in times or i in roles["series"]:
             continue

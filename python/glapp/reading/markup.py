@@ -67,7 +67,7 @@ class _Tables(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         """A table, a row or a cell begins."""
-        tag, said = tag.rpartition(":")[2], {name.rpartition(":")[2]: value or "" for name, value in attrs}
+        tag, attributes = tag.rpartition(":")[2], {name.rpartition(":")[2]: value or "" for name, value in attrs}
         if tag == "table":
             self._ended()
             self.tables.append([])
@@ -76,17 +76,17 @@ class _Tables(HTMLParser):
         elif tag in ("tr", "row") and self._open:
             self._ended()
             rows = self._open[-1]
-            rows += [[] for _ in range(self._skipped(said, len(rows)))]
+            rows += [[] for _ in range(self._skipped(attributes, len(rows)))]
             rows.append([])
             self._cells(len(rows))
             self._spanned()
         elif tag in ("td", "th", "cell") and self._open and self._open[-1]:
             self._ended()
             row = self._open[-1][-1]
-            row += [""] * self._skipped(said, len(row))
+            row += [""] * self._skipped(attributes, len(row))
             self._cell = []
-            self._across = self._number(said.get("colspan"), 1) + self._number(said.get("mergeacross"), 0)
-            self._down = self._number(said.get("rowspan"), 1)
+            self._across = self._number(attributes.get("colspan"), 1) + self._number(attributes.get("mergeacross"), 0)
+            self._down = self._number(attributes.get("rowspan"), 1)
         elif tag in ("br", "p") and self._cell is not None:
             self._cell.append(" ")
 
@@ -129,9 +129,9 @@ class _Tables(HTMLParser):
             row.append("")
         bounds.check_columns(len(row), self._label)
 
-    def _skipped(self, said: dict[str, str], have: int) -> int:
+    def _skipped(self, attributes: dict[str, str], have: int) -> int:
         """Rows or cells that an XML Spreadsheet leaves out before this one."""
-        return max(self._number(said.get("index"), have + 1) - have - 1, 0)
+        return max(self._number(attributes.get("index"), have + 1) - have - 1, 0)
 
     def _number(self, text: str | None, otherwise: int) -> int:
         found = int(text) if text and text.isdecimal() and len(text) < 8 else otherwise

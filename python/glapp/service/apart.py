@@ -41,7 +41,7 @@ async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
     process.start()
     sender.close()
     try:
-        good, said = await asyncio.to_thread(receiver.recv)
+        good, message = await asyncio.to_thread(receiver.recv)
     except EOFError:
         late = time.monotonic() - began >= longest
         raise InputError(
@@ -51,8 +51,8 @@ async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
         process.kill()
         process.join()
     if not good:
-        raise InputError(said)
-    return said
+        raise InputError(message)
+    return message
 
 
 def _send(to: Connection, what: Callable[..., Any], words: tuple[Any, ...], longest: float) -> None:

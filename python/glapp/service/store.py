@@ -713,9 +713,9 @@ class Store(Reader):
 
     def keep_plan(self, id: int, plan: Mapping[str, Any] | None, refused: str | None) -> None:
         """Store a plan that was asked for, or why there is none."""
-        told = None if plan is None else json.dumps(plan)
+        document = None if plan is None else json.dumps(plan)
         with self._writing():
-            self._db.execute("UPDATE plans SET plan = ?, refused = ? WHERE id = ?", (told, refused, id))
+            self._db.execute("UPDATE plans SET plan = ?, refused = ? WHERE id = ?", (document, refused, id))
 
     def begin_guided_test(
         self, loop: str, now: float, person: str, asked: Mapping[str, Any], state: Mapping[str, Any]

@@ -548,10 +548,10 @@ fn random<R: Number>() {
     // The rest of both is taken where they are alone.
     cover.parts(
         "GlappPid",
-        &INSIDE.map(|line| if line == "IF Inner.HasUsed THEN" { "IF Inner.Forth THEN" } else { line }),
+        &INSIDE.map(|line| if line == "IF Inner.Checked THEN" { "IF Inner.Forth THEN" } else { line }),
     );
     for pou in ["GlappPid", "GlappAutoTuner"] {
-        cover.takes(pou, &["IF Inner.HasUsed THEN"]);
+        cover.takes(pou, &["IF Inner.Checked THEN"]);
     }
 }
 

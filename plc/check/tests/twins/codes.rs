@@ -6,15 +6,15 @@ use glapp_core::modules::{Mode, Unfit};
 use glapp_core::{Doubt, Push, Reason, Source, Standing, Way};
 use std::fmt::Debug;
 
-fn told(name: &str) -> Vec<(String, u8)> {
+fn told(name: &str) -> Vec<(String, u16)> {
     let text = std::fs::read_to_string(home().join(format!("{name}.st"))).unwrap();
     let rows = text.lines().filter_map(|line| line.trim().split_once(" : INT := "));
     rows.map(|(name, rest)| (name.to_owned(), rest.split(';').next().unwrap().parse().unwrap())).collect()
 }
 
 /// In order; the first one may stand for nothing to tell.
-fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u8) {
-    let known: Vec<(String, u8)> = all.iter().map(|one| (format!("{one:?}"), number(*one))).collect();
+fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u16) {
+    let known: Vec<(String, u16)> = all.iter().map(|one| (format!("{one:?}"), number(*one))).collect();
     // Plainer, or taken by the library of a maker.
     let here = |name: String| match (file, &*name) {
         (_, "Struck") => "Contradicted".into(),
@@ -25,21 +25,22 @@ fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u8) {
         _ => name,
     };
     let known = known.into_iter().filter(|(name, _)| name != "None").map(|(name, number)| (here(name), number));
-    let known: Vec<(String, u8)> = known.collect();
+    let known: Vec<(String, u16)> = known.collect();
     assert_eq!(told(file), known, "{file}");
 }
 
 #[test]
 fn names_have_the_numbers_of_the_core() {
-    held("StandingCodes", &Standing::ALL, |one| one as u8);
-    held("DoubtCodes", &Doubt::ALL, |one| one as u8);
-    held("UnsuitedCodes", &Unfit::ALL, |one| one as u8);
-    held("StopCodes", &Stop::ALL, |one| one as u8);
-    held("PhaseCodes", &Phase::ALL, |one| one as u8);
-    held("ReasonCodes", &Reason::ALL, |one| one as u8);
-    held("Modes", &Mode::ALL, |one| one as u8);
-    held("Ways", &Way::ALL, |one| one as u8);
-    held("Sources", &Source::ALL, |one| one as u8);
-    held("Rules", &Rule::ALL, |one| one as u8);
-    held("Pushes", &Push::ALL, |one| one as u8);
+    held("StandingCodes", &Standing::ALL, |one| one as u16);
+    held("DoubtCodes", &Doubt::ALL, |one| one as u16);
+    held("UnsuitedCodes", &Unfit::ALL, |one| one as u16);
+    held("StopCodes", &Stop::ALL, |one| one as u16);
+    held("PhaseCodes", &Phase::ALL, |one| one as u16);
+    held("ReasonCodes", &Reason::ALL, |one| one as u16);
+    held("MaskCodes", &Reason::ALL[1..], |one| one.bit());
+    held("Modes", &Mode::ALL, |one| one as u16);
+    held("Ways", &Way::ALL, |one| one as u16);
+    held("Sources", &Source::ALL, |one| one as u16);
+    held("Rules", &Rule::ALL, |one| one as u16);
+    held("Pushes", &Push::ALL, |one| one as u16);
 }

@@ -409,7 +409,7 @@ fn inside<R: Number>(cover: &mut Cover) {
     for there in [0.8, -0.8] {
         let block = Block::new::<R>("GlappCompensation");
         block.set_all(&[
-            ("HasUsed", 1.0),
+            ("Checked", 1.0),
             ("Used.Way", 3.0),
             ("Used.Source", 1.0),
             ("Used.Release", 2.0),

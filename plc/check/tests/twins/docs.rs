@@ -1,6 +1,6 @@
-//! `plc/blocks.md` explains every block, every pin has a description, and the examples run.
+//! `plc/blocks.md` explains every block and structure, every pin has a description, and the examples run.
 
-use glapp_plc_check::{Build, Instance, Library, members, pins, sources};
+use glapp_plc_check::{Build, Instance, Library, Pin, members, pins, sources};
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {
@@ -17,49 +17,69 @@ fn section<'p>(page: &'p str, name: &str) -> &'p str {
     rest.split("\n## ").next().unwrap()
 }
 
+/// What a source file is called in the library, its text, and its pins or members.
+fn units() -> Vec<(String, String, Vec<Pin>)> {
+    let files = sources(&folder(), Build::Lreal).unwrap();
+    let with_pins = |(file, text): (String, String)| {
+        let all = if text.contains("STRUCT") { members(&text) } else { pins(&text).concat() };
+        (format!("Glapp{}", file.trim_end_matches(".st")), text, all)
+    };
+    files.into_iter().map(with_pins).collect()
+}
+
+/// The tables are filled in from the sources; there is a place for each of them.
 #[test]
-fn every_block_is_explained_and_every_pin() {
+fn every_block_structure_and_function_is_explained() {
     let page = page();
-    for (file, text) in sources(&folder(), Build::Lreal).unwrap() {
-        let name = format!("Glapp{}", file.trim_end_matches(".st"));
+    for (name, text, pins) in units() {
         assert!(page.contains(&name), "{name} is not explained");
-        let bare: Vec<_> = pins(&text).lines().skip(2).filter(|row| row.ends_with("|  |")).map(str::to_owned).collect();
-        assert!(bare.is_empty(), "{name}: pins without a description: {bare:?}");
         if text.contains("FUNCTION_BLOCK") {
             assert!(section(&page, &name).contains("{pins}"), "{name}: no place for its pins");
-        }
-        // What others read or set: those of blocks within blocks are listed by name.
-        if text.contains("STRUCT") && page.contains(&format!("\n### {name}\n")) {
-            let (_, rest) = page.split_once(&format!("\n### {name}\n")).unwrap();
-            let part = rest.split("\n##").next().unwrap();
-            assert!(
-                part.contains(&members(&text)),
-                "{name}: its members are not those of the source:\n{}",
-                members(&text)
-            );
-            let bare = members(&text).lines().skip(2).any(|row| row.ends_with("|  |"));
-            assert!(!bare, "{name}: members without a description");
+        } else if text.contains("STRUCT") {
+            assert!(page.contains(&format!("\n### {name}\n\n{{members}}\n")), "{name}: no place for its members");
+        } else if text.contains("\nFUNCTION ") {
+            let call: Vec<&str> = pins.iter().map(|pin| &*pin.name).collect();
+            assert!(page.contains(&format!("`{name}({})`", call.join(", "))), "{name}: its call is not explained");
         }
     }
 }
 
-/// Every structure that a pin has is told member by member, but for what a block shows of its inside.
+/// Every pin and member has a description, none says whether another one is given, and a number that stands for something says where its
+/// names are.
 #[test]
-fn every_structure_of_a_pin_has_its_members_there() {
-    let page = page();
-    let inside =
-        ["Used", "GlappRecord", "GlappEstimate", "GlappHalfPeriodData", "GlappWidthParts", "GlappCorrectedWidth"];
-    let mut told = 0;
-    for (_, text) in sources(&folder(), Build::Lreal).unwrap() {
-        let pins = pins(&text);
-        for ty in pins.lines().skip(2).filter_map(|row| row.split(" | ").nth(2)).filter(|ty| ty.starts_with("Glapp")) {
-            if !inside.iter().any(|known| ty.ends_with(known)) {
-                assert!(page.contains(&format!("\n### {ty}\n")), "{ty} is not told");
-                told += 1;
+fn every_pin_and_member_says_what_it_is() {
+    let (units, mut named) = (units(), 0);
+    let all: Vec<&str> = units.iter().map(|(name, ..)| &**name).collect();
+    for (name, _, pins) in units.iter().filter(|(name, ..)| name != "GlappSelfTest") {
+        for Pin { name: pin, ty, comment } in pins {
+            assert!(!comment.is_empty(), "{name}.{pin} has no description");
+            let has = pin.strip_prefix("Has").is_some_and(|of| of.starts_with(char::is_uppercase));
+            assert!(!has, "{name}.{pin}: what is not given holds a number that it cannot have");
+            let number = ["Standing", "Hindered", "Doubt", "Unsuited", "Reason", "Mask", "Phase", "StopReason", "Mode"];
+            let number = number.iter().chain(&["Way", "Source", "Push", "Rule"]).any(|one| one == pin);
+            if ty == "INT" && number {
+                let (_, place) = comment.split_once("see ").unwrap_or_else(|| panic!("{name}.{pin}: {comment}"));
+                let place = place.split(|c: char| !c.is_alphanumeric()).next().unwrap();
+                assert!(all.contains(&place), "{name}.{pin}: there is no {place}");
+                named += 1;
             }
         }
     }
-    assert!(told > 20, "{told}");
+    assert!(named > 20, "{named}");
+}
+
+/// The table of pins before and after in `plc/measured.md`.
+#[test]
+fn pins_are_as_many_as_is_written() {
+    let text = std::fs::read_to_string(folder().join("measured.md")).unwrap();
+    let (_, table) = text.split_once("| block | pins before: in, out | now: in, out |\n").unwrap();
+    let units = units();
+    for row in table.lines().skip(1).take_while(|row| row.starts_with('|')) {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let (.., source, _) = units.iter().find(|(name, ..)| cells[1] == format!("`{name}`")).unwrap();
+        let [inputs, outputs] = pins(source).map(|pins| pins.len());
+        assert_eq!(cells[3], format!("{inputs}, {outputs}"), "{}", cells[1]);
+    }
 }
 
 fn literal(text: &str) -> Option<f64> {
@@ -130,6 +150,33 @@ fn the_example_of_the_detector_runs() {
         }
         assert_eq!(one.get("Width").unwrap(), 4.5);
         assert_eq!(one.get("Found").unwrap(), 1.0);
+    }
+}
+
+/// The first lines that a reader of `docs/plc.md` types, on a limit cycle of 1 with half-periods of 100 s and OP at rest: K/Ti·Δy·Δt with
+/// the filtered Δy of 0.97.
+#[test]
+fn the_first_lines_of_the_page_show_a_width() {
+    let page = std::fs::read_to_string(folder().join("../docs/plc.md")).unwrap();
+    let (_, rest) = page.split_once("```st\n").unwrap();
+    let lines = rest.split("```").next().unwrap();
+    let program = format!(
+        "FUNCTION_BLOCK GlappExample\nVAR_INPUT\n    Sp : LREAL;\n    Pv : LREAL;\n    Op : LREAL;\nEND_VAR\nVAR_OUTPUT\n    \
+         Width : LREAL;\nEND_VAR\nVAR\n    Detector : GlappDetector;\n    Settings : GlappDetectorSettings;\nEND_VAR\n{}\n    \
+         IF Detector.WidthFound THEN\n        Width := Detector.Estimate.Value;\n    END_IF;\nEND_FUNCTION_BLOCK\n",
+        lines.trim_end()
+    );
+    for build in [Build::Lreal, Build::Real] {
+        let mut files = sources(&folder(), build).unwrap();
+        files.push(("Example.st".into(), program.clone()));
+        let library = Library::of(files.iter().map(|(name, text)| (&**name, &**text)), build).unwrap();
+        let mut one = Instance::new(&library, "GlappExample").unwrap();
+        for scan in 0..8000 {
+            one.set("Pv", if (scan / 1000) % 2 == 0 { -1.0 } else { 1.0 }).unwrap();
+            one.call().unwrap();
+        }
+        let width = one.get("Width").unwrap();
+        assert!((width - 4.87).abs() < 0.05, "{build:?}: {width}");
     }
 }
 

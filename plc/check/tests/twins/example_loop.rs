@@ -14,14 +14,14 @@ fn runs<R: Number>() {
     let one = Block::new::<R>("GlappLoop");
     one.set_all(&[("H", 1.0), ("K", 0.5), ("Ti", 10.0), ("Op", 50.0), ("Acceptable", 2.0)]);
     one.call();
-    assert_eq!(one.all(&["HasWidth", "Width", "AlarmWide", "Message"]), [0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(one.all(&["WidthFound", "Width", "AlarmWide", "Message"]), [0.0, 0.0, 0.0, 1.0]);
     // OP is known and does not move here: the detector believes the controller's own numbers, since Td is 0.
     swings(&one, 1500);
     let width = one.get("Width");
     assert!((width - 4.2).abs() < 0.01, "{width}");
     assert!(one.get("WidthLow") <= width && width <= one.get("WidthHigh"));
     assert!(one.get("Accepted") >= 9.0);
-    assert_eq!(one.all(&["HasWidth", "AlarmWide", "AlarmSettings", "Message"]), [1.0, 1.0, 0.0, 5.0]);
+    assert_eq!(one.all(&["WidthFound", "AlarmWide", "AlarmSettings", "Message"]), [1.0, 1.0, 0.0, 5.0]);
     // Acceptable now; the alarm goes where the width is below 90 % of it.
     for (acceptable, alarm, message) in [(4.5, 1.0, 5.0), (5.0, 0.0, 3.0)] {
         one.set("Acceptable", acceptable);
@@ -35,9 +35,9 @@ fn runs<R: Number>() {
     // The button stays pressed: detections are forgotten once.
     one.set_all(&[("Repaired", 1.0)]);
     one.call();
-    assert_eq!(one.all(&["HasWidth", "Accepted", "Message"]), [0.0, 0.0, 1.0]);
+    assert_eq!(one.all(&["WidthFound", "Accepted", "Message"]), [0.0, 0.0, 1.0]);
     swings(&one, 1500);
-    assert_eq!(one.get("HasWidth"), 1.0);
+    assert_eq!(one.get("WidthFound"), 1.0);
     one.set("Ti", 0.0);
     one.call();
     assert_eq!(one.all(&["AlarmSettings", "ErrorID", "Message"]), [1.0, 2.0, 6.0]);

@@ -80,10 +80,10 @@ fn checked_before<R: Number>() {
     for name in ["GlappDetector", "GlappCompensation", "GlappBacklashDetection", "GlappPid", "GlappAutoTuner"] {
         let block = Block::new::<R>(name);
         for _ in 0..2 {
-            block.set("HasUsed", 0.0);
+            block.set("Checked", 0.0);
             block.call();
             assert!(block.on("Error") && block.get("ErrorID") > 0.0, "{name}");
-            block.set("HasUsed", 1.0);
+            block.set("Checked", 1.0);
             block.call();
             assert_eq!(block.all(&["Error", "ErrorID"]), [0.0; 2], "{name}");
         }

@@ -766,8 +766,8 @@ pub const POUS: [&str; 18] = [
 pub const INSIDE: [&str; 6] = [
     "IF Inner.Forth THEN",
     "IF Inner.Back AND",
-    "IF Inner.HasUsed THEN",
-    "IF Inner.HasSpRate THEN",
+    "IF Inner.Checked THEN",
+    "IF Inner.SpRate > 0.0 THEN",
     "IF Steps THEN",
     "IF First THEN",
 ];

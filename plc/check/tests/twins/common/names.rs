@@ -33,7 +33,7 @@ const ALIASES: [(&str, &str, &str); 23] = [
 ];
 
 /// By what an output says that it is known.
-pub const KNOWN: [(&str, &str, &str, f64); 10] = [
+pub const KNOWN: [(&str, &str, &str, f64); 20] = [
     ("HasEstimate", "Estimate.Count", ">", 0.0),
     ("HasWhole", "Whole.Count", ">", 0.0),
     ("HasNoiseFloor", "NoiseFloor", ">=", 0.0),
@@ -44,6 +44,16 @@ pub const KNOWN: [(&str, &str, &str, f64); 10] = [
     ("HasKp", "Kp", "<>", 0.0),
     ("HasKappa", "Kappa", ">=", 0.0),
     ("HasOffer", "OfferK", "<>", 0.0),
+    ("HasWidth", "Doubt", "=", 0.0),
+    ("HasSigma", "Sigma", ">=", 0.0),
+    ("HasTravel", "Travel", ">=", 0.0),
+    ("Width.HasKpRange", "Width.KpLow", "<>", 0.0),
+    ("Corrected.HasKpRange", "Corrected.KpLow", "<>", 0.0),
+    ("Record.HasPreviousDeltaY", "Record.PreviousDeltaY", ">=", 0.0),
+    ("Record.HasDHatBefore", "Record.DHatBefore", "<", 9e37),
+    ("Record.HasEstimate", "Record.Estimate.Count", ">", 0.0),
+    ("Record.HasNoiseFloor", "Record.NoiseFloor", ">=", 0.0),
+    ("Record.HasSigma", "Record.Sigma", ">=", 0.0),
 ];
 
 /// Options whose value is given by two pins.
@@ -53,15 +63,13 @@ const PAIRS: [(&str, [&str; 2]); 3] =
 /// What is told on a pin whose X is not given: what it begins with, but for a derivative time, which begins with that of a PI.
 pub fn open(pin: &str) -> Option<f64> {
     Some(match pin {
-        "Td" | "Tf" | "DetectorTf" | "RelayHysteresis" | "MaxWidth" | "Band" | "RampTime" | "Tolerance" | "Longest" => {
-            -1.0
-        }
+        "Td" | "Tf" | "DetectorTf" | "RelayHysteresis" | "MaxWidth" | "Band" | "RampTime" | "Tolerance" | "Longest"
+        | "Previous" => -1.0,
         "Kp" | "PvSpan" | "OpSpan" | "MaxH" | "SpRate" | "Rate" | "FfRate" | "Release" | "Travel" | "Reversals"
         | "Watch" | "OpLow" | "OpHigh" => 0.0,
         "Low" | "BackLow" => -1e38,
-        "High" | "BackHigh" | "OwnSp" | "ManualOutput" | "Op" | "Output" | "UFfBack" | "DHat" | "Offered" | "Start" => {
-            1e38
-        }
+        "High" | "BackHigh" | "OwnSp" | "ManualOutput" | "Op" | "Output" | "UFfBack" | "DHat" | "Offered" | "Start"
+        | "U" | "Raw" | "Beside" => 1e38,
         _ => return None,
     })
 }
@@ -88,6 +96,7 @@ pub struct Names {
     /// Each with what it begins with.
     paths: Vec<String>,
     begin: Vec<f64>,
+    inputs: Vec<bool>,
     types: Vec<&'static str>,
     found: HashMap<String, Place>,
 }
@@ -97,11 +106,14 @@ impl Names {
         let pin = |parts: &[(String, Within)]| {
             parts[0].1 == Within::Block && parts[1..].iter().all(|(_, within)| *within == Within::Structure)
         };
-        let instance = Instance::new(library, block).ok();
+        let mut instance = Instance::new(library, block).ok();
         let mut names = Self { block: block.into(), ..Self::default() };
         for variable in library.variables(block).into_iter().filter(|one| pin(&one.parts)) {
             let path = variable.path();
-            if let Some(begins) = instance.as_ref().and_then(|one| one.get(&path).ok()) {
+            if let Some(one) = &mut instance
+                && let Ok(begins) = one.get(&path)
+            {
+                names.inputs.push(one.set(&path, begins).is_ok());
                 names.paths.push(path);
                 names.begin.push(begins);
                 names.types.push(variable.ty);
@@ -158,11 +170,11 @@ impl Names {
         {
             return Some(path.clone());
         }
-        let (inner, end) = (name.starts_with("Has"), format!(".{name}"));
+        let end = format!(".{name}");
         // What was checked is shown by its whole path.
         let used = |path: &String| ["Inner.Used.", "Used."].iter().any(|used| path.starts_with(used));
         let all = self.paths.iter().filter(|path| path.ends_with(&end) && (name.starts_with("Used.") || !used(path)));
-        let mut all: Vec<&String> = all.filter(|path| !inner || path.starts_with("Inner.")).collect();
+        let mut all: Vec<&String> = all.collect();
         all.sort_by_key(|path| path.split('.').count());
         all.first().map(|path| (*path).clone())
     }
@@ -176,11 +188,11 @@ impl Names {
         {
             return Place::Given(vec![a, b]);
         }
-        let input =
-            |path: &String| !["Detected", "Compensating", "Experimented"].iter().any(|out| path.starts_with(out));
-        if let Some(path) = name.strip_prefix("Has").and_then(|of| self.path(of)).filter(input)
-            && !(KNOWN.iter().any(|(has, ..)| *has == name) && self.is_output(&path))
-        {
+        // `Used.HasX` is whether `Used.X` is given.
+        let (within, last) = name.rsplit_once('.').map_or(("", name), |(within, last)| (within, last));
+        let of =
+            last.strip_prefix("Has").map(|of| if within.is_empty() { of.into() } else { format!("{within}.{of}") });
+        if let Some(path) = of.and_then(|of| self.path(&of)).filter(|path| self.is_input(path)) {
             return Place::Given(vec![path]);
         }
         match KNOWN.iter().find(|(has, ..)| *has == name) {
@@ -189,8 +201,8 @@ impl Names {
         }
     }
 
-    fn is_output(&self, path: &str) -> bool {
-        ["Estimate", "NoiseFloor", "Whole", "UFb"].iter().any(|out| path.split('.').next() == Some(out))
+    fn is_input(&self, path: &str) -> bool {
+        self.paths.iter().position(|one| one == path).is_some_and(|at| self.inputs[at])
     }
 }
 

@@ -113,7 +113,7 @@ const DRIVES: [Drive; 11] = [
         Data.SpChange := D - 0.5;
         Data.SlopeChange := A - D;
         Data.OpChange := 3.0 * B;",
-        call: "K := -0.5, Ti := 3.0, HasTd := TRUE, Td := 0.4, B := 0.3, HasKp := TRUE, Kp := 2.0, Half := Data, \
+        call: "K := -0.5, Ti := 3.0, Td := 0.4, B := 0.3, Kp := 2.0, Half := Data, \
                OpKnown := C < 0.5",
         h: "",
         row: |pin| {
@@ -137,14 +137,21 @@ const DRIVES: [Drive; 11] = [
         name: "SafetyNet",
         params: r#"{"k": 0.5, "ti": 2.0, "op_span": 4.0}"#,
         before: "Data.EMax := 2.6 * A;
-        Data.DeltaSp := 1.2 * D;",
-        call: "Half := Data, Free := 5.0 * D, K := 0.5, Ti := 2.0, HasPrevious := A < 0.9, Previous := B, \
-               HasDHat := B < 0.7, DHat := 9.0 * A, HasOpSpan := TRUE, OpSpan := 4.0",
+        Data.DeltaSp := 1.2 * D;
+        Previous := -1.0;
+        IF A < 0.9 THEN
+            Previous := B;
+        END_IF;
+        DHat := 1.0E38;
+        IF B < 0.7 THEN
+            DHat := 9.0 * A;
+        END_IF;",
+        call: "Half := Data, Free := 5.0 * D, K := 0.5, Ti := 2.0, Previous := Previous, DHat := DHat, OpSpan := 4.0",
         h: "",
         row: |pin| {
-            let given = |has: &str, name: &str| if pin(has) == 0.0 { f64::NAN } else { pin(name) };
+            let given = |name: &str| if pin(&format!("Has{name}")) == 0.0 { f64::NAN } else { pin(name) };
             let parts = ["DeltaT", "DeltaY", "EMax", "DeltaSp"].map(|part| pin(&format!("Half.{part}")));
-            let rest = [pin("Free"), given("HasPrevious", "Previous"), given("HasDHat", "DHat")];
+            let rest = [pin("Free"), given("Previous"), given("DHat")];
             [0.0].into_iter().chain(parts).chain(rest).collect()
         },
         outputs: &["#Mask", "#Reason"],
@@ -603,6 +610,8 @@ VAR
     Side : LREAL := 1.0;
     Gain : LREAL;
     Data : GlappHalfPeriodData;
+    Previous : LREAL;
+    DHat : LREAL;
     Plant : GlappProcessSim;
     Back : LREAL;
     Travel : LREAL;

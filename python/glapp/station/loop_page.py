@@ -396,7 +396,7 @@ class _Page:
     def _show_answer(self, answer: dict[str, Any] | None, status: dict[str, Any]) -> None:
         view = self.station.view
         first, _, rest = view.headline(self.name).partition(" (")
-        self.one.set_text(first or "–")
+        self.one.set_text(first or view.verdict(self.name))
         limits = f"95 % interval {rest.rstrip(')')} {self._unit()}" if rest else ""
         if answer is None and first:
             limits = "by zero crossings alone: a load that moves looks like a gap to them"
@@ -404,10 +404,11 @@ class _Page:
             limits = "with 95 % confidence"
         self.interval.set_text(limits)
         self.verdict.set_text(view.verdict(self.name))
-        urgency = "none" if answer is None else answer["urgency"]
-        self.verdict.classes(remove="high medium unjudged").classes(
-            add="unjudged" if answer is None else urgency if urgency in ("high", "medium") else ""
-        )
+        self.verdict.set_visibility(bool(first))
+        urgency = "unjudged" if answer is None else answer["urgency"]
+        tone = urgency if urgency in ("high", "medium", "unjudged") else ""
+        self.verdict.classes(remove="high medium unjudged").classes(tone)
+        self.one.classes(remove="high medium unjudged text").classes("" if first else f"text {tone}")
         if answer is None:
             so = status.get("why", "")
         else:  # an answer that an older version stored has no sentence of its own

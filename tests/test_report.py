@@ -728,7 +728,7 @@ def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
     by_hand = glapp.simulate.closed_loop(plant, (0.5, 10, 0, 0), manual=steps, **run_of, filter_in_loop=True)
     result = glapp.analyze(glapp.recording_from(by_hand.to_arrow()), fit=False)
     assert result.step_test is not None and result.step_test.d == pytest.approx(2.0, abs=0.1)
-    used = re.compile(r"The step test in this recording gives [\d.]+\s%OP \([\d.]+ to [\d.]+\)")
+    used = re.compile(r"Use the step test in this recording: it gives [\d.]+\s%OP \([\d.]+ to [\d.]+\)")
     assert used.search(words.next_step(result)), "refused, since it was never in automatic"
     limit = a_loop(op_span=(0, 100), acceptable_dead_band=None)
     for verdict in ("backlash", "both", "at_least", "cannot_tell"):

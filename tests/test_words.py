@@ -32,7 +32,6 @@ SHOWING = [
 #: What stands beside answers there: beginnings of texts, and why they are none of the catalogue's.
 BESIDE = {
     "labels of figures, tables and pictures": [
-        "valve (model)",
         ", the nominal limit: none was given",
         "OP travel by the PI law",
         "not excluded by OP and PV",
@@ -131,7 +130,6 @@ BESIDE_ON_THE_PAGE = {
         "The gap from OP and PV",
         "${from}. The fit of OP",
         "${shown.from}. The fit",
-        "valve (model)",
         "Filter of the detector",
         "PV and SP over time",
         "likelihood over the width",
@@ -150,7 +148,7 @@ BESIDE_ON_THE_PAGE = {
         "Joining what the windows",
         "Looking at quality",
         "${stage} ${said.windows}",
-        "${verdict} ${headline}",
+        "${verdict(answer)} ${headline}",
         "${so} The true gap",
         "The fit was ended",
         "Fit what is recorded",

@@ -106,7 +106,7 @@ def _list(result: Result) -> None:
     verdicts = ", ".join(f"{n} {label}".replace(" ", "\u00a0") for label, n in counts.most_common())
     width = crossing(result) or "no estimate"
     out.print(f"{one_line(result.name)}: {count(h.count, 'half-period')}, {verdicts}; {width}.", style="bold")
-    out.print("One of them with all its tests: --at TIME\n")
+    out.print("Details: --at TIME\n")
     show_table(
         [
             Column("From", [clock(result.t0, h.t_start[i]) for i in each]),

@@ -127,6 +127,16 @@ def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
     assert view.silent("not watched any more")
 
 
+def test_no_loop_of_a_plant_that_catches_up_is_silent(view: View) -> None:
+    """Each sent people to its transmitter: values of hours come at once, and minutes of the plant's time apart."""
+    assert view.at is not None
+    view.shown["loops"]["FIC0"] |= {"seen": view.at - 700.0, "heard": None, "good": True}
+    assert view.silent("FIC0")
+    view.shown["behind"] = {"seconds": 1e6, "left": 60.0}
+    row = next(row for row in view.rows() if row.loop == "FIC0")
+    assert not view.silent("FIC0") and row.soon != "Signal" and "transmitter" not in row.todo
+
+
 def test_a_loop_whose_first_value_has_not_come_yet_is_not_silent(view: View) -> None:
     assert view.at is not None
     view.shown["loops"]["FIC1"] |= {"seen": None, "lost": True}

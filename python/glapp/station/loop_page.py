@@ -450,7 +450,8 @@ class _Page:
         counted = [one for one in believed["recordings"] if one["left_out"] is None and one["t0"] is not None]
         if counted:
             days = sorted(one["t0"][:10] for one in counted)
-            rows.append(("Recorded", f"{count(len(counted), 'recording')} of {days[0]} to {days[-1]}"))
+            last = "" if days[-1] == days[0] else f" to {days[-1]}"
+            rows.append(("Recorded", f"{count(len(counted), 'recording')} of {days[0]}{last}"))
         elif believed["file"]:
             rows.append(("Recorded", "from " + believed["file"].removeprefix(f"{self.name} of ") + " UTC"))
         asked_by = "nightly fit" if believed["asked_by"] == NIGHT else f"asked by {believed['asked_by']}"

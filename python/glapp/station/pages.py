@@ -137,7 +137,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         since = "" if view.at is None else f"as of {moment(view.at)[11:]}"
         catching = view.catching_up
         if catching is not None:
-            state.set_text(f"Service: catching up, at {moment(view.at)[:16]}")
+            state.set_text("Service: catching up")
         else:
             state.set_text(f"Service: {since}" if late is None else f"Service: {since}, {age(late)} old")
         state.classes(remove="late") if late is None else state.classes("late")

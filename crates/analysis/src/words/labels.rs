@@ -47,8 +47,7 @@ const VERDICTS: &[(&str, &str)] = &[
 const VALVES: &[(&str, &str)] =
     &[("gap", "Gap found"), ("no_gap", "No gap shown"), ("unknown", "Cannot tell"), ("refused", "Refused")];
 
-const URGENCIES: &[(&str, &str)] =
-    &[("high", "Now"), ("medium", "Next round"), ("low", "Later"), ("none", "Not now")];
+const URGENCIES: &[(&str, &str)] = &[("high", "Now"), ("medium", "Next round"), ("low", "Later"), ("none", "Not now")];
 
 const STRENGTHS: &[(&str, &str)] =
     &[("none", "none"), ("weak", "weak"), ("strong", "strong"), ("very_strong", "very strong")];

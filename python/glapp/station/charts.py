@@ -318,11 +318,29 @@ def detections(
         for a in fits
         if a["low"] is not None and a["high"] is not None
     ]
+    # A bar whose end is above the axis would not be drawn at all.
+    top = math.ceil(2.0 * max((bar[1]["coord"][1] for bar in bars), default=0.0)) / 2.0
+    recorded = [
+        [1000.0 * datetime.fromisoformat(one["t0"]).timestamp(), one["d"] * scale]
+        for one in alone
+        if one["t0"] is not None and one["d"] is not None and one["left_out"] is None
+    ]
+    by_recording = {
+        "name": "one recording of the fit alone",
+        "type": "scatter",
+        "symbol": "rect",
+        "symbolSize": 8,
+        "data": recorded,
+        "itemStyle": {"color": tone["after"]},
+    }
     return {
         **_base(tone),
         "grid": {"left": 56, "right": 16, "top": 62, "bottom": 64},
         "xAxis": _time(tone),
-        "yAxis": _axis(tone, type="value", name=f"width [{unit}]", min=0),
+        "yAxis": {
+            **_axis(tone, type="value", name=f"width [{unit}]", min=0),
+            ":max": f"v => v.max >= {top!r} ? null : {top!r}",
+        },
         "dataZoom": [{"type": "inside"}, {"type": "slider", "height": 18, "bottom": 8, "showDataShadow": False}],
         "series": [
             dots("detections", tone["pv"], "circle"),
@@ -351,18 +369,7 @@ def detections(
                     "label": {"show": False},
                 },
             },
-            {
-                "name": "one recording of the fit alone",
-                "type": "scatter",
-                "symbol": "rect",
-                "symbolSize": 8,
-                "data": [
-                    [1000.0 * datetime.fromisoformat(one["t0"]).timestamp(), one["d"] * scale]
-                    for one in alone
-                    if one["t0"] is not None and one["d"] is not None and one["left_out"] is None
-                ],
-                "itemStyle": {"color": tone["after"]},
-            },
+            *([by_recording] if recorded else []),
         ],
     }
 

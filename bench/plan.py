@@ -5,7 +5,11 @@ The test by hand is made as the guided test is: looked at while it goes on, and 
 Each loop has a twin without its gap: the same process of two lags, PI controller, noise and kind of load. A recording
 of one of the two is analysed, and a test by hand is planned for a gap as wide as that of the first, within limits that
 a person gives. Then the test is made 20 times in either twin, on other days. How often the twin with the gap shows it,
-and the other shows that it has none, is the simulated power. `--kind setpoint` does the same with setpoint steps.
+and the other shows that it has none, is the simulated power. `--kind setpoint` does the same with setpoint steps, 10
+times: each test is fitted.
+
+`--kind more_hours` takes a short recording of the loop with its gap. Where that leaves it open and more hours are
+advised, as many are recorded on other days, and fitted with the short one.
 
 All distributions stand in `drawn`. Half A (even numbers) is for choosing the numbers in `glapp.plan`; half B judges.
 """
@@ -30,13 +34,20 @@ import numpy as np
 import glapp
 import glapp.plan as planning
 from glapp.controller import Controller
+from glapp.many import analyze_recordings
 from glapp.plan import fit_decides, plan_test
 from glapp.plant import Plant
 from glapp.scenario import Gaussian, Manual, Scenario, Steps, Walk
-from glapp.simulate import run_many
+from glapp.simulate import Simulation, run_many
 
-DAYS = 20
+DAYS = {"by_hand": 20, "setpoint": 10, "more_hours": 5}
 """Tests in each twin."""
+
+SHORT = (0.05, 0.4)
+"""Part of a loop's recording that is kept where more hours are asked for."""
+
+LONGEST = 10.0
+"""More hours are recorded up to so many times the short recording."""
 
 MINUTES = 120.0
 
@@ -113,16 +124,62 @@ def drawn(number: int) -> Drawn:
     )
 
 
+def recorded(loop: Drawn, made: Simulation) -> glapp.Recording:
+    """What a historian has of a simulated day."""
+    table = made.to_arrow().drop_columns(["POSITION", "LOAD"])
+    return glapp.recording_from(table, glapp.Loop(name=f"L{loop.number}", op_unit="%", op_span=(-50, 50)))
+
+
+def ask_hours(number: int) -> dict[str, Any]:
+    """Ask a short recording with a gap how many more hours would show it, and record them."""
+    loop = drawn(number)
+    short = loop.h * round(loop.t_end * Random(f"plan/hours/{number}").uniform(*SHORT) / loop.h)
+    [made] = run_many([loop.scenario("gap", number, short)], progress=False)
+    recording = recorded(loop, made)
+    result = glapp.analyze(recording)
+    told: dict[str, Any] = {"number": number, "from": "gap", "confidence": result.answer.confidence}
+    if result.answer.confidence not in ("likely", "cannot_tell"):
+        return told | {"refused": "the answer is not open"}
+    try:
+        test = plan_test(recording, result, width=loop.d, kinds=("more_hours",))["more_hours"]
+    except glapp.InputError as error:
+        return told | {"refused": str(error)}
+    if test.power is None or test.minutes is None:
+        return told | {"refused": test.reason}
+    if 60 * test.minutes > LONGEST * short:
+        return told | {"refused": f"{test.minutes:.0f} min are too long to be recorded here"}
+    more = loop.h * math.ceil(60 * test.minutes / loop.h)
+    steps = sum(t < short for t, _ in loop.setpoint)
+    seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS["more_hours"])
+    days = run_many(
+        [_goes_on(loop, seed, steps, short, more).scenario("gap", seed, more) for seed in seeds], progress=False
+    )
+    found = [analyze_recordings([recording, recorded(loop, day)]).answer for day in days]
+    return told | {
+        "minutes": test.minutes,
+        "promised": [test.power],
+        "simulated": [float(np.mean([one.confidence == "found" for one in found]))],
+        "wrong": sum(one.confidence in ("sound", "none_seen") and (one.high or 0.0) < loop.d for one in found),
+    }
+
+
+def _goes_on(loop: Drawn, seed: int, steps: int, period: float, t_end: float) -> Drawn:
+    """The loop with other steps of SP, so many in each period as the short recording has."""
+    random = Random(f"plan/hours/{loop.number}/{seed}")
+    times = sorted((k + random.random()) * period for k in range(math.ceil(t_end / period)) for _ in range(steps))
+    levels = {loop.h * round(t / loop.h): loop.kp * loop.d * random.uniform(-2.5, 2.5) for t in times}
+    return replace(loop, setpoint=tuple(levels.items()))
+
+
 def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     """Plan one test, and make it."""
     loop = drawn(number)
     of = ("gap", "none")[number // 2 % 2]
-    [recorded] = run_many([loop.scenario(of, number, loop.t_end)], progress=False)
-    table = recorded.to_arrow().drop_columns(["POSITION", "LOAD"])
-    recording = glapp.recording_from(table, glapp.Loop(name=f"L{number}", op_unit="%", op_span=(-50, 50)))
+    [made] = run_many([loop.scenario(of, number, loop.t_end)], progress=False)
+    recording = recorded(loop, made)
     result = glapp.analyze(recording)
     told: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
-    op, pv = (float(np.median(x[-planning.LATE :])) for x in (recorded.op, recorded.pv))
+    op, pv = (float(np.median(x[-planning.LATE :])) for x in (made.op, made.pv))
     began = monotonic()
     try:
         plan = plan_test(
@@ -145,7 +202,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     t_end = begin + test.hold * len(moves)
     first, share, wrong, passed, decided = round(begin / loop.h), dict[str, float](), 0, 0, list[float]()
     for fault in ("gap", "none"):
-        seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS)
+        seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS[kind])
         if kind == "by_hand":
             # Until the person begins, the loop runs in automatic; then OP goes on from where it stands.
             before = run_many([loop.scenario(fault, seed, begin) for seed in seeds], progress=False)
@@ -158,24 +215,25 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
             days = [replace(loop, setpoint=steps).scenario(fault, seed, t_end) for seed in seeds]
         found: list[str | None] = []
         took = []
-        for made in run_many(days, progress=False):
+        for one in run_many(days, progress=False):
             rows = slice(first, None)
-            stands = float(np.median(made.pv[first - planning.LATE : first]))
-            beyond = np.flatnonzero(np.abs(made.pv[rows] - stands) > loop.pv_room)
+            stands = float(np.median(one.pv[first - planning.LATE : first]))
+            beyond = np.flatnonzero(np.abs(one.pv[rows] - stands) > loop.pv_room)
             passed += bool(len(beyond))
-            signals: dict[str, Any] = {"t": made.t[rows], "pv": made.pv[rows], "op": made.op[rows]}
+            signals: dict[str, Any] = {"t": one.t[rows], "pv": one.pv[rows], "op": one.op[rows]}
             if kind == "by_hand":
                 word, ended = _guided(signals, test.hold, loop)
                 found.append(word)
                 took.append(ended - test.hold)  # from the first move on
             else:
-                answer = glapp.fit(**signals, sp=made.sp[rows], loop=recording.loop)
+                answer = glapp.fit(**signals, sp=one.sp[rows], loop=recording.loop)
                 found.append(fit_decides(answer, loop.d))
-        gaps, none = (sum(one == word for one in found) for word in ("gap", "no_gap"))
-        share[fault] = (gaps if fault == "gap" else none) / DAYS
+        gaps, none = (sum(said == word for said in found) for word in ("gap", "no_gap"))
+        share[fault] = (gaps if fault == "gap" else none) / DAYS[kind]
         wrong += none if fault == "gap" else gaps
         decided += [seconds / 60 for word, seconds in zip(found, took, strict=False) if word is not None]
     return told | {
+        "kind": kind,
         "minutes": test.minutes,
         "three_moves": len(moves) == THREE_MOVES + 1,
         "promised": [test.with_gap, test.without],
@@ -210,20 +268,32 @@ def _by_hand(begin: float, hold: float, levels: Any, h: float) -> tuple[Manual, 
 def table(lines: list[dict[str, Any]]) -> str:
     """What is counted."""
     made = [one for one in lines if "promised" in one]
-    text = [f"{len(lines)} loops, {len(made)} tests planned, {len(lines) - len(made)} refused"]
+    text = [f"{len(lines)} loops, {len(made)} planned, {len(lines) - len(made)} refused"]
     if not made:
         return text[0]
     promised, simulated = (np.array([one[key] for one in made]) for key in ("promised", "simulated"))
-    both = zip(("with the gap", "without"), promised.T, simulated.T, strict=True)
-    text += [f"{name}: promised {p.mean():.1%}, simulated {s.mean():.1%}" for name, p, s in both]
+    both = zip(("with the gap", "without"), promised.T, simulated.T, strict=False)
+    for name, p, s in both:
+        half = 1.96 * float(np.std(s - p, ddof=1)) / math.sqrt(len(made))
+        text.append(
+            f"{name}: promised {p.mean():.1%}, simulated {s.mean():.1%}; simulated - promised {(s - p).mean():+.1%} "
+            f"({(s - p).mean() - half:+.1%} to {(s - p).mean() + half:+.1%})"
+        )
+    if "passed" not in made[0]:  # more hours: nothing is moved
+        longer = [one["minutes"] for one in made]
+        text.append(f"median of the hours planned {np.median(longer) / 60:.1f}; wrong: {sum(x['wrong'] for x in made)}")
+        return "\n".join(text)
     near = np.abs(promised.min(axis=1) - simulated.min(axis=1))
     sure = promised.min(axis=1) >= planning.POWER
-    tests = 2 * DAYS * len(made)
-    after = [x for one in made for x in one["decided_after"]]
-    three = np.median([THREE_MOVES * one["minutes"] / one["moves"] for one in made])
-    if after:
+    tests = 2 * DAYS[made[0].get("kind", "by_hand")] * len(made)
+    decided = [one for one in made if one["decided_after"]]
+    if decided:
+        after = [x for one in decided for x in one["decided_after"]]
+        three = [THREE_MOVES * one["minutes"] / one["moves"] for one in decided]
+        ratio = [np.median(one["decided_after"]) / time for one, time in zip(decided, three, strict=True)]
         text.append(
-            f"median time to a decision {np.median(after):.1f} min; three moves, each held to its end, {three:.1f} min"
+            f"median time to a decision {np.median(after):.1f} min; of three moves, each held to its end, "
+            f"{np.median(three):.1f} min; median of their ratio in a loop {np.median(ratio):.2f}"
         )
     text += [
         f"power within 10 points in {np.sum(near <= 0.1)} of {len(made)} loops, within 20 in {np.sum(near <= 0.2)}",
@@ -244,14 +314,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.plan", description=__doc__.split("\n\n")[0])
     parser.add_argument("--half", choices=("A", "B"), default="B")
     parser.add_argument("--loops", type=int, default=40)
-    parser.add_argument("--kind", choices=("by_hand", "setpoint"), default="by_hand")
+    parser.add_argument("--kind", choices=("by_hand", "setpoint", "more_hours"), default="by_hand")
     parser.add_argument("--first", type=int, default=0, help="from this number on")
     parser.add_argument("--out", type=Path, help="a line of JSON for each loop")
+    parser.add_argument("--count", type=Path, nargs="+", help="ask nothing, and count the lines of such files together")
     given = parser.parse_args()
+    if given.count:
+        print(table([json.loads(line) for file in given.count for line in file.read_text("utf-8").splitlines()]))
+        return
     lines = []
     begin = given.first + (given.first % 2 != (given.half == "B"))
     for number in range(begin, begin + 2 * given.loops, 2):
-        lines.append(ask(number, given.kind))
+        lines.append(ask_hours(number) if given.kind == "more_hours" else ask(number, given.kind))
         if given.out is not None:
             with given.out.open("a", encoding="utf-8") as file:
                 print(json.dumps(lines[-1]), file=file)

@@ -36,7 +36,7 @@ const axis = (label, more = {}) => ({
   ...more,
 });
 
-/** Times at an axis: hours of 24, and the day below the first and where it changes. */
+/** Labels of a time axis: hours and minutes, and the date below the first label and below each new day. */
 function clock_of(plot, splits, _, __, step) {
   let day = "";
   return splits.map((s) => {

@@ -16,7 +16,7 @@ class Engine {
     new Uint8Array(this.exports.memory.buffer, at, bytes.length).set(bytes);
   }
 
-  /** Hands over a column of numbers by its name. */
+  /** Copies a column of numbers into the core's memory, under a name. */
   column(name, numbers) {
     this.#say(name);
     const at = this.exports.room(numbers.length);

@@ -88,7 +88,7 @@ const Influx = (data, { understand }, { NO_ROWS, records, raggedly, ofColumns })
   /** A field's value: a string without its quotes, a whole number without its i or u. */
   const value = (text) => (text.startsWith('"') ? plain(text.slice(1, -1)) : text.replace(/^(-?\d+)[iu]$/, "$1"));
 
-  /** The points of line protocol. */
+  /** Reads the points of a file in InfluxDB line protocol. */
   function lineProtocol(text) {
     const rows = [];
     for (const [i, line] of text.split("\n").entries()) {

@@ -93,7 +93,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
     return tag.end;
   }
 
-  /** Where a script or a style ends, which are no text. */
+  /** Position at which a script or style element ends; what is in it is no text. */
   function codeEnd(text, { name, end }) {
     const close = new RegExp(`</${name}`, "gi");
     close.lastIndex = end;
@@ -167,7 +167,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
       this.spanned();
     }
 
-    /** Leaves the cells empty that one above spans. */
+    /** Adds empty cells where a cell of a row above spans this row. */
     spanned() {
       const table = this.open.at(-1);
       if (!table?.rows.length) return;

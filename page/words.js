@@ -22,7 +22,7 @@ const verdict = (answer) => (answer.confidence === "likely" ? words.likely : wor
 
 const worded = (what, ...given) => tongue.ask("words", given.length ? { [what]: given.length > 1 ? given : given[0] } : what);
 
-/** A number with so many significant digits, without an exponent where a person would use none. */
+/** Text of a number with `digits` significant digits, in plain notation unless it is very large or small. */
 const number = (value, digits = 3) => worded("number", value ?? null, digits);
 
 /** The same with its unit, a no-break space between. */

@@ -45,6 +45,7 @@ WORDS = {
     "fit.reason",
     "fit.reason_code",
     "plan",
+    "repair",
 }
 """What Python adds: names, units, sentences, several recordings of one loop, and plans of tests."""
 

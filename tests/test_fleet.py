@@ -496,6 +496,10 @@ def test_settings_from_a_table(tmp_path: Path) -> None:
     assert loop.positioner is not None and loop.positioner.type == "digital" and loop.columns.pv == "F1.X"
     assert sorted((p.loop, p.row) for p in problems if p.row) == [("FIC3", 4), ("FIC4", 5)]
     assert [p.loop for p in problems if not p.row] == ["FIC2"]
+    path.write_text("loop,repaired\nFIC1,2026-03-01 12:00\nFIC2,\n")
+    loops, problems = read_loops(path)
+    assert [loop.repaired for loop in loops] == [None, None], "a fleet follows days, and cuts none"
+    assert [(p.loop, p.code) for p in problems] == [("FIC1", "settings")]
     path.write_text("name,area\nFIC1,Boiler\n")
     with pytest.raises(InputError, match="loop: is empty"):
         read_loops(path)

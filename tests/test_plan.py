@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +15,10 @@ import glapp
 import glapp.plan
 from glapp import InputError, plan_test, recording_from
 from glapp.cli import app
+from glapp.controller import Ideal
 from glapp.document import to_json
 from glapp.fit import Fit
-from glapp.plan import HOURS_POWER, _more_hours, plan_from, with_plan
+from glapp.plan import _more_hours, plan_from, with_plan
 from glapp.planned import Plan
 from glapp.report import planned
 from glapp.report.html import write_report
@@ -184,21 +186,52 @@ def test_setpoint_steps_are_judged_by_the_fit():
     assert test.with_gap >= 0.5
 
 
-def a_fit(ratio, why="may_be_a_gap", traversals=(6, 6)):
-    best = {"cells": 2400, "cell": 3.0, "traversals": traversals}
-    return Fit("cannot_tell", "a gap may be", "%", 1.0, 0.0, 2.0, lr_no_gap=ratio, lr_needed=45.0, best=best, why=why)
+def a_fit(ratio, why="may_be_a_gap"):
+    return Fit("cannot_tell", "a gap may be", "%", 1.0, 0.0, 2.0, lr_no_gap=ratio, lr_needed=45.0, why=why)
 
 
-def test_more_hours_follow_from_the_growth_of_the_likelihood():
-    hours = [_more_hours(a_fit(ratio)).minutes / 60 for ratio in (40.0, 30.0, 20.0)]
-    assert hours[0] < hours[1] < hours[2]
-    # Two hours gave 30 of 45. Simulated: each hour adds a normal number of mean 15 and variance 60.
-    grown = 30.0 + np.random.default_rng(1).normal(15 * hours[1], np.sqrt(4 * 15 * hours[1]), 200_000)
-    assert np.mean(grown > 45.0) == pytest.approx(HOURS_POWER, abs=0.02)
-    assert "nothing new" in _more_hours(a_fit(30.0, "swings")).reason
-    assert _more_hours(a_fit(0.0)).power is None
-    # A ratio that grows more slowly than what is asked of it never gets there.
-    assert _more_hours(a_fit(20.0, traversals=(100, 100))).power is None
+LAW = Ideal(0.5, 20.0, 0.0, 1.0)
+
+
+def an_hour(fit, rows=3600, law=LAW):
+    """What is asked of a fitted loop where more hours are planned."""
+    return SimpleNamespace(fit=fit, law=law, sp_moves=np.zeros(rows), h=1.0)
+
+
+@pytest.mark.parametrize(
+    ("shown", "hours", "power"),
+    [
+        ({1.0: 0.9, 3.0: 0.9}, 1.0, 0.9),
+        ({1.0: 0.7, 3.0: 0.9}, 3.0, 0.9),
+        ({3.0: 0.6, 9.0: 0.8}, 9.0, 0.8),
+        ({3.0: 0.3, 9.0: 0.6}, 9.0, 0.6),
+        ({3.0: 0.3, 9.0: 0.4}, None, None),
+    ],
+)
+def test_the_shortest_of_more_hours_is_told_that_shows_the_gap(monkeypatch, shown, hours, power):
+    monkeypatch.setattr(glapp.plan, "_shown", lambda loop, recording, law, times: shown[times])
+    test = _more_hours(an_hour(a_fit(30.0)), None)
+    assert (test.power, test.minutes and test.minutes / 60) == (power, hours)
+    assert (test.reason is None) == (power is not None)
+    if power is None:
+        assert test.reason == "9 h more of the same show the gap in 40 % only"
+
+
+def test_more_hours_are_refused_where_they_tell_nothing_new():
+    assert "nothing new" in _more_hours(an_hour(a_fit(30.0, "swings")), None).reason
+    assert "need not tell more" in _more_hours(an_hour(a_fit(0.0)), None).reason
+    assert "K and Ti are not known" in _more_hours(an_hour(a_fit(30.0), law=None), None).reason
+    assert "more than 10000 rows is not simulated" in _more_hours(an_hour(a_fit(30.0), rows=20_000), None).reason
+
+
+@pytest.mark.slow
+def test_what_goes_on_from_a_recording_shows_a_gap_that_is_there_and_no_other():
+    recording, result = analysed()
+    loop = glapp.plan._Fitted.of(recording, result, TRUE_GAP, *LIMITS.values(), recording)
+    assert glapp.plan._shown(loop, recording, loop.law, 1.0) == 1.0
+    hidden = glapp.plan._Fitted.of(recording, result, 0.02, *LIMITS.values(), recording)
+    alone = glapp.recording_from(loop_runs(d=0.0).to_arrow().drop_columns(["POSITION"]), recording.loop)
+    assert glapp.plan._shown(hidden, alone, loop.law, 1.0) <= 0.125, "a gap far below the noise"
 
 
 def read(d, noise=0.1, width=TRUE_GAP, rows=120):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench.labels import write
 from typer.testing import CliRunner
 
 import glapp
@@ -17,7 +18,7 @@ from glapp.demo import write_recordings
 from glapp.errors import InputError
 from glapp.fit import Fit
 from glapp.result import Result
-from glapp.score import Label, Outcome, counted, judged, read_labels, share
+from glapp.score import Label, Outcome, Scored, calibrated, counted, judged, read_labels, share
 
 
 def answered(verdict: str, d: float = 2.0, low: float = 1.8, high: float | None = 2.2, **more: Any) -> Result:
@@ -100,6 +101,59 @@ def test_a_wrong_label_is_told(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(InputError) as wrong:
         read_labels(path)
     assert says in str(wrong.value)
+
+
+def test_stated_probabilities_are_held_against_what_is_so() -> None:
+    def stated(found: str, p: float, width: float | None = None, beyond: float | None = None) -> Scored:
+        answer = answered("cannot_tell")
+        return Scored(
+            label(found, width),
+            replace(answer, answer=replace(answer.answer, p_gap=p, p_beyond=beyond)),
+            "silent",
+            width=width,
+        )
+
+    rows = calibrated(
+        [
+            stated("gap", 0.95, 3.0, 0.8),
+            stated("sound", 0.92, None, 0.8),
+            stated("stiction", 0.3),
+            stated("other", 0.3, None, 0.3),
+            stated("gap", 1.0, 0.4, 0.76),
+            replace(stated("gap", 0.95), outcome="not counted"),
+        ]
+    )
+    assert [(one.of, one.low, one.valves, one.so) for one in rows] == [
+        ("p_gap", 0.25, 1, 1),
+        ("p_gap", 0.9, 3, 2),
+        ("p_beyond", 0.75, 3, 1),
+    ]
+    assert rows[1].stated == pytest.approx((0.95 + 0.92 + 1.0) / 3)
+    assert calibrated([]) == []
+
+
+@pytest.mark.slow
+def test_a_labelled_folder_of_the_corpus_is_scored_and_its_faults_are_told(tmp_path: Path) -> None:
+    labels = write(tmp_path / "corpus", ["steps"], "B", 1, 1)
+    none, gap = sorted(tmp_path.glob("corpus/steps*.csv"), key=lambda path: "gap" in path.name)
+    (tmp_path / "corpus" / "FV-7.csv").write_bytes(gap.read_bytes())
+    (tmp_path / "corpus" / "odd.csv").write_text("\n".join(none.read_text().splitlines()[:600]) + "\n")
+    with labels.open("a") as file:
+        file.write("FV-7.csv,gap,2,%\nlost.csv,gap,2,%\nodd.csv,sound,1,mm\n")
+    report = tmp_path / "score.html"
+    done = CliRunner().invoke(app, ["score", str(labels), "--json", "--report", str(report)])
+    assert done.exit_code == 1
+    messages = " ".join(done.stderr.split())
+    assert f"is the same recording as {gap.name} in row 3" in messages, "one valve under two names"
+    assert "row 5, column file: there is no such file" in messages
+    assert "row 6, column unit: 'mm' is not the unit of OP; write % or '% of span'" in messages
+    found = json.loads(done.stdout)
+    assert [one["found"] for one in found["valves"]] == ["sound", "gap"]
+    assert all(one["valves"] for one in found["calibration"])
+    page = report.read_text("utf-8").replace("<wbr>", "")
+    assert "Right, wrong and silent" in page and none.stem in page and gap.stem in page
+    differ = sum(one["outcome"] == "wrong" for one in found["valves"])
+    assert page.count('<section class="loop"') == differ, "a section for each that differs"
 
 
 @pytest.mark.slow

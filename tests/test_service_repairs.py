@@ -8,10 +8,11 @@ import pytest
 import service
 
 from glapp import InputError, Loop
+from glapp.report.repaired import rows
 from glapp.service.fits import answered
 from glapp.service.proof import Proof, Repaired
 from glapp.service.recordings import SignalStore
-from glapp.service.repairs import compared, fall_of, texts
+from glapp.service.repairs import compared, fall_of
 
 BEGIN = service.BEGIN
 LOOP = Loop(name="FIC0", op_span=(0, 100), controller={"k": 0.5, "ti": 5}, process={"kp": 2})
@@ -58,7 +59,7 @@ def test_a_repair_is_noted_and_the_loop_is_fitted_anew(repaired):
 def test_what_the_loop_gained_is_told_with_intervals(repaired):
     _, folder = repaired
     found = compared(folder, SETTINGS, AT, BEGIN + 6 * 3600.0)
-    before, after = found.loop
+    before, after = found.before, found.after
     assert before.deviation[0] == pytest.approx(2.0, rel=0.01)
     assert after.deviation[0] == pytest.approx(1.0, rel=0.01)
     assert before.reversals[0] == pytest.approx(2 * 864, rel=0.05)
@@ -66,10 +67,13 @@ def test_what_the_loop_gained_is_told_with_intervals(repaired):
     assert before.travel[0] == pytest.approx(864 * 8.0, rel=0.05)
     assert before.deviation[1] <= before.deviation[0] <= before.deviation[2]
     assert after.deviation[2] < before.deviation[1]
-    assert found.widths == (None, None)
-    rows = texts(found, "%", "bar")
-    assert rows[0] == ("Gap", "not judged", "not judged")
-    assert rows[1][1].startswith("2\N{NO-BREAK SPACE}bar (")
+    assert (before.verdict, after.verdict, found.width) == (None, None, None)
+    assert (found.deviation.code, found.reversals.code) == ("less", "less")
+    assert found.deviation.by[1] < -1.0 < found.deviation.by[2]
+    table = rows(found, "%", "bar")
+    assert table[0] == ("Gap", "not judged", "not judged", "–")
+    assert table[1][1].startswith("2\N{NO-BREAK SPACE}bar (")
+    assert table[1][3].startswith("less by 1\N{NO-BREAK SPACE}bar (")
 
 
 def test_widths_are_those_of_before_and_after(repaired):
@@ -82,12 +86,13 @@ def test_widths_are_those_of_before_and_after(repaired):
     for row, begin, end in ((wide, BEGIN, AT), (mixed, BEGIN, AT + 3600.0), (none, AT, AT + 3600.0)):
         one.store.add_answer("FIC0", {"time": end, "asked_by": "eve"} | row | {"t_begin": begin, "t_end": end})
     found = compared(folder, SETTINGS, AT, BEGIN + 6 * 3600.0)
-    assert found.widths[0]["d"] == 2.0, "a fit over both sides of the repair is neither"
-    assert found.widths[1]["verdict"] == "sound"
-    assert texts(found, "%", "")[0] == (
+    assert found.before.d == 2.0, "a fit over both sides of the repair is neither"
+    assert found.after.verdict == "sound"
+    assert rows(found, "%", "")[0] == (
         "Gap",
-        "2\N{NO-BREAK SPACE}% (1.80 to 2.20)",
-        "< 0.400\N{NO-BREAK SPACE}%",
+        "2\N{NO-BREAK SPACE}%OP (1.80 to 2.20)",
+        "< 0.400\N{NO-BREAK SPACE}%OP",
+        "less by 2\N{NO-BREAK SPACE}%OP (1.55 to 2.20)",
     )
 
 
@@ -107,8 +112,8 @@ def day(number, d, verdict="backlash", half=0.2, **more):
 def test_a_fall_is_seen_between_two_days_and_what_does_not_count_is_left_out():
     days = [day(20, 2.0), day(21, 2.1), day(22, 0.0, "sound"), day(23, 0.1)]
     found = fall_of(days)
-    assert (found.t[1] - found.t[0]) == 86400.0
-    assert found.before[1] > found.after[2]
+    assert (found["t"][1] - found["t"][0]) == 86400.0
+    assert found["before"][1] > found["after"][2]
     assert fall_of(days[:2]) is None
     assert fall_of([*days[:2], day(22, 0.1, left_out="repeats another")]) is None
     assert fall_of([day(20, 2.0, high=None), day(21, 0.1)]) is None

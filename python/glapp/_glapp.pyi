@@ -629,11 +629,17 @@ def fit_thresholds() -> dict[str, tuple[float, str]]:
 def width_trend(t: Sequence[float], d: Sequence[float], error: Sequence[float] | None = None) -> dict[str, Any]:
     """Whether and how fast a width changes: widths [OP unit] at times [s], with standard errors where known."""
 
-def width_fall(t: Sequence[float], d: Sequence[float], error: Sequence[float]) -> dict[str, Any] | None:
-    """Whether a width [OP unit] has fallen from one time [s] to the next; `error` are standard errors."""
+def width_fall(widths: str) -> dict[str, Any] | None:
+    """Whether the width has fallen from one recording or window to the next.
 
-def performance(rows: Batch, turn: float) -> dict[str, Any] | None:
-    """Deviation of PV, travel and reversals of OP in rows in automatic; OP has turned where it went back by `turn`."""
+    `widths` is JSON: of each its time `t` [s], `verdict`, `d`, `low` and `high` [OP unit].
+    """
+
+def before_after(rows: tuple[Batch | None, Batch | None], widths: str) -> dict[str, Any]:
+    """How a loop did before and after a repair, and the differences.
+
+    `widths` is JSON: of either side as in `width_fall`, or null.
+    """
 
 class ManualRows:
     """The rows in manual of a recording, and the step test in them.

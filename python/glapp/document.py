@@ -479,6 +479,61 @@ class Plan(_Part):
     """Why nothing could be planned; null where something could."""
 
 
+class RepairSide(_Part):
+    """The valve and its loop before a repair, or after it."""
+
+    begin: str | None
+    """First row that was looked at; such as "600 s" where the recording has no date, null where there are no rows."""
+    end: str | None
+    """Last row."""
+    verdict: str | None
+    """What that side says of the valve; null where there is no answer."""
+    confidence: str | None
+    """How sure that is; null where the width is the mean of several."""
+    d: Value
+    """Width [`unit`]."""
+    low: Value
+    """Lower 95 % limit [`unit`]."""
+    high: Value
+    """Upper 95 % limit [`unit`]."""
+    days: Value
+    """Time in automatic that was looked at [d]; null, as all that follows, where too little was."""
+    deviation: Limits | None
+    """Standard deviation of PV about SP [PV unit]."""
+    travel: Limits | None
+    """Travel of OP in a day [`unit`]; null without OP."""
+    reversals: Limits | None
+    """Reversals of OP in a day."""
+
+
+class Difference(_Part):
+    """What lies between before and after."""
+
+    code: Literal["less", "more", "open"]
+    """Whether all of the 95 % interval lies below 0, above 0, or neither."""
+    by: Limits
+    """After − before with its 95 % limits."""
+
+
+class Repair(_Part):
+    """The valve before and after its repair."""
+
+    noted: str | None
+    """When it was repaired, as a person says; null where the width was seen to fall and nobody said so."""
+    before: RepairSide
+    """Up to 7 days before."""
+    after: RepairSide
+    """Up to 7 days after."""
+    width: Difference | None
+    """Of the widths [`unit`]; null, as all that follow, where it is not known on both sides."""
+    deviation: Difference | None
+    """Of PV about SP [PV unit]."""
+    travel: Difference | None
+    """Of OP's travel in a day [`unit`]."""
+    reversals: Difference | None
+    """Of OP's reversals in a day."""
+
+
 class LoopAnswer(_Part):
     """The answer for one loop: `answer` is the one, all else is what it stands on."""
 
@@ -522,6 +577,8 @@ class LoopAnswer(_Part):
     """Width with an interval from OP and PV; null without OP."""
     plan: Plan | None
     """What would decide, where `--plan` asked for it and the answer is open; else null."""
+    repair: Repair | None
+    """Before and after the repair, where one is noted or the width fell from one day to the next; else null."""
 
 
 class Document(_Part):

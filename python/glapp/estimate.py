@@ -15,6 +15,7 @@ from . import _glapp
 from ._glapp import to_text
 from .arrays import column
 from .controller import Ideal
+from .cut import since_repair
 from .errors import InputError
 from .fit import Fit, fit_from_core
 from .identify import Identification, identification_from_core, identified
@@ -194,6 +195,7 @@ def _all_of(several: list[Any], loop: Loop | None, signals: dict[str, Any]) -> l
 
 def _analyzed(recording: Recording, rows: int, progress: Progress | None, **asked: bool) -> Result:
     """Hand a recording to the core, its beginning first, and put the answer into words."""
+    [recording] = since_repair([recording])
     beginning = recording.beginning(rows)
     loop = with_op_unit(recording.loop, beginning)
     task = json.dumps(_task(loop) | asked)

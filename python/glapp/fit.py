@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from . import _glapp
 from ._glapp import to_text
 from .controller import Ideal
+from .cut import since_repair
 from .errors import InputError
 from .loop import Loop
 from .progress import Progress, shares
@@ -336,10 +337,12 @@ def fit(
         every = [recording_of(one, loop, **signals) for one in recording]
         if not every:
             raise InputError("holds no recording", parameter="recording")
+        every = since_repair(every)
         if len(every) > 1:
             return fit_recordings(every, progress=progress)
         recording = every[0]
     recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
+    [recording] = since_repair([recording])
     sign = process_sign(recording.loop, recording.loop.ideal())
     batches, fitting = _read(recording, sign, progress)
     return fit_batches(batches, recording.loop, sign, progress=fitting)

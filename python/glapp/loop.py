@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from zoneinfo import ZoneInfo, available_timezones
@@ -192,6 +193,9 @@ class Loop(Checked):
     dead_band_prior : float, optional
         Share of the plant's valves that are known to have a dead band [%], > 0, < 100; 25 where not given. It changes
         how probable a dead band is said to be, and the order of loops, never what is found.
+    repaired : datetime, optional
+        When the valve was last repaired, by the recording's own clocks where it has no zone. The answer is that of what
+        was recorded after it.
     sample_time : float, optional
         Time between rows [s], > 0, ≤ 10⁷; needed only where the recording has no time column.
     time_zone : str, optional
@@ -255,6 +259,7 @@ class Loop(Checked):
     area: str | None = None
     acceptable_dead_band: Annotated[float, Field(gt=0, le=100)] | None = None
     dead_band_prior: Annotated[float, Field(gt=0, lt=100)] | None = None
+    repaired: datetime | None = None
     sample_time: Annotated[float, Field(gt=0, le=1e7)] | None = None
     time_zone: str | None = None
     time_format: TimeFormat | None = None

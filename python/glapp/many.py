@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .cut import since_repair
 from .estimate import analyze
 from .fit import Verdict, fit_recordings
 from .progress import Progress, shares
@@ -38,7 +39,9 @@ def analyze_recordings(
         Where they differ in unit, span, controller, process or positioner, or one cannot be read.
     """
     one_valve(recordings)
-    recordings = in_order(recordings)
+    recordings = in_order(since_repair(recordings))
+    if len(recordings) == 1:
+        return analyze(recordings[0], trust=trust, fit=fit, progress=progress)
     *judging, fitting = shares(progress, *[0.4 / len(recordings)] * len(recordings), 0.6)
     each = [
         analyze(recording, trust=trust, fit=False, progress=told)

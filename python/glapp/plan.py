@@ -27,6 +27,7 @@ from .plant import Plant
 from .progress import Progress
 from .recording import Recording, joined
 from .result import Result
+from .samples import recording_of
 from .scenario import Manual, Samples, Scenario, Valve
 from .simulate import run, run_many
 from .step_test import step_test
@@ -85,14 +86,14 @@ SETPOINT_STEPS = (2.0, 3.0, 4.0)
 MOST_SETPOINT_STEPS = 10
 """A setpoint is stepped so often at most: five times each way."""
 
+HOURS = (1.0, 3.0, 9.0)
+"""A recording is gone on with for so many times its length."""
+
 HOURS_POWER = 0.8
-"""More hours of the same are told as those that decide so often, …"""
+"""Of these the shortest is told that shows the gap so often."""
 
-MOST_HOURS = 30 * 24.0
-"""… up to a month."""
-
-PER_TRAVERSAL = 0.5
-"""Likelihood ratio that the fit asks for each time OP goes through the width."""
+MOST_ROWS = 100_000
+"""Rows that are fitted for that at most: of more the fit takes minutes."""
 
 
 def plan_test(
@@ -117,8 +118,9 @@ def plan_test(
     that of the two which leaves less of the recording. Gain and times of the process are drawn from within their 95 %
     limits, anew in each simulation: a process that is not well known makes a promise smaller.
 
-    More hours: −2·Δln L of no gap grows in proportion to time, and has the variance of 4 times its growth. Told are the
-    hours after which it exceeds what the fit asks for in 80 %.
+    More hours: the loop with its gap is simulated in automatic, with the recorded course of SP backwards and forwards
+    in turn, and fitted together with the recording. Told is the shortest of once, three and nine times its length that
+    shows the gap in 80 %.
 
     Known bias: valve and load are those of the fit. Where the true gain is below its limits, or the process slower than
     its limits allow, less is decided than promised. A valve that sticks is simulated as one with a gap.
@@ -185,7 +187,7 @@ def plan_test(
             case "setpoint":
                 tests.append(_setpoint(loop, minutes))
             case "more_hours":
-                tests.append(_more_hours(loop.fit))
+                tests.append(_more_hours(loop, recording))
     told(1.0)
     return Plan(
         name=result.name,
@@ -289,6 +291,8 @@ class _Fitted:
     op: float
     pv: float
     sp: float
+    sp_moves: Floats
+    """SP from step to step, counted from where it stands at the end; 0 where it is not recorded."""
     law: Ideal | None
     op_within: Limits
     pv_within: Limits
@@ -330,7 +334,7 @@ class _Fitted:
                 hint="record the loop while OP or the setpoint is stepped once or twice",
             )
         h, loop = float(best["h"]), recording.loop
-        op, pv = _rows(recording, best["t_start"], best["t_end"], h)
+        op, pv, sp = _rows(recording, best["t_start"], best["t_end"], h)
         plant, strong = (_plant(gain, best, h) for gain in gains)
         settling = _settling(plant)
         given = recording.loop.kp() is not None
@@ -367,6 +371,7 @@ class _Fitted:
             op=stands["op"],
             pv=stands["pv"],
             sp=stands["sp"],
+            sp_moves=sp - sp[-1],
             law=Ideal(s.k, s.ti, s.td or 0.0, 1.0 if s.b is None else s.b) if known else None,  # type: ignore[arg-type]
             op_within=within["op"],  # type: ignore[arg-type]
             pv_within=within["pv"],  # type: ignore[arg-type]
@@ -449,15 +454,17 @@ def _last_values(recording: Recording) -> dict[str, float]:
     return {"sp": stands["pv"]} | stands
 
 
-def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Floats, Floats]:
-    """OP and PV between `start` and `end`, resampled to steps of `h` seconds by the latest value."""
+def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Floats, Floats, Floats]:
+    """OP, PV and SP between `start` and `end`, resampled to steps of `h` seconds by the latest value; SP 0 without."""
     rows = joined([part for b in recording.batches() if len(part := b[_inside(b.t, start, end)])])
     assert rows.op is not None  # it was fitted
     good = np.isfinite(rows.t) & np.isfinite(rows.op) & np.isfinite(rows.pv)
-    t, op, pv = rows.t[good], rows.op[good], rows.pv[good]
+    sp = np.zeros(len(rows.t)) if rows.sp is None or np.isnan(rows.sp).all() else rows.sp
+    good &= np.isfinite(sp)
+    t, op, pv, sp = rows.t[good], rows.op[good], rows.pv[good], sp[good]
     grid = t[0] + h * np.arange(int((t[-1] - t[0]) / h + 1e-9) + 1)
     latest = np.searchsorted(t, grid + 1e-6 * h, side="right") - 1
-    return op[latest], pv[latest]
+    return op[latest], pv[latest], sp[latest]
 
 
 def _inside(t: Floats, start: float, end: float) -> slice:
@@ -784,19 +791,43 @@ def fit_decides(found: Fit, width: float) -> Found | None:
     return "no_gap" if said in ("none_seen", "sound") and found.high is not None and found.high < width else None
 
 
-def _more_hours(found: Fit) -> Planned:
-    """By the growth of the likelihood ratio."""
-    best = found.best
+def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
+    """The recording gone on with for once, three or nine times its length, the shortest of them that shows the gap."""
+    found = loop.fit
     if found.why in ("swings", "repeats"):
         return Planned("more_hours", f"more hours of the same tell nothing new: {found.reason}")
-    ratio, needed = found.lr_no_gap or 0.0, found.lr_needed or math.inf
-    if not ratio > 0.0 or found.why not in ("may_be_a_gap", "windows_silent", "families_disagree"):
+    if not (found.lr_no_gap or 0.0) > 0.0 or found.why not in ("may_be_a_gap", "windows_silent", "families_disagree"):
         return Planned("more_hours", f"more hours of the same need not tell more: {found.reason}")
-    so_far = best["cells"] * best["cell"] / 3600 * max(1, len(found.windows))
-    sure = NormalDist().inv_cdf(HOURS_POWER)
-    times = PER_TRAVERSAL * sum(best["traversals"])
-    for more in np.geomspace(0.1, MOST_HOURS / so_far, 200):
-        grown = ratio * (1 + more)
-        if grown - max(needed, times * (1 + more)) >= sure * 2 * math.sqrt(ratio * more):
-            return Planned("more_hours", minutes=60 * so_far * more, power=HOURS_POWER, with_gap=HOURS_POWER)
-    return Planned("more_hours", "a month of the same would not decide")
+    if loop.law is None or not loop.law.k:
+        return Planned("more_hours", "the controller's K and Ti are not known: give them, or record SP")
+    if len(loop.sp_moves) * (max(1, len(found.windows)) + max(HOURS)) > MOST_ROWS:
+        most = MOST_ROWS / (1 + max(HOURS))
+        return Planned("more_hours", f"what goes on from a recording of more than {most:.0f} rows is not simulated")
+    short, middle, long = HOURS
+    times, shown = middle, _shown(loop, recording, loop.law, middle)
+    if shown < HOURS_POWER:
+        times, shown = long, _shown(loop, recording, loop.law, long)
+    elif (sooner := _shown(loop, recording, loop.law, short)) >= HOURS_POWER:
+        times, shown = short, sooner
+    minutes = times * len(loop.sp_moves) * loop.h / 60
+    if shown < WORTH:
+        return Planned("more_hours", f"{minutes / 60:.3g} h more of the same show the gap in {100 * shown:.0f} % only")
+    return Planned("more_hours", minutes=minutes, power=shown, with_gap=shown, simulations=FITTED)
+
+
+def _shown(loop: _Fitted, recording: Recording, law: Ideal, times: float) -> float:
+    """How often the gap is found in the recording and what goes on from it for so many times its length."""
+    n = round(times * len(loop.sp_moves))
+    # Backwards and forwards in turn: SP goes on from where it stands, and moves as often as it did.
+    sp = np.resize(np.concatenate([loop.sp_moves[::-1], loop.sp_moves]), n)
+    shown = 0
+    for seed in range(200, 200 + FITTED):
+        signals: Any = {"setpoint": Samples(values=sp), "noise": Samples(values=loop.disturbance(n, 0, seed))}
+        more: Any = {"plant": loop.process(seed), "controller": tuple(law)}
+        try:
+            s = run(Scenario(**more, **signals, d=loop.width, h=loop.h, t_end=loop.h * (n - 1)))
+        except InputError:  # that process runs away under the controller: nothing is shown
+            continue
+        goes_on = recording_of(None, loop.loop, t=s.t, sp=s.sp, pv=s.pv, op=s.op)
+        shown += fit_decides(fit([recording, goes_on]), loop.width) == "gap"
+    return shown / FITTED

@@ -44,7 +44,7 @@ class Planned:
     false : float or None
         Share of all simulations that end in the wrong answer.
     simulations : int
-        Simulations of either kind; 0 for more hours, whose power follows from the likelihood.
+        Simulations of either kind; of more hours those with the gap, the only ones.
     """
 
     kind: Kind

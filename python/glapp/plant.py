@@ -400,7 +400,7 @@ class Plant:
         return y
 
     def _companion(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """[A B; 0 0] and [C D] of the rational part."""
+        """Matrices [A B; 0 0] and [C D] of the rational part in companion form, without the dead time."""
         n = self.order
         den = np.asarray(self.den) / self.den[0]
         num = np.concatenate([np.zeros(n + 1 - len(self.num)), np.asarray(self.num) / self.den[0]])

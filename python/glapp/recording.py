@@ -55,8 +55,8 @@ class Batch:
     def __len__(self) -> int:
         return len(self.t)
 
-    def __getitem__(self, part: slice) -> Batch:
-        """A stretch of this stretch, without copying."""
+    def __getitem__(self, part: slice | NDArray[np.bool_]) -> Batch:
+        """A stretch of this stretch, without copying; or the rows at which an array is true."""
 
         def cut(a: NDArray[T] | None) -> NDArray[T] | None:
             return None if a is None else a[part]

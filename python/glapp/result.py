@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from .planned import Plan
+    from .repaired import Repair
     from .step_test import StepTest
 
 __all__ = ["REASONS", "Answer", "Confidence", "Corrected", "HalfPeriods", "Harm", "Limit", "Moves", "Next", "Origin"]
@@ -554,6 +555,8 @@ class Result:
         What a step test in the recording's first half million rows gives (`glapp.step_test`), where it gives a width.
     plan : Plan or None
         What would decide whether there is a gap (`glapp.plan_test`), where that was asked for and is open.
+    repair : Repair or None
+        The valve before and after its repair, where one is noted or the width was seen to fall (`glapp.repair`).
     columns : dict
         Role to the column or tag that was taken: where a position was measured, the width may be that of the position
         alone, and `repr` says so.
@@ -586,6 +589,7 @@ class Result:
     step_test: StepTest | None = None
     messages: list[dict[str, Any]] = field(default_factory=list)
     plan: Plan | None = None
+    repair: Repair | None = None
     columns: dict[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -747,6 +751,7 @@ class Result:
             "identified": None if self.identification is None else self.identification.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),
             "plan": None if self.plan is None else self.plan.to_dict(),
+            "repair": None if self.repair is None else self.repair.to_dict(),
         }
 
     def _answered(self) -> dict[str, Any]:

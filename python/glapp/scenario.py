@@ -637,7 +637,7 @@ class Scenario(Checked):
         return "".join(lines)
 
     def for_rust(self) -> dict[str, Any]:
-        """The scenario as the extension takes it."""
+        """The scenario as plain values for the compiled extension."""
         friction, outer = self.friction, self.outer
         in_loop = self.tf is not None if self.filter_in_loop is None else self.filter_in_loop
         tf = self.filter_time() if in_loop else 0.0

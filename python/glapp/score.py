@@ -9,8 +9,9 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date
+from itertools import pairwise
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any, Literal, get_args
@@ -19,7 +20,19 @@ from .errors import InputError
 from .reading.files import check_file
 from .result import Answer, Result, span_of
 
-__all__ = ["Count", "Found", "Label", "Outcome", "Scored", "counted", "judged", "read_labels", "share"]
+__all__ = [
+    "Calibrated",
+    "Count",
+    "Found",
+    "Label",
+    "Outcome",
+    "Scored",
+    "calibrated",
+    "counted",
+    "judged",
+    "read_labels",
+    "share",
+]
 
 Found = Literal["gap", "stiction", "both", "sound", "other"]
 """What the workshop found. *other*: the loop swings, and the valve is not the reason."""
@@ -165,7 +178,7 @@ def _require_unique(labels: Sequence[Label], path: Path) -> None:
 
 
 def judged(label: Label, result: Result) -> Scored:
-    """Hold one answer against its label.
+    """Compare one answer with what was found in the valve.
 
     A fault is answered *right* where a dead band is found or likely, its cause is no other, and its interval holds the
     measured width. *Sound* is right of it below a bound that is wider than the measured width, and else wrong. A valve
@@ -251,6 +264,68 @@ def _outcome(answer: Answer) -> str:
     return answer.verdict if answer.verdict == "oscillation" else answer.confidence
 
 
+EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+"""Probabilities are counted together between these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """Stated probabilities beside how often it was so.
+
+    Attributes
+    ----------
+    of : "p_gap", "p_beyond"
+        Of a dead band, or of one beyond the acceptable limit.
+    low, high : float
+        Probabilities from `low` on and below `high` are counted together; 1 counts in the last.
+    valves, so : int
+        Valves, and those of them where it was so.
+    stated : float
+        Mean of the probabilities.
+    """
+
+    of: Literal["p_gap", "p_beyond"]
+    low: float
+    high: float
+    valves: int
+    so: int
+    stated: float
+
+
+def calibrated(scored: Sequence[Scored]) -> list[Calibrated]:
+    """Whether what is stated as 80 % probable is so in 80 %.
+
+    A valve with a fault has a dead band, a *sound* one has none; of *other* nobody looked. Whether a dead band is
+    beyond the limit is known where its width was measured, and of a sound valve.
+    """
+    rows = []
+    for of in ("p_gap", "p_beyond"):
+        known = [
+            (stated, so)
+            for one in scored
+            if one.outcome != "not counted"
+            and (stated := getattr(one.result.answer, of)) is not None
+            and (so := _is_so(of, one)) is not None
+        ]
+        for low, high in pairwise(EDGES):
+            here = [(p, so) for p, so in known if low <= p < high or p == high == EDGES[-1]]
+            if here:
+                stated = sum(p for p, _ in here) / len(here)
+                rows.append(Calibrated(of, low, high, len(here), sum(so for _, so in here), stated))
+    return rows
+
+
+def _is_so(of: str, one: Scored) -> bool | None:
+    if one.label.found == "sound":
+        return False
+    if one.label.found == "other":
+        return None
+    if of == "p_gap":
+        return True
+    limit = one.result.answer.limit
+    return None if one.width is None or limit is None or limit.width is None else one.width > limit.width
+
+
 def share(right: int, wrong: int) -> tuple[float, float, float] | None:
     """Share of right answers among those that say something, with its 95 % interval (Wilson); None where none does.
 
@@ -270,7 +345,7 @@ def share(right: int, wrong: int) -> tuple[float, float, float] | None:
 
 
 def to_dict(scored: Sequence[Scored]) -> dict[str, Any]:
-    """The score for programs: a row a valve, and the counts."""
+    """The score for programs: a row a valve, the counts, and the calibration of the probabilities."""
     valves = [
         {
             "row": one.label.row,
@@ -293,4 +368,4 @@ def to_dict(scored: Sequence[Scored]) -> dict[str, Any]:
         {"confidence": one.confidence, "right": one.right, "wrong": one.wrong, "silent": one.silent}
         for one in counted(scored)
     ]
-    return {"valves": valves, "counts": counts}
+    return {"valves": valves, "counts": counts, "calibration": [asdict(one) for one in calibrated(scored)]}

@@ -315,7 +315,7 @@ def closed_loop(
     seed: int = 0,
     **more: Any,
 ) -> Simulation:
-    """Run a scenario, in one line: with the gap and the noise of the thesis where nothing else is said.
+    """Simulate a control loop; gap and noise are those of the thesis where they are not given.
 
     `(k, ti)` is a plain PI controller: setpoint weight b = 1, and no filter unless `tf` is given, as elsewhere. The
     thesis has b = 0 and the filter (2.1) in the loop: write ``(k, ti, 0, 0)`` and ``filter_in_loop=True``.

@@ -20,6 +20,7 @@ mod inspected;
 mod origin;
 mod performance;
 pub mod quality;
+mod repair;
 mod signals;
 pub mod step_test;
 mod summary;
@@ -37,11 +38,12 @@ pub use glapp_fit::{Cause, Judgement, Width, WidthKind};
 pub use harm::{Cells as HarmCells, Harm, harm};
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
-pub use performance::{Performance, performance};
+pub use performance::{Between, Performance, performance};
+pub use repair::{BeforeAfter, Changed, Difference, Fall, OneWidth, before_after, fall_of};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};
 pub use step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 pub use summary::{
     Acceptable, Confidence, Contradiction, Evidence, Facts, FitFacts, Health, Limit, LimitOrigin, Moves, NOMINAL_LIMIT,
     Next, NextStep, One, Part, StepTestWidth, Struck, Summary, Urgency, Valve,
 };
-pub use trend::{Change, Fall, WidthTrend, fall, trend};
+pub use trend::{Change, WidthTrend, trend};

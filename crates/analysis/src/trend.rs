@@ -75,47 +75,6 @@ pub(crate) fn of_found(found: Option<Trend>, widths: usize) -> WidthTrend {
     }
 }
 
-/// A fall of the width is told where it is so many standard errors, on either way of looking: of all widths before it and after it, …
-const FALLS: f64 = 4.0;
-/// … and of the two next to it; else it is a slow change.
-const AT_ONCE: f64 = 3.0;
-/// Part of the width before that must be left at most.
-const LEFT: f64 = 0.7;
-/// Standard errors to a 95 % limit.
-const LIMIT: f64 = 1.96;
-
-/// A width that has fallen from one time to the next, as after a repair.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Fall {
-    /// The last width before and the first after \[s\].
-    pub t: (f64, f64),
-    /// Mean width before, with its 95 % limits [OP unit].
-    pub before: (f64, f64, f64),
-    /// The same after.
-    pub after: (f64, f64, f64),
-}
-
-/// Whether the width has fallen between two times: the plainest of all falls. Widths in the order of time; those without a standard
-/// error do not count.
-pub fn fall(widths: &[Width]) -> Option<Fall> {
-    let known: Vec<(f64, f64, f64)> =
-        widths.iter().filter_map(|width| Some((width.t, width.d, width.error.filter(|e| *e > 0.0)?))).collect();
-    let mean = |part: &[(f64, f64, f64)]| {
-        let weight: f64 = part.iter().map(|(.., error)| error.powi(-2)).sum();
-        let d = part.iter().map(|(_, d, error)| d * error.powi(-2)).sum::<f64>() / weight;
-        (d, weight.sqrt().recip())
-    };
-    let plainest = (1..known.len()).filter_map(|k| {
-        let ((before, e0), (after, e1)) = (mean(&known[..k]), mean(&known[k..]));
-        let ((t0, d0, s0), (t1, d1, s1)) = (known[k - 1], known[k]);
-        let sure = (before - after) / e0.hypot(e1);
-        let told = sure > FALLS && after < LEFT * before && d0 - d1 > AT_ONCE * s0.hypot(s1);
-        let limits = |d: f64, error: f64| (d, (d - LIMIT * error).max(0.0), d + LIMIT * error);
-        told.then_some((sure, Fall { t: (t0, t1), before: limits(before, e0), after: limits(after, e1) }))
-    });
-    plainest.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fall)| fall)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,24 +98,5 @@ mod tests {
         assert_eq!(trend(&days(4, 1.0, Some(0.05))).code, Change::TooFew);
         assert_eq!(trend(&[Width { t: 0.0, d: 1.0, error: None }; 9]).code, Change::TooFew);
         assert_eq!(trend(&[]).per_day, None);
-    }
-
-    #[test]
-    fn a_fall_is_told_with_the_days_and_the_widths_around_it() {
-        let of = |d: &[f64], error| {
-            let width = |(i, d): (usize, &f64)| Width { t: DAY * i as f64, d: *d, error };
-            fall(&d.iter().enumerate().map(width).collect::<Vec<_>>())
-        };
-        let repaired = of(&[2.0, 2.1, 1.9, 0.3, 0.2], Some(0.1)).unwrap();
-        assert_eq!(repaired.t, (2.0 * DAY, 3.0 * DAY));
-        assert!((repaired.before.0 - 2.0).abs() < 1e-9 && (repaired.after.0 - 0.25).abs() < 1e-9);
-        assert!(repaired.after.2 < repaired.before.1);
-        assert!(of(&[2.0, 0.3], Some(0.1)).is_some(), "two days are enough where both are sure");
-        assert_eq!(of(&[2.0, 0.3], Some(0.5)), None);
-        assert_eq!(of(&[2.0, 0.3], None), None, "nobody knows how sure these are");
-        assert_eq!(of(&[2.0, 2.1, 1.6, 1.7], Some(0.05)), None, "too little to be a repair");
-        let slow: Vec<f64> = (0..20).map(|i| 2.0 - 0.1 * f64::from(i)).collect();
-        assert_eq!(of(&slow, Some(0.05)), None, "it wears in slowly");
-        assert_eq!(of(&[0.3, 2.0], Some(0.1)), None);
     }
 }

@@ -178,7 +178,7 @@ impl Stream {
         self.from = 0;
     }
 
-    /// The next batch of the file that is open; false at its end.
+    /// Reads the next batch of rows of the open file; false at its end.
     fn read(&mut self, path: &Path) -> Result<bool, LakeError> {
         let Some(open) = &mut self.open else { return Ok(false) };
         open.rows += self.t.len() as u64;

@@ -191,7 +191,7 @@ mod exports {
         })
     }
 
-    /// Where the answer begins.
+    /// Address of the first byte of the answer, in the memory of WebAssembly.
     #[unsafe(no_mangle)]
     pub extern "C" fn answered() -> *const u8 {
         TEXT.with_borrow(|text| text.as_ptr())

@@ -3,7 +3,7 @@
 use crate::plain::plain;
 use crate::position;
 use crate::windows::{Batch, columns};
-use glapp_analysis::{FitVerdict, Fitted, FittedValve, fitted, fitted_valve, words};
+use glapp_analysis::{FitVerdict, Fitted, FittedValve, OneWidth, fall_of, fitted, fitted_valve, words};
 use glapp_fit::{
     Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, SegmentAnswer, SegmentFit, THRESHOLDS, Tell,
     Together, Trend, Unfit, ValveAnswer, Verdict, Width,
@@ -144,7 +144,7 @@ fn joined<'py>(
     Ok(out)
 }
 
-/// The joint answer of PV, with its evidence.
+/// The joint answer of all windows from OP and PV as a dict, with its evidence.
 fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDict>> {
     let out = joined(py, (whole.verdict, whole.d, whole.low, whole.high), whole.trend)?;
     for (name, value) in
@@ -242,21 +242,26 @@ pub fn width_trend<'py>(
     plain(py, &glapp_analysis::trend(&t.iter().enumerate().map(width).collect::<Vec<_>>()))
 }
 
-/// Whether a width has fallen from one time to the next, as after a repair; None where it has not.
+/// Whether the width has fallen from one recording or window to the next, as after a repair; None where it has not. `widths` is JSON:
+/// of each its time \[s\], `verdict`, `d`, `low` and `high`.
 #[pyfunction]
-pub fn width_fall<'py>(py: Python<'py>, t: Vec<f64>, d: Vec<f64>, error: Vec<f64>) -> PyResult<Bound<'py, PyAny>> {
-    if d.len() != t.len() || error.len() != t.len() {
-        return Err(PyValueError::new_err("t, d and error must be of the same length"));
-    }
-    let width = |(i, t): (usize, &f64)| Width { t: *t, d: d[i], error: Some(error[i]) };
-    plain(py, &glapp_analysis::fall(&t.iter().enumerate().map(width).collect::<Vec<_>>()))
+pub fn width_fall<'py>(py: Python<'py>, widths: &str) -> PyResult<Bound<'py, PyAny>> {
+    let widths: Vec<OneWidth> =
+        serde_json::from_str(widths).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    plain(py, &fall_of(&widths))
 }
 
-/// How a loop does in these rows; None where too few are in automatic.
+/// How a loop did before and after a repair, by rows of either side and its width as JSON, as in `width_fall` or null.
 #[pyfunction]
-pub fn performance<'py>(py: Python<'py>, rows: Batch<'_>, turn: f64) -> PyResult<Bound<'py, PyAny>> {
-    let (rows, _) = rows.rows()?;
-    plain(py, &py.detach(|| glapp_analysis::performance(&rows, turn)))
+pub fn before_after<'py>(
+    py: Python<'py>,
+    rows: (Option<Batch<'_>>, Option<Batch<'_>>),
+    widths: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    let widths = serde_json::from_str(widths).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let before = rows.0.as_ref().map(Batch::rows).transpose()?.map(|(rows, _)| rows);
+    let after = rows.1.as_ref().map(Batch::rows).transpose()?.map(|(rows, _)| rows);
+    plain(py, &py.detach(|| glapp_analysis::before_after((before.as_ref(), after.as_ref()), widths)))
 }
 
 /// What one record says.

@@ -66,7 +66,7 @@ mod _glapp {
     const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]
     use crate::fit::{
-        fit, fit_judgement, fit_thresholds, fit_valve, fit_weighed, performance, width_fall, width_trend,
+        before_after, fit, fit_judgement, fit_thresholds, fit_valve, fit_weighed, width_fall, width_trend,
     };
     #[pymodule_export]
     use crate::history::History;

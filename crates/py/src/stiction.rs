@@ -115,7 +115,7 @@ impl Stiction {
         self.state.standing.name()
     }
 
-    /// Which way it is pushed: +1 or -1; 0 while that is not known.
+    /// Direction of the push, +1 or -1; 0 while it is not known.
     #[getter]
     fn direction(&self) -> i8 {
         self.state.direction

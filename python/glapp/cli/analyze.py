@@ -15,7 +15,8 @@ from rich.text import Text
 from .._glapp import to_text
 from ..escape import for_spreadsheet, one_line
 from ..planned import Plan
-from ..report import planned, words
+from ..repaired import Repair
+from ..report import planned, repaired, words
 from ..result import Result
 from ..row import columns, rows
 from ..writing import write_file
@@ -56,7 +57,7 @@ def analyze(
         typer.Option(
             "--plan",
             metavar="",
-            help="Where the answer is open, say which test would decide: up to a minute a loop.",
+            help="Where the answer is open, say which test would decide: up to some minutes a loop.",
         ),
     ] = False,
     op_within: Annotated[
@@ -141,6 +142,10 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
         if result.plan is not None:
             out.print(f"\nWhat would decide, {one_line(_name(result))}:", soft_wrap=True)
             out.print(Padding(key_values(_planned(result.plan)), (0, 0, 0, 2)))
+        if result.repair is not None:
+            out.print(f"\nBefore and after the repair, {one_line(_name(result))}:", soft_wrap=True)
+            out.print(Padding(repaired.text(result.repair, result.unit), (0, 0, 0, 2)))
+            out.print(Padding(key_values(_repaired(result, result.repair)), (0, 0, 0, 2)))
 
 
 def _planned(plan: Plan) -> list[tuple[str, str]]:
@@ -162,9 +167,19 @@ def _block(result: Result, why: bool) -> None:
         rows.append(("by", result.by_position))
     out.print(head)
     out.print(Padding(key_values([(label, one_line(text)) for label, text in rows]), (0, 0, 1, 2)))
+    if result.repair is not None:
+        out.print(Padding("Before and after the repair", (0, 0, 0, 2)))
+        out.print(Padding(repaired.text(result.repair, result.unit), (0, 0, 0, 4)))
+        out.print(Padding(key_values(_repaired(result, result.repair)), (0, 0, 1, 4)))
     if result.plan is not None:
         out.print(Padding("What would decide", (0, 0, 0, 2)))
         out.print(Padding(key_values(_planned(result.plan)), (0, 0, 1, 4)))
+
+
+def _repaired(result: Result, repair: Repair) -> list[tuple[str, str]]:
+    """A line for each number before and after."""
+    rows = repaired.rows(repair, result.unit, result.loop.pv_unit or "PV unit")
+    return [(name, f"{before} → {after}{difference and f': {difference}'}") for name, before, after, difference in rows]
 
 
 def _columns(results: Sequence[Result]) -> list[Column]:
@@ -187,7 +202,7 @@ def _columns(results: Sequence[Result]) -> list[Column]:
 
 
 def _name(result: Result) -> str:
-    """The loop, and how many recordings it has."""
+    """Name of the loop; with several recordings their number behind it."""
     several = [] if result.fit is None else result.fit.recordings
     return f"{result.name} ({len(several)} recordings)" if several else result.name
 

@@ -201,7 +201,7 @@ def _refused(error: InputError, file: Path, loop: Loop | None = None) -> Refused
 
 
 def _named_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | Valve | Refused]:
-    """Loops of the same name get as much of their files' paths before it as tells them apart."""
+    """Put as much of the file path before loops of the same name as makes their names differ."""
     same: dict[str, list[int]] = {}
     for i, entry in enumerate(opened):
         same.setdefault(entry.name, []).append(i)

@@ -21,7 +21,7 @@ __all__ = ["Options", "with_columns", "with_options"]
 _COLUMNS = ("time", "sp", "pv", "op", "mode")
 _CONTROLLER = ("form", "k", "pb", "gain_unit", "ti", "ti_unit", "td", "td_unit", "action", "setpoint_weight")
 _PROCESS = ("kp", "kp_unit")
-_LOOP = ("pv_span", "op_span", "tf", "n", "sample_time", "time_format")
+_LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format")
 
 
 def _choices(annotation: Any) -> str:
@@ -77,6 +77,9 @@ class Options:
     op_span: Annotated[tuple[float, float] | None, _setting("Range of OP.", "LOW HIGH")] = None
     tf: Annotated[float | None, _setting("Time constant of the detector's filter in s; chosen where not given.")] = None
     n: Annotated[int | None, _setting("Detections behind an estimate, odd; 9 where not given.")] = None
+    repaired: Annotated[
+        str | None, _setting("When the valve was repaired; the answer is that of what was recorded after it.", "TIME")
+    ] = None
     sample_time: Annotated[float | None, _setting("Seconds between rows, where there is no time column.")] = None
     time_format: Annotated[
         str | None, _word(Loop, "time_format", "How times are written, where they leave it open.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as js
 from collections.abc import Callable
 from functools import cache
+from hashlib import blake2b
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +13,9 @@ import typer
 
 from ..errors import InputError
 from ..recording import Recording
+from ..report import scored as texts
 from ..report import words
-from ..score import Count, Label, Scored, counted, judged, read_labels, share, to_dict
+from ..score import Label, Scored, calibrated, judged, read_labels, to_dict
 from .inputs import Refused, Valve, open_files
 from .options import Options
 from .outputs import PAGE, check_output
@@ -22,13 +24,16 @@ from .work import analyze_all
 
 __all__ = ["score"]
 
+ROWS = 65536
+"""Recordings are the same where so many of their first rows are."""
+
 
 def score(
     labels: Annotated[
         Path, typer.Argument(metavar="LABELS", help="CSV with the columns file, loop, found, width, unit, date.")
     ],
     report: Annotated[
-        Path | None, typer.Option(metavar="HTML", help="Write a report of the valves on which answer and label differ.")
+        Path | None, typer.Option(metavar="HTML", help="Write a report of the score, a section for each that differs.")
     ] = None,
     json: Annotated[
         bool, typer.Option("--json", metavar="", help="One JSON object on standard output, nothing else.")
@@ -45,10 +50,13 @@ def score(
     if report is not None:
         check_output("--report", report, [labels, *(label.file for label in known)], PAGE)
     opened, faults = [], list[InputError]()
+    seen: dict[bytes, Label] = {}
     loops = cache(_loops)  # a loops.toml may hold the valves of many rows
     for label in known:
         try:
-            opened.append((label, _opened(label, _loops if label.loop is None else loops)))
+            entry = _opened(label, _loops if label.loop is None else loops)
+            _require_another(entry, label, seen)
+            opened.append((label, entry))
         except InputError as error:
             faults.append(error)
     loops.cache_clear()  # nobody waits for the loops that have no label
@@ -68,12 +76,12 @@ def score(
         _show(scored, differ)
     for fault in faults:
         say_error(fault)
-    if report is not None and differ:
-        from ..report.html import write_report
+    if report is not None and scored:
+        from ..report.html import write_score
 
-        write_report([one.result for one in differ], report)
+        write_score(scored, report)
         if not json:
-            out.print(f"\nReport of the {len(differ)} that differ: {report}", soft_wrap=True)
+            out.print(f"\nReport: {report}", soft_wrap=True)
     if faults:
         raise typer.Exit(1)
 
@@ -102,19 +110,55 @@ def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refus
     return entry
 
 
+def _require_another(entry: Recording | Valve | Refused, label: Label, seen: dict[bytes, Label]) -> None:
+    """Refuse a recording that stands in another row already, under whatever name.
+
+    Raises
+    ------
+    InputError
+        Naming the first row.
+    """
+    if isinstance(entry, Refused):
+        return
+    recordings = entry.recordings if isinstance(entry, Valve) else [entry]
+    text = blake2b()
+    for recording in recordings:
+        rows = recording.beginning(ROWS)
+        for column in (rows.pv, rows.op):
+            text.update(b"" if column is None else column.tobytes())
+    first = seen.setdefault(text.digest(), label)
+    if first is not label:
+        name = first.loop or first.file.name
+        what = f"is the same recording as {name} in row {first.row}"
+        raise InputError(what, file=str(label.file), row=label.row, hint="a valve counts once: leave one of them out")
+
+
 def _show(scored: list[Scored], differ: list[Scored]) -> None:
-    counts = counted(scored)
-    total = Count("all", *(sum(getattr(one, kind) for one in counts) for kind in ("right", "wrong", "silent")))
-    rows = [*counts, total]
+    rows = texts.counts(scored)
     show_table(
         [
             Column("the answer is", [one.confidence.replace("_", " ") for one in rows]),
             Column("right", [str(one.right) for one in rows], True),
             Column("wrong", [str(one.wrong) for one in rows], True),
             Column("silent", [str(one.silent) for one in rows], True),
-            Column("right of those that say\nsomething (95 %)", [_share(one) for one in rows], True),
+            Column(
+                "right of those that say\nsomething (95 %)",
+                [texts.share_text(one.right, one.wrong) for one in rows],
+                True,
+            ),
         ]
     )
+    stated = calibrated(scored)
+    if stated:
+        out.print()
+        show_table(
+            [
+                Column("probability of", [texts.PROBABLE[one.of] for one in stated]),
+                Column("stated", [f"{100 * one.stated:.0f} %" for one in stated], True),
+                Column("valves", [str(one.valves) for one in stated], True),
+                Column("it was so in (95 %)", [texts.share_text(one.so, one.valves - one.so) for one in stated], True),
+            ]
+        )
     left = [one for one in scored if one.outcome == "not counted"]
     if left:
         out.print()
@@ -126,21 +170,8 @@ def _show(scored: list[Scored], differ: list[Scored]) -> None:
             [
                 Column("differs", [one.result.name for one in differ]),
                 Column("row", [str(one.label.row) for one in differ], True),
-                Column("the workshop found", [_found_text(one) for one in differ]),
+                Column("the workshop found", [texts.workshop(one) for one in differ]),
                 Column("the answer", [words.headline(one.result) or "–" for one in differ]),
                 Column("why", [one.why for one in differ]),
             ]
         )
-
-
-def _share(one: Count) -> str:
-    found = share(one.right, one.wrong)
-    if found is None:
-        return "–"
-    low, middle, high = (f"{100 * part:.0f}" for part in found)
-    return f"{middle} % ({low} to {high})"
-
-
-def _found_text(one: Scored) -> str:
-    width = "" if one.width is None else f", {words.quantity(one.width, words.op_unit(one.result.unit))}"
-    return f"{one.label.found}{width}"

@@ -17,6 +17,7 @@ from ..estimate import analyze
 from ..many import analyze_recordings
 from ..plan import with_plan
 from ..recording import Recording
+from ..repair import with_repair
 from ..result import Result
 from .inputs import Refused, Valve
 from .screen import err
@@ -49,6 +50,7 @@ def analyze_all(
                 result = analyze_recordings(recordings, trust=trust, fit=fit, progress=progress)
             else:
                 result = analyze(recordings[0], trust=trust, fit=fit, progress=progress)
+            result = with_repair(recordings, result, trust=trust, fit=fit)
             return result if plan is None else with_plan(recordings, result, **plan)
         except InputError as error:
             return Refused(entry.name, entry.source, error, entry.loop)

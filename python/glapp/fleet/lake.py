@@ -261,7 +261,7 @@ def _walked(lake: Path) -> tuple[set[str], list[DataIssue]]:
 
 
 def _delta_files(lake: Path, table: str) -> tuple[set[str] | None, list[DataIssue]]:
-    """The files of the latest version of a Delta table, relative to the lake; None where nothing can tell them."""
+    """Data files of the newest version of a Delta table, relative to the lake; None without the package deltalake."""
     place = f"{table}/_delta_log" if table else "_delta_log"
     try:
         from deltalake import DeltaTable
@@ -405,7 +405,7 @@ def _batches(
 
 
 def _digits(path: Path, file: File) -> Digits:
-    """How the texts of a file write numbers, by its first rows.
+    """Decimal and thousands separators of the numbers that a file stores as text, found in its first rows.
 
     Raises
     ------

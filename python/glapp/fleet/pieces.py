@@ -83,7 +83,7 @@ def together(paths: Iterable[Path], schema: pa.Schema, problems: list[DataIssue]
 
 
 def tidy(work: Path, used: set[Path], keys: Iterable[str]) -> None:
-    """Take out pieces that are no longer part of the results, and what a stopped run left of one."""
+    """Delete pieces that no longer belong to the results, and files that a stopped run left unfinished."""
     used = used | {work / folder / f"{key}.parquet" for key in keys for folder in ("loops", "of_loops")}
     for folder in ("days", "crossings", "samples", "loops", "of_loops"):
         for path in (work / folder).glob("*"):

@@ -50,9 +50,21 @@ def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
         DataIssue("settings", "stands there more than once, and is left out", "leave one", path.name, loop=name)
         for name in sorted(twice)
     ]
+    problems += [
+        DataIssue(
+            "settings",
+            "has the key repaired, which a fleet does not use: days before the repair count too",
+            "analyse the loop by itself with glapp analyze, or leave the days before out of the lake",
+            path.name,
+            loop=loop.name,
+        )
+        for loop in loops
+        if loop.repaired is not None
+    ]
     if not loops:
         raise each[0] if each else InputError("names no loop", file=str(path))  # type: ignore[misc]
-    return [loop for loop in loops if loop.name not in twice], problems
+    kept = [loop for loop in loops if loop.name not in twice]
+    return [loop if loop.repaired is None else loop.model_copy(update={"repaired": None}) for loop in kept], problems
 
 
 def _table(path: Path) -> pa.Table:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -216,7 +217,7 @@ def _completed(defaults: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_settings(loops: Iterable[Loop]) -> str:
-    """Text of a loops.toml with everything that differs from a `Loop` of which nothing is known.
+    """Text of a loops.toml: for each loop all keys that differ from their defaults.
 
     Examples
     --------
@@ -264,5 +265,7 @@ def _value(value: object) -> str:
         return "[" + ", ".join(_value(v) for v in value) + "]"
     if isinstance(value, int | float):
         return repr(value)
+    if isinstance(value, datetime):
+        return value.isoformat()
     text = value.as_posix() if isinstance(value, Path) else str(value)
     return in_quotes(json.dumps(text, ensure_ascii=False))  # JSON's escapes are TOML's, but for DEL

@@ -92,7 +92,7 @@ class TableSource(Source):
             yield batch.columns, done / max(table.num_rows, 1)
 
     def row_number(self, record: int) -> int:
-        """Rows are counted from 1, or as the file counts its lines."""
+        """Number of a row as a person counts it: its line in a text file, else from 1."""
         return record + 1 if self._lines is None else self._lines[record]
 
 

@@ -123,7 +123,6 @@ def _page(one: Judged) -> dict[str, object]:
         "op": op,
         "pv": test.pv_unit,
         "moves": [_move(i, reading, test) for i, reading in enumerate(test.readings, 1)],
-        "shown": "PV" if test.travel is None else "PV; valve travel beside it",
         "notes": test.notes,
         "picture": Markup(_picture(test)),
         "process": test.travel is None,
@@ -131,7 +130,11 @@ def _page(one: Judged) -> dict[str, object]:
 
 
 def _reason_text(one: Judged) -> str:
-    """What the verdict stands on."""
+    """What the verdict stands on; no number is parted from its unit."""
+    return _told(one).replace(" % of span", "\N{NO-BREAK SPACE}% of span")
+
+
+def _told(one: Judged) -> str:
     allowed = f"{words.number(one.allowed)} % of span is allowed ({one.origin})"
     by = "the valve's travel" if one.by == "travel" else "PV"
     if one.test.reason is not None and one.low is None:
@@ -166,7 +169,12 @@ def _terms(op: str) -> list[tuple[str, Callable[[StepTest], str]]]:
         shares = [one.overshoot for one in read.readings if one.overshoot is not None]
         if not shares:
             return "not measured"
-        return f"{words.number(100 * max(shares))} % of the step" if max(shares) > 0 else "none beyond the noise"
+        if max(shares) == 0:
+            return "none beyond the noise"
+        most = f"at most {words.number(100 * max(shares))} %"
+        if (middle := median(shares)) == 0:
+            return f"{most} of the step, none in most steps"
+        return f"{words.number(100 * middle)} % of the step, median of {len(shares)} ({most})"
 
     def gain(read: StepTest) -> str:
         if read.kp is None:

@@ -8,7 +8,7 @@ loop is called.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -21,8 +21,11 @@ from plotly.offline import get_plotlyjs
 
 from .. import palette
 from ..escape import escaped
+from ..score import Scored, calibrated
 from ..writing import GENERATOR, write_file
-from . import figures, words
+from . import figures, repaired, words
+from .scored import PROBABLE, share_text, workshop
+from .scored import counts as scored_counts
 from .view import LoopView, bar
 
 if TYPE_CHECKING:
@@ -71,8 +74,61 @@ def write_report(
         The files written, `path` first. More than one only where a single file would reach `MAX_BYTES`: then `path`
         is an index, with one file per loop in a folder beside it that is named after it.
     """
-    path = Path(path)
     order = words.ranked(results)
+    drawn = [bar(r) for r in order]
+    scale = 1.02 * max((one.end for one in drawn if one is not None), default=0.0) or 1.0
+
+    def summary(links: Sequence[str]) -> dict[str, Any]:
+        return {"scale": scale, "loops": list(zip(order, links, drawn, strict=True))}
+
+    return _write(order, Path(path), title, "summary", summary)
+
+
+def write_score(
+    scored: Sequence[Scored], path: str | Path, *, title: str = "Answers and what the workshop found"
+) -> list[Path]:
+    """Write the score of labelled valves: the counts, the calibration, and a section for each answer that differs.
+
+    Parameters
+    ----------
+    scored : Sequence[Scored]
+        Answers beside their labels, from `glapp.score`.
+    path : str | Path
+        The HTML file to write. Its folder must exist.
+    title : str
+        Heading of the report.
+
+    Returns
+    -------
+    list[Path]
+        As `write_report`.
+    """
+    differ = [one for one in scored if one.outcome == "wrong"]
+    counts = [
+        (
+            one.confidence.replace("_", " "),
+            *map(str, (one.right, one.wrong, one.silent)),
+            share_text(one.right, one.wrong),
+        )
+        for one in scored_counts(list(scored))
+    ]
+    calibration = [
+        (PROBABLE[one.of], f"{100 * one.stated:.0f} %", str(one.valves), share_text(one.so, one.valves - one.so))
+        for one in calibrated(scored)
+    ]
+
+    def summary(links: Sequence[str]) -> dict[str, Any]:
+        leads = dict(zip(map(id, differ), links, strict=True))
+        lines = [(one, leads.get(id(one))) for one in scored]
+        return {"scored": lines, "differ": differ, "counts": counts, "calibration": calibration, "workshop": workshop}
+
+    return _write([one.result for one in differ], Path(path), title, "score", summary)
+
+
+def _write(
+    order: Sequence[Result], path: Path, title: str, first: str, summary: Callable[[Sequence[str]], dict[str, Any]]
+) -> list[Path]:
+    """A page that begins with the template `first`, a section for each result in this order; `summary` takes links."""
     pages = templates()
 
     def part(name: str, **known: Any) -> Markup:
@@ -81,13 +137,9 @@ def write_report(
     def page(heading: str, *parts: Markup) -> bytes:
         return part("page", title=heading, parts=parts).encode()
 
-    def summary(links: Sequence[str]) -> Markup:
+    def beginning(links: Sequence[str]) -> Markup:
         written = f"Written {datetime.now():%Y-%m-%d %H:%M} by glapp {version('glapp')}"
-        drawn = [bar(r) for r in order]
-        scale = 1.02 * max((one.end for one in drawn if one is not None), default=0.0) or 1.0
-        return part(
-            "summary", title=title, written=written, scale=scale, loops=list(zip(order, links, drawn, strict=True))
-        )
+        return part(first, title=title, written=written, **summary(links))
 
     keys = anchors([r.name for r in order])
 
@@ -97,7 +149,7 @@ def write_report(
 
     sections = [section(key, r) for key, r in zip(keys, order, strict=True)]
     explained = part("explain")
-    whole = page(title, summary([f"#{key}" for key in keys]), *sections, explained)
+    whole = page(title, beginning([f"#{key}" for key in keys]), *sections, explained)
     if len(whole) < MAX_BYTES:
         write_file(path, whole)
         return [path]
@@ -109,7 +161,7 @@ def write_report(
     for file, r, shown in zip(files, order, sections, strict=True):
         write_file(file, page(f"{r.name}: {title}", back, shown, explained))
     links = [f"{quote(folder.name)}/{quote(file.name)}" for file in files]
-    write_file(path, page(title, summary(links), explained))
+    write_file(path, page(title, beginning(links), explained))
     return [path, *files]
 
 
@@ -146,6 +198,7 @@ def templates() -> Environment:
     pages.tests["judged"] = words.judged
     pages.globals |= {
         "words": words,
+        "repaired": repaired,
         "reasons": list(zip(words.REASONS.items(), figures.REASON_COLOURS, strict=True)),
         "generator": Markup(GENERATOR),
         "style": Markup((_ASSETS / "report.css").read_text(encoding="utf-8")),

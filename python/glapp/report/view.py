@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from . import figures, planned, words
+from . import figures, planned, repaired, words
 from .fit_figure import fit_figure, loop_figures, trend_figure
 
 if TYPE_CHECKING:
@@ -109,6 +109,17 @@ class LoopView:
     def planned(self) -> TableRows:
         """What would decide, where that was asked for and the answer is open."""
         return [] if self.r.plan is None else list(planned.rows(self.r.plan))
+
+    @property
+    def repair_text(self) -> str:
+        """Tell that a repair is noted, or that the width fell."""
+        assert self.r.repair is not None  # the template asks for nothing else
+        return repaired.text(self.r.repair, self.r.unit)
+
+    @property
+    def repair(self) -> TableRows:
+        """The valve before and after its repair, and the difference."""
+        return [] if self.r.repair is None else list(repaired.rows(self.r.repair, self.r.unit, self._pv_unit))
 
     @property
     def source(self) -> TableRows:

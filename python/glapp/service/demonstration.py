@@ -67,7 +67,7 @@ _OPENS = 8  # the hour of the day at which a recording begins, UTC
 
 
 def _kinds() -> list[tuple[Kind, int]]:
-    """The loops, and of how many days each was recorded."""
+    """The simulated loops, each with the number of days that it was recorded."""
 
     def lags(gain: float, t1: float, t2: float, dead: float) -> ProcessSim:
         return ProcessSim(gain=gain, t1=t1, t2=t2, dead_time=dead, start=50.0)

@@ -59,7 +59,7 @@ class Ingest:
                 watched.take(value, now)
 
     def connected(self, watched: WatchedLoop) -> None:
-        """The connection of a loop is there again: what has not changed meanwhile is not sent again."""
+        """Note that the connection of a loop is back; signals that have not changed meanwhile are not sent again."""
         watched.lost = Signal.PV not in watched.latest
 
     def lost(self, watched: WatchedLoop) -> None:

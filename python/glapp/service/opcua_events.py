@@ -94,7 +94,7 @@ class EventFilter:
         self._say(kind, _EventCount(loop, text))
 
     def _say(self, kind: str, entry: _EventCount) -> None:
-        """Tell it, but for what is one of very many: they are counted together."""
+        """Report an event; beyond `_RUSH` of one kind in a minute only count it."""
         now = time.monotonic()
         more = f" ({entry.count} {entry.many})" if entry.count > 1 and entry.many else ""
         text = entry.text + more

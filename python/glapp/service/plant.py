@@ -508,7 +508,7 @@ class SimPlant:
         return self._loops[name]
 
     async def failure(self) -> None:
-        """Wait until the simulation fails, which it should not, and raise what it failed with."""
+        """Wait as long as the simulation runs; raise the error that it ends with."""
         if self._task is not None:
             await asyncio.shield(self._task)
 
@@ -640,7 +640,7 @@ class SimPlant:
                 await self._tell(loop, values, t)
 
     def _alive(self, now: float) -> bool:
-        """Whether the watchdog was counted up lately."""
+        """Whether the watchdog's count has changed within its time limit."""
         if self._server is not None:
             seen = self._server.iserver.aspace.read_attribute_value(self._heartbeat_id, ua.AttributeIds.Value)
             heartbeat = seen.Value.Value if seen.Value is not None else None

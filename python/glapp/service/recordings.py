@@ -275,7 +275,7 @@ def _clipped(seconds: float) -> int:
 
 
 def _through(path: Path) -> int:
-    """Number of the last entry in the file of a day."""
+    """Number of the last journal entry whose samples the file of a day contains; -1 where it has none."""
     return int((pq.read_schema(path).metadata or {}).get(_THROUGH, b"-1"))
 
 
@@ -297,7 +297,7 @@ def table_of(columns: Floats) -> pa.Table:
 
 
 def _by_day(columns: Floats) -> Iterator[tuple[date, NDArray[np.bool_]]]:
-    """The days that samples are of, and which samples are of each."""
+    """Each day (UTC) that has samples, with a mask of its rows."""
     days = np.round(columns[:, 0] * 1e6).astype(np.int64) // 86_400_000_000
     for day in np.unique(days).tolist():
         yield date(1970, 1, 1) + timedelta(days=day), days == day

@@ -13,7 +13,7 @@ from nicegui import ui
 
 from ..errors import InputError
 from ..planned import Plan
-from ..report import planned
+from ..report import planned, repaired
 from ..report.words import number, quantity
 from ..service import repairs
 from ..service.guide import Asked, result_text
@@ -229,17 +229,18 @@ class ProofCards:
 
     # The repair
 
-    def _fall(self) -> repairs.Fall | None:
+    def _fall(self) -> dict[str, Any] | None:
         believed = self.station.view.believed(self.loop)
         return None if believed is None else repairs.fall_of(believed["recordings"])
 
-    def _repaired(self, noted: list[dict[str, Any]], fall: repairs.Fall | None) -> bool:
+    def _repaired(self, noted: list[dict[str, Any]], fall: dict[str, Any] | None) -> bool:
         heading("Repair of the valve", 2)
-        if fall is not None and not any(fall.t[0] <= row["time"] <= fall.t[1] + 86400.0 for row in noted):
-            both = (fall.before, fall.after)
+        if fall is not None and not any(fall["t"][0] <= row["time"] <= fall["t"][1] + 86400.0 for row in noted):
+            both = (fall["before"], fall["after"])
             before, after = (f"{quantity(d, self.op_unit)} ({number(low)} to {number(high)})" for d, low, high in both)
             ui.label(
-                f"The gap fell from {before} to {after} between {moment(fall.t[0])[:10]} and {moment(fall.t[1])[:10]}. "
+                f"The gap fell from {before} to {after} between {moment(fall['t'][0])[:10]} and "
+                f"{moment(fall['t'][1])[:10]}. "
                 "Was the valve repaired? Then note it: its answer will be that of the days since."
             ).classes("medium")
         for row in noted[:3]:
@@ -288,16 +289,13 @@ class ProofCards:
             with body:
                 with ui.element("table").classes("plain"):
                     with ui.element("thead"), ui.element("tr"):
-                        for text in ("", "before", "after"):
+                        for text in ("", "before", "after", "difference"):
                             with ui.element("th"):
                                 ui.label(text)
                     with ui.element("tbody"):
-                        for line in repairs.texts(found, self.op_unit, self.pv_unit):
+                        for line in repaired.rows(found, self.op_unit, self.pv_unit):
                             with ui.element("tr"):
                                 for text in line:
                                     with ui.element("td"):
                                         ui.label(text)
-                ui.label(
-                    "In brackets are 95 % intervals. Up to 7 days before the repair and after it count, in automatic. "
-                    "A load that was calmer or rougher afterwards changes them too."
-                ).classes("small muted").style("margin-top: 8px")
+                ui.label(repaired.NOTE).classes("small muted").style("margin-top: 8px")

@@ -94,7 +94,7 @@ def _filtered(plant: Plant, tf: float) -> Plant:
 
 
 def _greatest_ki(plant: Plant, circles: Circles, derivative: bool) -> tuple[float, float, float]:
-    """k, ki and kd of the best controller for a process of positive gain."""
+    """Gains k, ki, kd with the greatest ki within the circles, for a process of positive gain."""
     w = coarse_frequencies(plant)
     envelope = _Envelope(plant, circles, w)
     k_alone = first_touch(envelope.response, circles)

@@ -92,7 +92,7 @@ pub(super) fn moves(
     moves
 }
 
-/// Difference (a − b)·sign of two holds.
+/// Difference (a − b)·sign of two weight vectors, one number a level.
 pub(super) fn difference(a: &[f64], b: &[f64], sign: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| (a - b) * sign).collect()
 }

@@ -285,8 +285,8 @@ impl<R: Real> Detector<R> {
         &self.width
     }
 
-    /// What would be put on record if the half-period under way ended now, with setpoint `sp`; the slope of PV there counts as that
-    /// at its beginning. Nothing of the state changes.
+    /// Result of the half-period under way as if it ended now, with setpoint `sp` and the slope of PV that it began with. The
+    /// state does not change.
     pub fn under_way(&self, state: &DetectorState<R>, sp: R) -> HalfPeriodResult<R> {
         let DetectorState { signal, mut memory, .. } = *state;
         let half = signal.half.so_far(signal.crossing.sign, sp, signal.op.y2.value());

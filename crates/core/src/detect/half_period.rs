@@ -163,7 +163,7 @@ impl<R: Real> HalfPeriodState<R> {
     }
 }
 
-/// Takes the size of an error that lasts `h` seconds.
+/// Adds an error of magnitude `size` that lasts `h` seconds to ∫|e|dt, Δt and e_max.
 #[inline(always)]
 pub(super) fn integrate<N: Numbers, S: Adding<N>>(delta_t: &mut S, integral: &mut S, e_max: &mut N, size: N, h: N) {
     delta_t.add(h);

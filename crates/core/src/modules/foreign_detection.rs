@@ -118,7 +118,7 @@ impl<R: Real> ForeignDetection<R> {
         })
     }
 
-    /// The detection inside.
+    /// The `BacklashDetection` inside, to read its variables.
     pub fn detection(&self) -> &BacklashDetection<R> {
         &self.detection
     }

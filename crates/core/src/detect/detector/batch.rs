@@ -117,7 +117,7 @@ impl<R: Real> Detector<R> {
         state.t = before.is_number().then_some((before, start));
     }
 
-    /// One sample, by the law; its time goes to `before`, and to `start` where a half-period begins.
+    /// Processes one sample by the full rules. `before` gets its time, and `start` too where a half-period begins.
     #[inline(always)]
     pub(super) fn take_row<const OP: bool>(
         &self,

@@ -1,0 +1,203 @@
+"""Before and after a repair, of recordings: noted by a person, or seen as a fall of the width.
+
+What counts as a fall, what the loop gained and how sure that is, is decided in `crates/analysis/src/repair.rs`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+
+from . import _glapp
+from .cut import moment_in, until_repair
+from .estimate import analyze
+from .fit import Fit, OneOfMany, Window
+from .many import analyze_recordings
+from .recording import Batch, Recording, joined
+from .repaired import Repair, Side
+from .result import Result
+
+__all__ = ["DAYS", "compared", "fall_of", "with_repair"]
+
+DAYS = 7.0
+"""So many days before the repair and after it are compared."""
+
+DAY = 86400.0
+
+_WIDTH = ("verdict", "d", "low", "high")
+_VERDICTS = ("backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell")
+"""What a fit says; where only zero crossings were looked at, the verdict is another one and tells no width."""
+
+
+def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool = False, fit: bool = True) -> Result:
+    """The result with `Result.repair`: the valve before and after, where a repair is noted or the width has fallen.
+
+    A repair is noted by `repaired` of the loop; the result is then that of what was recorded after it. Else the widths
+    of the single recordings, or of the windows of one, are looked at: where they fall at once, the two sides are what
+    was recorded before and after the fall, and the widths are the means of either.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        All recordings of the loop.
+    result : Result
+        What `glapp.analyze` says of them.
+    trust, fit
+        As in `glapp.analyze`.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> import numpy as np
+    >>> from datetime import datetime
+    >>> from glapp.cut import since_repair
+    >>> acting = {"setpoint": [(900 * i, i % 2) for i in range(8)], "noise": 0.1, "h": 2.0, "t_end": 7200}
+    >>> days = [glapp.simulate.closed_loop(([0.8], [20, 1], 5), (0.5, 20), d=d, seed=1, **acting) for d in (2.0, 0.0)]
+    >>> t = np.datetime64("2026-03-01T10:00") + np.arange(2 * len(days[0].t)) * np.timedelta64(2, "s")
+    >>> loop = glapp.Loop(name="FIC101", op_span=(-50, 50), repaired=datetime(2026, 3, 1, 12, 0))
+    >>> whole = glapp.recording_from({"t": t, **{s: np.concatenate([getattr(day, s) for day in days])
+    ...                               for s in ("sp", "pv", "op")}}, loop)
+    >>> result = with_repair([whole], glapp.analyze(whole))
+    >>> result.answer.valve, result.repair.before.low < 2.0 < result.repair.before.high, result.repair.width.code
+    ('no_gap', True, 'less')
+    """
+    noted = recordings[0].loop.repaired
+    if noted is None:
+        return _seen(recordings, result)
+    earlier = until_repair(recordings)
+    before = Side()
+    if earlier:
+        if len(earlier) > 1:
+            then = analyze_recordings(earlier, trust=trust, fit=fit)
+        else:
+            then = analyze(earlier[0], trust=trust, fit=fit)
+        before = _side(then)
+    at = _since_1970(recordings[0]) + moment_in(recordings[0], noted)
+    return replace(result, repair=_compared(recordings, noted, (before, _side(result)), (at, at)))
+
+
+def _seen(recordings: Sequence[Recording], result: Result) -> Result:
+    """The same by a fall of the width that nobody has noted."""
+    if result.fit is None:
+        return result
+    each: list[tuple[float, float, Fit | Window]]
+    if result.fit.recordings:
+        if any(one.t0 is None for one in result.fit.recordings):
+            return result
+        counted = [one for one in result.fit.recordings if one.left_out is None]
+        each = [(_since_1970(one), math.inf, one.fit) for one in counted]
+    else:
+        begin = _since_1970(recordings[0])
+        each = [(begin + one.t_start, begin + one.t_end, one) for one in result.fit.windows]
+    found = fall_of([{"t": t} | {name: getattr(one, name) for name in _WIDTH} for t, _, one in each])
+    if found is None:
+        return result
+    end = next(end for t, end, _ in each if t == found["t"][0])
+    cuts = (min(end, found["t"][1]), found["t"][1])
+    sides = (_mean(found["before"]), _mean(found["after"]))
+    return replace(result, repair=_compared(recordings, None, sides, cuts))
+
+
+def fall_of(widths: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """Whether the width has fallen from one recording, or window, to the next.
+
+    Parameters
+    ----------
+    widths : sequence of mapping
+        Of each its time `t` [s], `verdict`, `d`, `low` and `high` [OP unit].
+
+    Returns
+    -------
+    dict or None
+        `t` of the last before and the first after; `before` and `after`, the mean widths with their 95 % limits.
+
+    Examples
+    --------
+    >>> days = [{"t": t, "verdict": "backlash", "d": d, "low": d - 0.2, "high": d + 0.2}
+    ...         for t, d in ((0, 2.0), (1, 2.1), (2, 0.4), (3, 0.3))]
+    >>> found = fall_of(days)
+    >>> found["t"], round(found["before"][0], 2), round(found["after"][0], 2)
+    ([1.0, 2.0], 2.05, 0.35)
+    """
+    return _glapp.width_fall(json.dumps([dict(one) for one in widths]))
+
+
+def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch | None, Batch | None]) -> Repair:
+    """Both sides with what the loop gained.
+
+    Parameters
+    ----------
+    noted : datetime or None
+        As in `Repair`.
+    sides : (Side, Side)
+        Before and after, with their widths.
+    rows : (Batch or None, Batch or None)
+        What was recorded on either side.
+    """
+    widths = [
+        {"t": 0.0} | {name: getattr(side, name) for name in _WIDTH} if side.verdict in _VERDICTS else None
+        for side in sides
+    ]
+    return Repair.from_core(noted, sides, _glapp.before_after(rows, json.dumps(widths)))
+
+
+def _side(result: Result) -> Side:
+    answer = result.answer
+    low, high = (None, None) if answer.width_kind == "unsure" else (answer.low, answer.high)
+    return Side(verdict=answer.verdict, confidence=answer.confidence, d=answer.width, low=low, high=high)
+
+
+def _mean(width: Sequence[float]) -> Side:
+    """The mean width on one side of a fall; none where its limits begin at 0."""
+    d, low, high = width
+    return Side(verdict="backlash" if low > 0.0 else "sound", d=d, low=low, high=high)
+
+
+def _compared(
+    recordings: Sequence[Recording], noted: datetime | None, sides: tuple[Side, Side], cuts: tuple[float, float]
+) -> Repair:
+    """Both sides by the rows of the recordings in `DAYS` days before the first cut and after the second one [s]."""
+    first, last = (cuts[0] - DAYS * DAY, cuts[0]), (cuts[1], cuts[1] + DAYS * DAY)
+    rows = [_rows(recordings, begin, end) for begin, end in (first, last)]
+    timed = []
+    for side, part in zip(sides, rows, strict=True):
+        ends = (None, None) if part is None else (float(np.nanmin(part.t)), float(np.nanmax(part.t)))
+        begin, end = (None if t is None else _moment(recordings[0], t) for t in ends)
+        timed.append(replace(side, begin=begin, end=end))
+    return compared(noted, (timed[0], timed[1]), (rows[0], rows[1]))
+
+
+def _rows(recordings: Sequence[Recording], begin: float, end: float) -> Batch | None:
+    """The rows from `begin` on and before `end`, with times since 1970 where they have a date."""
+    parts = []
+    for recording in recordings:
+        zero = _since_1970(recording)
+        for batch in recording.batches():
+            inside = (batch.t >= begin - zero) & (batch.t < end - zero)
+            if inside.any():
+                part = batch[inside]
+                parts.append(replace(part, t=part.t + zero))
+    parts.sort(key=lambda part: float(part.t[0]))
+    return joined(parts) if parts else None
+
+
+def _since_1970(recording: Recording | OneOfMany) -> float:
+    """When the time of a recording is 0 [s since 1970], by its own clocks where it has no zone; 0 without a date."""
+    if recording.t0 is None:
+        return 0.0
+    t0 = recording.t0 if recording.t0.tzinfo is not None else recording.t0.replace(tzinfo=UTC)
+    return t0.timestamp()
+
+
+def _moment(recording: Recording, t: float) -> datetime | float:
+    if recording.t0 is None:
+        return t
+    zone = recording.t0.tzinfo
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=round(t, 3))
+    return moment.replace(tzinfo=None) if zone is None else moment.astimezone(zone)

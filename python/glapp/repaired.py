@@ -1,0 +1,115 @@
+"""A valve before and after its repair: the width, and what the loop gained. `glapp.repair` makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from datetime import datetime
+from typing import Any, Literal
+
+__all__ = ["Between", "Difference", "Repair", "Side"]
+
+Between = tuple[float, float, float]
+"""A number with its 95 % limits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """The valve and its loop on one side of a repair.
+
+    Attributes
+    ----------
+    begin, end : datetime, float or None
+        First and last row that was looked at; seconds where the recording has no date, None where there are no rows.
+    verdict, confidence : str or None
+        What the answer of that side says; None where there is none.
+    d, low, high : float or None
+        Its width and limits [OP unit].
+    days : float or None
+        Time in automatic that was looked at [d]; None, as all that follows, where too little was.
+    deviation : (float, float, float) or None
+        Standard deviation of PV about SP with its 95 % limits [PV unit].
+    travel, reversals : (float, float, float) or None
+        Travel [OP unit] and reversals of OP in a day.
+    """
+
+    begin: datetime | float | None = None
+    end: datetime | float | None = None
+    verdict: str | None = None
+    confidence: str | None = None
+    d: float | None = None
+    low: float | None = None
+    high: float | None = None
+    days: float | None = None
+    deviation: Between | None = None
+    travel: Between | None = None
+    reversals: Between | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """What lies between before and after.
+
+    Attributes
+    ----------
+    code : "less", "more", "open"
+        Whether the 95 % interval of the difference lies below 0, above 0, or holds 0.
+    by : (float, float, float)
+        After − before with its 95 % limits.
+    """
+
+    code: Literal["less", "more", "open"]
+    by: Between
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """Before and after.
+
+    Attributes
+    ----------
+    noted : datetime or None
+        When a person says that the valve was repaired; None where the width was seen to fall and nobody said so.
+    before, after : Side
+    width, deviation, travel, reversals : Difference or None
+        What lies between; None where it is not known on both sides.
+    """
+
+    noted: datetime | None
+    before: Side
+    after: Side
+    width: Difference | None = None
+    deviation: Difference | None = None
+    travel: Difference | None = None
+    reversals: Difference | None = None
+
+    @classmethod
+    def from_core(cls, noted: datetime | None, sides: tuple[Side, Side], found: Mapping[str, Any]) -> Repair:
+        """Both sides with how the loop did, and the differences, as `_glapp.before_after` has them."""
+        before, after = (_with(side, found[name]) for side, name in zip(sides, ("before", "after"), strict=True))
+        names = ("width", "deviation", "travel", "reversals")
+        lie = {name: found[name] and Difference(found[name]["code"], tuple(found[name]["by"])) for name in names}
+        return cls(noted, before, after, **lie)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same in plain types, as `glapp analyze --json` writes it."""
+        document = asdict(self)
+        document["noted"] = _text(self.noted)
+        for name, side in (("before", self.before), ("after", self.after)):
+            document[name] |= {"begin": _text(side.begin), "end": _text(side.end)}
+        return document
+
+
+def _with(side: Side, loop: Mapping[str, Any] | None) -> Side:
+    """A side with what the core says of its loop."""
+    if loop is None:
+        return side
+    pairs = {name: loop[name] and tuple(loop[name]) for name in ("deviation", "travel", "reversals")}
+    known = {field.name: getattr(side, field.name) for field in fields(side)}
+    return Side(**known | pairs | {"days": loop["seconds"] / 86400.0})
+
+
+def _text(moment: datetime | float | None) -> str | None:
+    if moment is None:
+        return None
+    return moment.isoformat() if isinstance(moment, datetime) else f"{moment:g} s"

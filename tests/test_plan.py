@@ -224,6 +224,14 @@ def test_more_hours_are_refused_where_they_tell_nothing_new():
     assert "more than 10000 rows is not simulated" in _more_hours(an_hour(a_fit(30.0), rows=20_000), None).reason
 
 
+def test_a_few_simulations_that_all_decide_are_no_certainty():
+    judged = [(1.0, "gap")] * 8 + [(0.0, "no_gap")] * 7 + [(0.0, None)]
+    few = glapp.plan._planned("setpoint", 50.0, (0.0, 1.0), 60.0, judged, None, few=True)
+    assert (few.with_gap, few.without, few.power) == (0.9, 0.875, 0.875)
+    all_of_them = glapp.plan._planned("by_hand", 50.0, (0.0, 1.0), 60.0, judged, None)
+    assert (all_of_them.with_gap, all_of_them.without) == (1.0, 0.875)
+
+
 @pytest.mark.slow
 def test_what_goes_on_from_a_recording_shows_a_gap_that_is_there_and_no_other():
     recording, result = analysed()

@@ -15,7 +15,7 @@ from glapp.errors import InputError
 from glapp.fit import Window
 from glapp.many import analyze_recordings
 from glapp.reading.settings import read_settings, write_settings
-from glapp.repair import with_repair
+from glapp.repair import fall_of, with_repair
 from glapp.report.html import write_report
 
 HOURS = 3
@@ -84,6 +84,7 @@ def test_what_was_recorded_before_does_not_touch_the_answer(file, tmp_path):
     )
     assert glapp.fit(whole).high == pytest.approx(glapp.fit(alone).high, rel=1e-6)
     assert glapp.analyze(whole, fit=False).total_half_periods == glapp.analyze(alone, fit=False).total_half_periods
+    assert glapp.identify(whole).samples == glapp.identify(alone).samples
     [before], [after] = until_repair([whole]), since_repair([whole])
     assert sum(len(b) for one in (before, after) for b in one.batches()) == sum(len(b) for b in whole.batches())
     assert before.loop.repaired is None, "it is cut once"
@@ -121,6 +122,13 @@ def test_a_fall_between_the_windows_of_one_recording_is_seen(file):
     assert repair.after.begin == datetime(2026, 3, 1, 13, 0, 10)
     assert (repair.before.d, repair.after.d) == (pytest.approx(2.0), pytest.approx(0.2))
     assert with_repair([whole], replace(result, fit=replace(result.fit, windows=windows[:2]))).repair is None
+
+
+def test_a_limit_that_is_not_finite_is_none():
+    wide = {"t": 0.0, "verdict": "backlash", "d": 2.0, "low": 1.9, "high": 2.1}
+    odd = {"t": 1.0, "verdict": "backlash", "d": 0.1, "low": 0.0, "high": float("inf")}
+    assert fall_of([wide, odd, odd | {"high": float("nan")}, odd | {"verdict": "no_estimate", "high": 0.2}]) is None
+    assert fall_of([wide, odd | {"high": 0.2}])["t"] == [0.0, 1.0]
 
 
 def test_a_repair_without_recordings_around_it_is_refused_with_the_reason(file, tmp_path):

@@ -19,6 +19,7 @@ import argparse
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,10 @@ def collect(path: Path, rounds: int, jobs: int) -> None:
 
 
 def columns(samples: list[Sample]) -> Data:
-    """The samples that can be weighed, in columns: the record can be read, and noise does not hide its gap."""
+    """The samples that can be weighed, in columns: the record can be read, and noise does not hide its gap.
+
+    Their rung is that of today's ladder.
+    """
     kept, quantities, odds, names, rises = [], [], [], [], []
     for sample in samples:
         found = _glapp.fit_weighed(json.dumps(sample.evidence))
@@ -59,7 +63,8 @@ def columns(samples: list[Sample]) -> Data:
         rises = [up for _, up, _ in found["quantities"].values()]
         quantities.append([x for x, _, _ in found["quantities"].values()])
         odds.append(found["log_bayes_factor"])
-        kept.append(sample)
+        said = _glapp.fit_judgement(json.dumps(sample.evidence))["confidence"]
+        kept.append(replace(sample, confidence=said))
     gap = np.array([sample.gap for sample in kept])
     weight = balanced(gap, np.array([sample.row for sample in kept]))
     return Data(kept, names, np.array(quantities), np.array(rises), np.array(odds), gap, weight)

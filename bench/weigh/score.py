@@ -153,10 +153,9 @@ def calibration(data: Data, odds: Floats) -> str:
             here = (p >= low) & (p < high) if high < 1 else p >= low
             if here.sum() >= FEW and weight[here].sum() > 0:
                 stated, true = _means(p[here], data.gap[here], weight[here])
-                body.append(
-                    [f"{prior:g}", f"{low:g} to {high:g}", str(int(here.sum())), *_percent(stated, true, true - stated)]
-                )
-    return markdown(["prior", "stated", "records", "mean stated", "true", "off"], body)
+                row = [f"{prior:g}", f"{low:g} to {high:g}", str(int(here.sum()))]
+                body.append([*row, *_percent(stated, true, true - stated, _error(p[here], weight[here]))])
+    return markdown(["prior", "stated", "records", "mean stated", "true", "off", "standard error"], body)
 
 
 def kinds(data: Data) -> str:
@@ -179,7 +178,7 @@ def kinds(data: Data) -> str:
             if here.sum() < FEW or weight.sum() == 0:
                 continue
             stated, true = _means(p, data.gap[here], weight)
-            error = float(np.sqrt((weight**2 @ (p * (1 - p))) / weight.sum() ** 2))
+            error = _error(p, weight)
             good = abs(true - stated) <= max(0.1, 2 * error)
             loss = log_loss(odds[here], data.gap[here], data.weight[here])
             row = [what, str(name), str(int(here.sum())), *_percent(stated, true, true - stated)]
@@ -266,6 +265,11 @@ def terms(data: Data) -> str:
 
 def _means(p: Floats, gap: Bools, weight: Floats) -> tuple[float, float]:
     return float(p @ weight / weight.sum()), float(gap @ weight / weight.sum())
+
+
+def _error(p: Floats, weight: Floats) -> float:
+    """Standard error of a frequency, by the stated probabilities: large where few records have most of the weight."""
+    return float(np.sqrt((weight**2 @ (p * (1 - p))) / weight.sum() ** 2))
 
 
 def _percent(*of: float) -> Sequence[str]:

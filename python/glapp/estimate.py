@@ -91,7 +91,7 @@ def estimate(
     >>> result.verdict, 0.045 < result.d_hat < 0.055
     ('estimate', True)
     """
-    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)
+    [recording] = since_repair([recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)])
     loop = recording.loop
     if loop.controller is None:
         raise InputError(
@@ -427,7 +427,7 @@ def identify(
     >>> round(found.k, 3), round(found.ti, 2), found.usable
     (2.0, 30.0, True)
     """
-    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)
+    [recording] = since_repair([recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)])
     batch = recording.beginning(INSPECTED_ROWS)
     loop = with_op_unit(recording.loop, batch)
     return identified(

@@ -341,8 +341,8 @@ def fit(
         if len(every) > 1:
             return fit_recordings(every, progress=progress)
         recording = every[0]
-    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
-    [recording] = since_repair([recording])
+    given = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
+    [recording] = since_repair([given])
     sign = process_sign(recording.loop, recording.loop.ideal())
     batches, fitting = _read(recording, sign, progress)
     return fit_batches(batches, recording.loop, sign, progress=fitting)

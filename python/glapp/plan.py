@@ -681,11 +681,14 @@ def _planned(
     judged: Sequence[tuple[float, Found | None]],
     pv: Limits | None,
     op: Limits | None = None,
+    few: bool = False,
 ) -> Planned:
+    """A test as its simulations were judged; with `few` of them k of n that show the gap count as (k + 1)/(n + 2)."""
     with_gap = [found == "gap" for d, found in judged if d > 0]
     without = [found == "no_gap" for d, found in judged if d == 0]
     false = [found == ("no_gap" if d > 0 else "gap") for d, found in judged]
     moves = tuple(begins + level for level in levels)
+    shown, excluded = (sum(with_gap) + few) / (len(with_gap) + 2 * few), sum(without) / len(without)
     return Planned(
         kind,
         moves=moves,
@@ -693,9 +696,9 @@ def _planned(
         minutes=_minutes(hold, moves),
         op=op or (min(moves), max(moves)),
         pv=pv,
-        power=float(min(np.mean(with_gap), np.mean(without))),
-        with_gap=float(np.mean(with_gap)),
-        without=float(np.mean(without)),
+        power=min(shown, excluded),
+        with_gap=shown,
+        without=excluded,
         false=float(np.mean(false)),
         simulations=len(with_gap),
     )
@@ -720,7 +723,7 @@ def _setpoint(loop: _Fitted, minutes: float) -> Planned:
         pv, op = _reached(loop, law, levels, apart)
         if _within(pv, loop.pv_within) and _within(op, loop.op_within):
             judged = _fitted(loop, law, levels, apart, FITTED)
-            found = _planned("setpoint", begins, levels, apart, judged, pv, op)
+            found = _planned("setpoint", begins, levels, apart, judged, pv, op, few=True)
             if (found.power or 0.0) >= WORTH:
                 return found
             return Planned(

@@ -40,7 +40,8 @@ class Planned:
         Probability that it decides: the smaller of the next two.
     with_gap, without : float or None
         Share of the simulations with the gap that end in *gap*, and of those without it that end in *no gap* of that
-        width. `without` is None for more hours.
+        width. Setpoint steps are simulated a few times only: k of n that show the gap count as (k + 1)/(n + 2).
+        `without` is None for more hours.
     false : float or None
         Share of all simulations that end in the wrong answer.
     simulations : int

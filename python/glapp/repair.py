@@ -56,7 +56,6 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
     >>> import glapp
     >>> import numpy as np
     >>> from datetime import datetime
-    >>> from glapp.cut import since_repair
     >>> acting = {"setpoint": [(900 * i, i % 2) for i in range(8)], "noise": 0.1, "h": 2.0, "t_end": 7200}
     >>> days = [glapp.simulate.closed_loop(([0.8], [20, 1], 5), (0.5, 20), d=d, seed=1, **acting) for d in (2.0, 0.0)]
     >>> t = np.datetime64("2026-03-01T10:00") + np.arange(2 * len(days[0].t)) * np.timedelta64(2, "s")
@@ -125,7 +124,14 @@ def fall_of(widths: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     >>> found["t"], round(found["before"][0], 2), round(found["after"][0], 2)
     ([1.0, 2.0], 2.05, 0.35)
     """
-    return _glapp.width_fall(json.dumps([dict(one) for one in widths]))
+    return _glapp.width_fall(json.dumps([_for_core(one) for one in widths if one["verdict"] in _VERDICTS]))
+
+
+def _for_core(width: Mapping[str, Any]) -> dict[str, Any]:
+    """A width in JSON's types: a limit that is not finite is none."""
+    numbers = {name: width[name] for name in ("d", "low", "high")}
+    finite = {name: x if x is not None and math.isfinite(x) else None for name, x in numbers.items()}
+    return {"t": width["t"], "verdict": width["verdict"], **finite}
 
 
 def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch | None, Batch | None]) -> Repair:
@@ -141,7 +147,7 @@ def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch
         What was recorded on either side.
     """
     widths = [
-        {"t": 0.0} | {name: getattr(side, name) for name in _WIDTH} if side.verdict in _VERDICTS else None
+        _for_core({"t": 0.0} | {name: getattr(side, name) for name in _WIDTH}) if side.verdict in _VERDICTS else None
         for side in sides
     ]
     return Repair.from_core(noted, sides, _glapp.before_after(rows, json.dumps(widths)))

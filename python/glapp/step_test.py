@@ -14,6 +14,7 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from . import _glapp
+from .cut import since_repair
 from .errors import InputError
 from .loop import Loop
 from .recording import Batch, Recording, with_op_unit
@@ -249,7 +250,8 @@ def step_test(
     """
     if width is not None and not width > 0:
         raise InputError(f"is {width:g}, must be > 0", parameter="width", value=width, bound="> 0")
-    recording = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
+    given = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
+    [recording] = since_repair([given])
     has_mode = "MODE" in recording.columns
     if manual and has_mode:
         raise InputError(

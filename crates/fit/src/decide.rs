@@ -1,5 +1,6 @@
 //! From likelihoods to an answer.
 
+pub(crate) mod best;
 pub(crate) mod bootstrap;
 pub(crate) mod combine;
 pub(crate) mod joint;

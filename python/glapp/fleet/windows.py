@@ -736,7 +736,16 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
     "manual": ("not_auto",),
     "op_rests": ("op_rests", "op_still", "op_constant", "still", "once", "hidden_by_lag", "few", "few_rows"),
     "load": ("swings", "repeats", "hidden_by_changes", "sinusoidal", "recordings_disagree", "windows_disagree"),
-    "evidence": ("may_be_a_gap", "families_disagree", "misfit", "no_answer", "windows_silent", "disagree", "noise"),
+    "evidence": (
+        "may_be_a_gap",
+        "families_disagree",
+        "misfit",
+        "no_answer",
+        "windows_silent",
+        "outweighed",
+        "disagree",
+        "noise",
+    ),
 }
 """What stands in the way of an answer, by the codes that tell it; `no_op` and `data` beside these."""
 

@@ -212,7 +212,7 @@ class WideRecording(Recording):
             )
 
     def _end(self, role: str) -> str | None:
-        """Unit written behind the numbers of a signal, as in 48.20 m³/h; None where the first cells have none or several."""
+        """Unit behind the numbers of a signal, as in 48.20 m³/h; None where the first cells have none or several."""
         if self._source.typed:
             return None
         [head] = self._source.head([self._at[role]])

@@ -48,8 +48,8 @@ def text(test: Planned, plan: Plan) -> str:
         said += f"PV stays within {_within(test.pv)}"
         said += ". " if test.kind == "by_hand" else f", OP within {_within(test.op)}. "
     return said + (
-        f"It decides in {_share(test.power)}: {_share(test.with_gap)} of {test.simulations} simulations with the gap "
-        f"show it, {_share(test.without)} of as many without show that there is none."
+        f"It decides in {_share(test.power)}: it shows the gap in {_share(test.with_gap)} and its absence in "
+        f"{_share(test.without)}, after {test.simulations} simulations of each."
     )
 
 

@@ -89,6 +89,10 @@ const SENTENCES: &[(&str, &str)] = &[
         "{name} may have a dead band of about {d:about}, but too few parts of the recording prove it.",
     ),
     (
+        "so cannot_tell outweighed",
+        "{name} may have a dead band of about {d:about}, but other evidence speaks against one.",
+    ),
+    (
         "so cannot_tell recordings_disagree",
         "{name} may have a dead band of about {d:about}, but the recordings disagree.",
     ),

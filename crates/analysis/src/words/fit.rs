@@ -115,6 +115,14 @@ const SENTENCES: &[(&str, &str)] = &[
             "too few parts of the recording prove it by themselves. Make a step test, or record the valve's position"
         ),
     ),
+    (
+        "cannot_tell outweighed",
+        concat!(
+            would!(),
+            "all evidence together makes a gap less probable than its likelihood ratio says ({lr_no_gap:.0f}, {lr_needed:.0f} \
+             needed). Make a step test, or record the valve's position"
+        ),
+    ),
     ("cannot_tell recordings_disagree", concat!(would!(), "the recordings disagree", serviced!())),
     (
         "cannot_tell recordings_disagree shared",

@@ -2,7 +2,8 @@
 
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Theta};
-use crate::search::likelihood::{Point, Search, dot, solve};
+use crate::search::likelihood::{Point, Search};
+use crate::search::linear::{dot, solve};
 use rayon::prelude::*;
 
 /// Where the numbers by chance begin: the same record gets the same answer, in any unit.

@@ -244,7 +244,7 @@ impl Together {
     pub(crate) fn judged(evidence: Evidence) -> Self {
         let (judgement, reason) = judge(&evidence);
         let verdict = judgement.verdict(evidence.low);
-        let (low, high) = evidence.limits(verdict, evidence.high);
+        let (low, high) = evidence.limits(&judgement, evidence.high);
         let Evidence { d, lr_no_gap, passes: traversals, dispersion, .. } = evidence;
         let lr_needed = evidence.needed();
         Self {
@@ -418,7 +418,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         settles: median(|e| e.settles),
         agree: [agree, curves.len()],
         dispersion,
-        shows: Some(curves.iter().filter(|c| c.fitted.answer.judgement.tells()).count()),
+        shows: Some(curves.iter().filter(|c| c.fitted.answer.evidence.shows_alone()).count()),
     };
     Together::judged(evidence)
 }

@@ -1,21 +1,21 @@
 //! What one record says: width, interval, and whether there is a gap at all.
 
 use crate::data::cells::{Cells, Positions};
+use crate::data::segment::Segment;
 use crate::data::signal::Unit;
-use crate::decide::bootstrap::bootstrap_threshold;
+use crate::decide::best::{Best, Filtered, NoGap, Process, WidthLimits};
 use crate::decide::judgement::{Confidence, Judgement};
 use crate::decide::thresholds::*;
 use crate::decide::verdict::*;
 use crate::decide::witness::cycle::{Cycle, cycle};
 use crate::decide::witness::plateau::plateau;
-use crate::loads::cycle::lr_beside_cycle;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
 use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{MOST, Structure, Theta};
+use crate::model::structure::{Structure, Theta};
 use crate::problem::Window;
-use crate::search::likelihood::{Point, Search, dot, solve};
-use crate::search::profile::{Profile, information_ratio};
-use rayon::prelude::*;
+use crate::search::likelihood::{Point, Search};
+use crate::search::linear::dot;
+use crate::search::profile::Profile;
 use serde::{Deserialize, Serialize};
 
 /// One family's view.
@@ -175,222 +175,20 @@ const OF_LOADS: f64 = 0.8;
 /// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit]; `done` takes the share that is done.
 pub(crate) fn fit_segment(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window, done: &dyn Fn(f64)) -> Fitted {
     let Window { record: rows, sign, bootstrap, .. } = window;
-    let (sign, bootstrap) = (*sign, *bootstrap);
-    let (view, without) = hypotheses(cells, seeds, sign, &|share| done(OF_LOADS * share));
-    let lr_no_answer = view.answers(sign);
-    let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
-    let lr_of_loads = without - cost;
-    let n = record.freedom();
-    let of = |structure| Search { record: &record, structure, sign };
-    let least = profiles[0].penalised();
-    let mut search = of(profiles[0].structure);
-    let mut best = profiles[0].points[profiles[0].best].clone();
-    // What a slip jump explains beyond a gap; what a gap explains beyond nothing is at least as much.
-    let lr_no_jump = sticking.first().map_or(0.0, |stuck| (least - stuck.penalised()).max(0.0));
-    let slips = lr_no_jump > JUMP;
-    // What a valve that sticks costs where it is as likely as the most likely.
-    let mut as_likely = least - 2.0 * sticks_in.parameters() as f64;
-    if lr_no_jump > JUMP_PRICE {
-        best = sticking[0].points[sticking[0].best].clone();
-        search = of(sticks_in);
-        as_likely = best.cost;
-    }
-    let ratio = information_ratio(&search, &best, 0.005 * record.range).max(LEAST_INFORMATION_RATIO);
-    let lr_no_gap =
-        profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
-    let mut lr_of_loads = lr_of_loads;
-    let traversals = record.traversals(best.lost.d);
-    let known = record.changes() > 0;
-    let asked_of_changes = lr_asked_of_changes(traversals, record.changes());
-    let asked = lr_asked(traversals, known).max(asked_of_changes);
-    let lr_aperiodic = lr_no_gap.min(lr_of_loads) * ratio;
-    let cycle_known = lr_no_gap.min(lr_of_loads) * ratio > asked;
-    if cycle_known {
-        let family = &profiles[0];
-        let points = [(search.structure, &best), (family.structure, &family.points[0])];
-        let beside = lr_beside_cycle(&record, sign, &points, &best.lost, without);
-        lr_of_loads = beside.map_or(lr_of_loads, |beside| beside.min(lr_of_loads));
-    }
-    let repeats = lr_of_loads < without - cost;
-    let lr_no_gap = lr_no_gap.min(lr_of_loads) * ratio;
-    let lr_needed = if bootstrap > 0 && lr_no_gap > asked && lr_no_gap < GAP_PLAIN {
-        // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
-        let without = &profiles[0].points[0];
-        asked.max(bootstrap_threshold(&of(profiles[0].structure), without, lr_no_gap / ratio, bootstrap) * ratio)
-    } else {
-        asked
-    };
-    let fine = 0.001 * record.range;
-    let wider = if asked_of_changes > 0.0 { RISE_BESIDE_CHANGES } else { 1.0 } / ratio;
-    let mut spread: Vec<(f64, Option<f64>)> = Vec::new();
-    if !slips {
-        spread.par_extend(profiles.par_iter_mut().filter_map(|profile| {
-            let from = profile.least();
-            profile.within(&of(profile.structure), from, RISE * wider, fine)
-        }));
-    }
-    let certain = spread.iter().all(|s| s.0 <= 0.0);
-    // A valve with another slip jump has another width, and may be as likely.
-    spread.par_extend(sticking.par_iter_mut().filter_map(|profile| {
-        let beyond = profile.points.last().map(|p| p.lost.d);
-        let limits = profile.within(&of(sticks_in), as_likely, RISE_OF_STICKING * wider, fine);
-        limits.map(|(low, high)| (low, high.or(beyond)))
-    }));
-    let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
-    let slips_wholly = sticking.iter().filter(sticks_only).any(|p| p.least() < as_likely + JUMP_PRICE);
-    let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
-    let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
-    let positions = record.positions(&best.lost);
-    let final_state = search.at(&best.theta, &positions);
-    let residual = final_state.lane(0);
-    let noise = (final_state.sum[0] / n).sqrt() / final_state.scale[0];
-    let autocorrelation = autocorrelation(&residual);
-    let reaches = |lost: &BacklashModel| record.reach(lost);
-    let at_low = if low > 0.0 { reaches(&BacklashModel { d: low, ..best.lost.clone() }) / low } else { 1.0 };
-    let settles = search.structure.settles(&best.theta) * (record.cell as f64);
-    let fast = settles < SAMPLES_IN_LAG;
-    let slowly = best.lost.d >= SAMPLES_IN_GAP * record.travel();
-    // PV stands still while OP goes through the gap: no load follows OP so closely, unless most of each swing is lost.
-    let dwells = fast && slowly && lr_no_gap > GAP_IF_SELDOM && 2.0 * best.lost.d < record.range;
-    let lag_steps = match search.structure.integrating {
-        true => f64::INFINITY,
-        false => search.structure.lag(&best.theta) * (record.cell as f64),
-    };
-    // What leads PV may make OP swing as well.
-    let explained = dwells || rows.is_led();
-    let h = rows.h * record.cell as f64;
-    let variance = final_state.sum[0] / n / ratio;
-    let errors = StandardErrors::new(&search, &best.theta, &positions, variance);
-    let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
-    let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
-    let late = (best.theta[search.structure.dead_time_at()] + search.structure.lag(&best.theta)) * record.cell as f64;
-    let cycle_of =
-        |structure, point: &Point| cycle(rows, &record, structure, &point.theta, point.kp, noise, &point.lost);
-    // A valve that sticks may make the loop swing where a gap does not, though PV hardly tells the two apart.
-    let own = cycle_of(search.structure, &best);
-    let stuck = sticking.first().filter(|p| p.penalised() < least + BELIEVED && !own.is_some_and(|own| own.is_own()));
-    let other = stuck.and_then(|p| cycle_of(sticks_in, &p.points[p.best])).filter(Cycle::is_own);
-    let told_high = high.map(|high| high + MISSED_TURNS * record.resolution());
-    let evidence = Evidence {
-        autocorrelation,
-        d: best.lost.d,
-        // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
-        immobile: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < MOVES,
-        coarse: fast && (slips || !slowly),
-        at_once: settles < SAMPLES_IN_LAG_AT_LEAST,
-        noisy_below: if search.structure.integrating { 0.0 } else { NOISY * noise / best.kp.abs().max(1e-300) },
-        traversed: often(lr_no_gap, record.traversals(low), traversals),
-        one_way: traversals.contains(&0),
-        changes_known: known,
-        lr_no_gap,
-        lr_aperiodic,
-        lr_needed,
-        lr_no_answer,
-        low,
-        high,
-        range: record.range,
-        slips,
-        slips_wholly,
-        misfit_at_turns: ratio < MISFIT_AT_TURNS,
-        dissent: dissent || !certain,
-        periodic_load: repeats,
-        even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !explained && swings_evenly(&record, best.lost.d, lag_steps),
-        hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
-        unsampled_below: UNSAMPLED_BELOW * record.travel(),
-        lined_below: LINED_BELOW * bow / best.kp.abs().max(1e-300),
-        passes: traversals,
-        passes_high: told_high.map_or([0; 2], |high| record.traversals(high.max(UNSAMPLED_BELOW * record.travel()))),
-        oscillates: record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING),
-        cycle: other.or(own),
-        plateau: plateau(&record, best.lost.d, best.kp, late),
-        cancels: if search.structure.integrating { 0.0 } else { record.cancels(best.kp) },
-        lag_error: lag_error / lag.max(1e-300),
-        settles,
-        agree: [1; 2],
-        dispersion: 1.0,
-        shows: None,
-    };
-    let (judgement, reason) = judge(&evidence);
-    let verdict = judgement.verdict(evidence.low);
-    let told = evidence.limits(verdict, told_high);
-    let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
-    let kp = best.kp * per_cell;
-    // The gain is at its best for each process: its variance there, and what the process may be.
-    let information = (final_state.sum_without[0] - final_state.sum[0]).max(1e-300) / (best.kp * best.kp).max(1e-300);
-    let (_, of_process) = errors.of(|theta| search.at(theta, &positions).kp[0]);
-    let kp_error = per_cell * (variance / information + of_process * of_process).sqrt();
-    // Where the likelihood stays near its best, with another width or in another family.
-    let near: Vec<(Structure, &Point)> = {
-        let families = profiles.iter().map(|p| (p.structure, p, p.least()));
-        let sticking = sticking.iter().map(|p| (sticks_in, p, as_likely));
-        let alike = families.chain(sticking).filter(|(of, ..)| of.integrating == search.structure.integrating);
-        let points = alike.flat_map(|(of, p, from)| p.points.iter().map(move |point| (of, point, from)));
-        points
-            .filter(|(_, point, from)| point.cost <= from + RISE_OF_PROCESS * wider)
-            .map(|(of, point, _)| (of, point))
-            .collect()
-    };
-    let around = |x: f64, error: f64, of: &dyn Fn(Structure, &Point) -> f64| {
-        let each = near.iter().map(|(structure, point)| of(*structure, point));
-        let (low, high) = each.fold((x, x), |(low, high), x| (low.min(x), high.max(x)));
-        (low - 1.96 * error, high + 1.96 * error)
-    };
-    // The model is a little off, and where no gap is found the load of the model may stand for much of what its process does.
-    let off = if judgement.confidence == Confidence::Found { PROCESS_OFF } else { PROCESS_OFF_IF_NOT_FOUND };
-    let further = |x: f64, away: f64| if x * away > 0.0 { x * off } else { x / off };
-    let widened = |(low, high): (f64, f64)| (further(low, -1.0), further(high, 1.0));
-    let positive = |(low, high): (f64, f64)| (low.max(0.0), high);
-    let kp_limits = widened(around(kp, kp_error, &|_, point| point.kp * per_cell));
-    let lag_limits = positive(widened(around(lag, lag_error, &|structure, point| structure.lag(&point.theta) * h)));
-    let late = (off - 1.0).min(1.0) * (dead_time + lag);
-    let (low_dead, high_dead) =
-        around(dead_time, dead_error, &|structure, point| point.theta[structure.dead_time_at()] * h);
-    let dead_time_limits = positive((low_dead - late, high_dead + late));
-    let sigma = (final_state.sum[0] / n).sqrt();
-    let by_chance = lr_needed / asked;
-    let answer = SegmentFit {
-        judgement,
-        verdict,
-        d: best.lost.d,
-        low: told.0,
-        high: told.1,
-        jump: best.lost.jump(),
-        lr_no_gap,
-        lr_needed: evidence.needed(),
-        lr_no_jump,
-        lr_no_answer,
-        information_ratio: ratio,
-        rise: RISE * wider,
-        traversals,
-        kp,
-        kp_limits,
-        dead_time,
-        dead_time_limits,
-        lag,
-        lag_limits,
-        integrating: search.structure.integrating,
-        denominator: search.structure.denominator_in(&best.theta, h),
-        settles: search.structure.settles(&best.theta) * h,
-        sigma,
-        autocorrelation,
-        cells: record.count,
-        cell: h,
-        range: record.range,
-        load_steps: record.changes(),
-        candidates: profiles
-            .iter()
-            .map(|p| Candidate {
-                structure: p.structure,
-                delta_deviance: p.penalised() - least,
-                d: p.points[p.best].lost.d,
-                lr_no_gap: p.lr_no_gap(),
-                profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
-            })
-            .collect(),
-        predictions: predictions(&record, &positions, &residual),
-        evidence,
-        reason,
-    };
+    let (hypothesis, without) = hypotheses(cells, seeds, *sign, &|share| done(OF_LOADS * share));
+    let lr_no_answer = hypothesis.answers(*sign);
+    let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = hypothesis;
+    let best = Best::new(&record, *sign, &profiles[0], sticking.first());
+    let no_gap = NoGap::new(&best, &profiles, [without, cost], *bootstrap);
+    let limits = WidthLimits::new(&best, &mut profiles, &mut sticking);
+    let filtered = Filtered::new(&best);
+    let process = Process::new(&best, &filtered, rows.h * record.cell as f64);
+    let view = View { rows, best, no_gap, limits, filtered, process, profiles: &profiles, sticking: &sticking };
+    let evidence = view.evidence(lr_no_answer, dissent, bow);
+    let (lag, explained) = (view.best.lag_steps(), view.explained());
+    let NoGap { lr_of_loads, cycle_known, needed, asked, .. } = view.no_gap;
+    let answer = view.answer(evidence);
+    let by_chance = needed / asked;
     Fitted {
         answer,
         record,
@@ -400,9 +198,163 @@ pub(crate) fn fit_segment(cells: &Cells, seeds: &[Theta], bow: f64, window: &Win
         lr_of_loads,
         without,
         cycle_known,
-        lag: lag_steps,
+        lag,
         explained,
         by_chance,
+    }
+}
+
+/// All that a segment says, from which evidence and answer are put together.
+struct View<'r> {
+    rows: &'r Segment<'static>,
+    best: Best<'r>,
+    no_gap: NoGap,
+    limits: WidthLimits,
+    filtered: Filtered,
+    process: Process,
+    /// The believed families of a gap, best first, and the valves that stick, nearest first.
+    profiles: &'r [Profile],
+    sticking: &'r [Profile],
+}
+
+impl View<'_> {
+    /// Whether rows are too far apart for the process.
+    fn fast(&self) -> bool {
+        self.best.settles() < SAMPLES_IN_LAG
+    }
+
+    /// Whether OP goes through the gap in rows enough.
+    fn slowly(&self) -> bool {
+        self.best.point.lost.d >= SAMPLES_IN_GAP * self.best.search.record.travel()
+    }
+
+    /// See [`Fitted::explained`]. What leads PV may make OP swing as well.
+    fn explained(&self) -> bool {
+        let wide = 2.0 * self.best.point.lost.d;
+        // No load follows OP so closely, unless most of each swing is lost.
+        let dwells =
+            self.fast() && self.slowly() && self.no_gap.lr > GAP_IF_SELDOM && wide < self.best.search.record.range;
+        dwells || self.rows.is_led()
+    }
+
+    /// The cycle of the fitted loop. A valve that sticks may make the loop swing where a gap does not, though PV hardly tells the two
+    /// apart.
+    fn cycle(&self) -> Option<Cycle> {
+        let of = |structure, point: &Point| {
+            let Point { theta, kp, lost, .. } = point;
+            cycle(self.rows, self.best.search.record, structure, theta, *kp, self.filtered.noise, lost)
+        };
+        let own = of(self.best.search.structure, &self.best.point);
+        if own.is_some_and(|own| own.is_own()) {
+            return own;
+        }
+        let stuck = self.sticking.first().filter(|p| p.penalised() < self.profiles[0].penalised() + BELIEVED);
+        stuck.and_then(|p| of(p.structure, &p.points[p.best])).filter(Cycle::is_own).or(own)
+    }
+
+    /// What the judgement rests on; `bow` as in [`fit_segment`].
+    fn evidence(&self, lr_no_answer: f64, dissent: bool, bow: f64) -> Evidence {
+        let Self { best, no_gap, limits, filtered, .. } = self;
+        let (Search { record, structure, .. }, point) = (&best.search, &best.point);
+        let (d, low, kp) = (point.lost.d, limits.low, point.kp.abs().max(1e-300));
+        let (settles, lag, changes) = (best.settles(), structure.lag(&point.theta), record.changes());
+        let reaches = |lost: &BacklashModel| record.reach(lost);
+        let at_low = if low > 0.0 { reaches(&BacklashModel { d: low, ..point.lost.clone() }) / low } else { 1.0 };
+        let late = (point.theta[structure.dead_time_at()] + lag) * record.cell as f64;
+        let even = || swings_evenly(record, d, best.lag_steps());
+        let unsampled_below = UNSAMPLED_BELOW * record.travel();
+        let passes_high = |high: f64| record.traversals(high.max(unsampled_below));
+        Evidence {
+            autocorrelation: autocorrelation(&filtered.residual),
+            d,
+            // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
+            immobile: (reaches(&point.lost) / d.max(1e-300)).min(at_low) < MOVES,
+            coarse: self.fast() && (best.slips() || !self.slowly()),
+            at_once: settles < SAMPLES_IN_LAG_AT_LEAST,
+            noisy_below: if structure.integrating { 0.0 } else { NOISY * filtered.noise / kp },
+            traversed: often(no_gap.lr, record.traversals(low), best.traversals),
+            one_way: best.traversals.contains(&0),
+            changes_known: changes > 0,
+            lr_no_gap: no_gap.lr,
+            lr_aperiodic: no_gap.lr_aperiodic,
+            lr_needed: no_gap.needed,
+            lr_no_answer,
+            low,
+            high: limits.high,
+            range: record.range,
+            slips: best.slips(),
+            slips_wholly: limits.slips_wholly,
+            misfit_at_turns: best.information_ratio < MISFIT_AT_TURNS,
+            dissent: dissent || !limits.certain,
+            periodic_load: no_gap.periodic_load,
+            even_swing: no_gap.lr < GAP_IF_EVEN_SWING && !self.explained() && even(),
+            hidden: hidden(settles, lag, record.count as f64, best.traversals, changes),
+            unsampled_below,
+            lined_below: LINED_BELOW * bow / kp,
+            passes: best.traversals,
+            passes_high: limits.upper_limit(record).map_or([0; 2], passes_high),
+            oscillates: record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING),
+            cycle: self.cycle(),
+            plateau: plateau(record, d, point.kp, late),
+            cancels: if structure.integrating { 0.0 } else { record.cancels(point.kp) },
+            lag_error: self.process.lag.error / self.process.lag.value.max(1e-300),
+            settles,
+            agree: [1; 2],
+            dispersion: 1.0,
+            shows: None,
+        }
+    }
+
+    /// What is told of it.
+    fn answer(self, evidence: Evidence) -> SegmentFit {
+        let Self { best, no_gap, limits, filtered, process, profiles, sticking, .. } = self;
+        let (Search { record, structure, .. }, point) = (best.search, &best.point);
+        let (judgement, reason) = judge(&evidence);
+        let verdict = judgement.verdict(evidence.low);
+        let (low, high) = evidence.limits(&judgement, limits.upper_limit(record));
+        let of_process = process.limits(&best, profiles, sticking, judgement.confidence == Confidence::Found);
+        let least = profiles[0].penalised();
+        let candidate = |p: &Profile| Candidate {
+            structure: p.structure,
+            delta_deviance: p.penalised() - least,
+            d: p.points[p.best].lost.d,
+            lr_no_gap: p.lr_no_gap(),
+            profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
+        };
+        SegmentFit {
+            judgement,
+            verdict,
+            d: point.lost.d,
+            low,
+            high,
+            jump: point.lost.jump(),
+            lr_no_gap: no_gap.lr,
+            lr_needed: evidence.needed(),
+            lr_no_jump: best.lr_no_jump,
+            lr_no_answer: evidence.lr_no_answer,
+            information_ratio: best.information_ratio,
+            rise: RISE * best.widened(),
+            traversals: best.traversals,
+            kp: process.kp.value,
+            kp_limits: of_process.kp,
+            dead_time: process.dead_time.value,
+            dead_time_limits: of_process.dead_time,
+            lag: process.lag.value,
+            lag_limits: of_process.lag,
+            integrating: structure.integrating,
+            denominator: structure.denominator_in(&point.theta, process.h),
+            settles: structure.settles(&point.theta) * process.h,
+            sigma: filtered.variance.sqrt(),
+            autocorrelation: evidence.autocorrelation,
+            cells: record.count,
+            cell: process.h,
+            range: record.range,
+            load_steps: record.changes(),
+            candidates: profiles.iter().map(candidate).collect(),
+            predictions: predictions(record, &filtered.positions, &filtered.residual),
+            evidence,
+            reason,
+        }
     }
 }
 
@@ -426,48 +378,6 @@ fn predictions(record: &Cells, positions: &Positions, residual: &[f64]) -> Vec<P
         .zip(residual)
         .map(|((part, step, pv, position), r)| Prediction { part, step, pv, predicted: pv - r, position })
         .collect()
-}
-
-/// Standard errors of the search's parameters, from the curvature of the likelihood.
-struct StandardErrors {
-    theta: Theta,
-    covariance: Vec<Theta>,
-}
-
-impl StandardErrors {
-    fn new(search: &Search, theta: &Theta, positions: &Positions, variance: f64) -> Self {
-        let (_, slopes) = search.slopes(theta, positions);
-        let k = slopes.len();
-        let mut normal = [[0.0; MOST]; MOST];
-        for i in 0..k {
-            for j in 0..k {
-                normal[i][j] = dot(&slopes[i], &slopes[j]);
-            }
-            normal[i][i] = normal[i][i] * (1.0 + 1e-9) + 1e-300;
-        }
-        let column = |j: usize| {
-            let mut unit = [0.0; MOST];
-            unit[j] = variance;
-            solve(normal, unit, k)
-        };
-        Self { theta: *theta, covariance: (0..k).map(column).collect() }
-    }
-
-    /// A quantity of the parameters and its standard error.
-    fn of(&self, quantity: impl Fn(&Theta) -> f64) -> (f64, f64) {
-        let here = quantity(&self.theta);
-        let k = self.covariance.len();
-        let slope: Vec<f64> = (0..k)
-            .map(|j| {
-                let mut moved = self.theta;
-                moved[j] += 1e-5;
-                (quantity(&moved) - here) / 1e-5
-            })
-            .collect();
-        let variance: f64 =
-            (0..k).map(|i| (0..k).map(|j| slope[i] * self.covariance[i][j] * slope[j]).sum::<f64>()).sum();
-        (here, variance.max(0.0).sqrt())
-    }
 }
 
 /// Correlation of innovations with those a cell before. What is larger than [`ECHO_OF_ONE`] times their mean size counts as so large: a

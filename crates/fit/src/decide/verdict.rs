@@ -3,6 +3,7 @@
 use crate::data::signal::Unit;
 use crate::decide::judgement::{Cause, Confidence, Judgement, WidthKind};
 use crate::decide::thresholds::*;
+use crate::decide::weigh::{USUAL_PRIOR, probability};
 use crate::decide::witness::cycle::Cycle;
 use crate::decide::witness::plateau::Plateau;
 use serde::{Deserialize, Serialize};
@@ -144,17 +145,6 @@ impl Evidence {
         self.asked().max(if self.even_swing { GAP_IF_EVEN_SWING } else { 0.0 })
     }
 
-    /// The same for a gap that is likely; all that is asked beside the swing where that is the loop's own.
-    fn likely(&self) -> f64 {
-        if self.cycles() && (self.even_swing || self.periodic_load) {
-            return self.asked();
-        }
-        let swings = if self.even_swing { LIKELY_IF_EVEN_SWING } else { 0.0 };
-        let often = self.passes.iter().all(|n| *n >= CYCLES);
-        let part = if often { LIKELY } else { LIKELY_IF_SELDOM };
-        LIKELY_AT_LEAST.max(part * self.lr_needed).max(LIKELY_IF_SELDOM * self.seldom()).max(swings)
-    }
-
     fn asked(&self) -> f64 {
         self.lr_needed.max(self.seldom())
     }
@@ -169,17 +159,64 @@ impl Evidence {
         self.cycle.as_ref().is_some_and(Cycle::is_own)
     }
 
-    /// The likelihood ratio for a gap that is likely. A swing that the loop makes itself repeats as a load would: it is enough that such a
-    /// load, which may have any form, is not clearly likelier.
-    fn ratio(&self) -> f64 {
-        if self.cycles() && self.lr_no_gap > -GAP { self.lr_aperiodic } else { self.lr_no_gap }
+    /// Whether OP swings, or the load repeats itself, as the loop of process, gap and controller does by itself. Such a swing repeats as a
+    /// load would: it is enough that such a load, which may have any form, is not clearly likelier.
+    fn own_swing(&self) -> bool {
+        let ratio = if self.lr_no_gap > -GAP { self.lr_aperiodic } else { self.lr_no_gap };
+        let often = self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
+        self.cycles() && self.swings() && often && ratio > self.asked() && self.veto().is_none()
+    }
+
+    /// Whether a load that swings would look like this gap.
+    fn swings(&self) -> bool {
+        self.even_swing || self.periodic_load
+    }
+
+    /// Whether the weighed evidence may make a gap likely that the rules do not find: the ratio exceeds what any gap needs, the valve moves in
+    /// the model, OP goes through the width both ways, and PV is not stored as lines that bend as much. Where a load that swings would look
+    /// like the gap, its width is known, and an even swing asks for more.
+    fn may_be_likely(&self) -> bool {
+        let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
+        let sided = !self.swings() || self.width_kind() != WidthKind::Unsure;
+        let asked = if self.even_swing { LIKELY_IF_EVEN_SWING } else { GAP };
+        self.lr_no_gap > asked && self.low > 0.0 && shows && sided
+    }
+
+    /// Whether nothing stands between the record and the width: OP goes through it twice each way, samples and noise show it, no load that
+    /// swings looks like it, and its lower limit is near.
+    fn is_plain(&self) -> bool {
+        let often = self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
+        let clear = self.width_kind() != WidthKind::Unsure && !self.noisy() && !self.swings();
+        often && clear && self.low > NEAR_LOW * self.d
+    }
+
+    /// Whether a window shows a gap by itself: it is found or likely there, and not by a fraction of the ratio that is needed, of which what the
+    /// model lacks brings a little in every window.
+    pub(crate) fn shows_alone(&self) -> bool {
+        judge(self).0.tells() && (self.cycles() || self.lr_no_gap > WINDOW_SHOWS * self.needed())
+    }
+
+    /// What can be told of the width of a gap.
+    fn width_kind(&self) -> WidthKind {
+        let coarse = (self.coarse || self.at_once) && !self.all_agree();
+        match () {
+            _ if coarse || self.low < LEAST_LOW * self.d || self.dispersion > DISAGREE => WidthKind::Unsure,
+            _ if self.bound() => WidthKind::Bound,
+            _ => WidthKind::Interval,
+        }
+    }
+
+    /// The probability of a gap by which the rungs are decided: where as many valves have one as usual. 0 where the record cannot be read.
+    fn usual_probability(&self) -> f64 {
+        self.weighed().map_or(0.0, |(factor, _)| probability(factor, USUAL_PRIOR))
     }
 
     /// Both limits as they are told; `high`: the upper one with what the samples may hide.
-    pub(crate) fn limits(&self, verdict: Verdict, high: Option<f64>) -> (f64, Option<f64>) {
-        match verdict {
-            Verdict::AtLeast => (self.low, None),
-            Verdict::Sound => (0.0, high.map(|high| high.max(self.unsampled_below))),
+    pub(crate) fn limits(&self, judgement: &Judgement, high: Option<f64>) -> (f64, Option<f64>) {
+        match (judgement.confidence, judgement.width_kind) {
+            (Confidence::Found, Some(WidthKind::Bound)) => (self.low, None),
+            (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
+            (Confidence::Likely, _) => (self.low / LIKELY_OFF, high.map(|high| high * LIKELY_OFF)),
             _ => (self.low, high),
         }
     }
@@ -201,16 +238,18 @@ impl Evidence {
     /// What is said of a valve whose gap is narrower than `below`.
     ///
     /// A record earns it: OP turns through the limit, the model's load does not undo what its valve does, and the lags are known.
-    fn none(&self, below: f64) -> Option<(Judgement, &'static str)> {
+    fn none(&self, below: f64) -> Option<(Confidence, &'static str)> {
         let high = self.high.filter(|high| *high < below)?;
-        let silent = |why| Some((Judgement::without(Confidence::CannotTell, self.oscillates), why));
+        let silent = |why| Some((Confidence::CannotTell, why));
         match self.hidden {
             _ if high < self.lined_below => silent("lined"),
             _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < TURNS_IF_SOUND) => silent("may_be_a_gap"),
+            // A loop of process and controller that keeps swinging by itself is no plausible one: a gap would make it swing.
+            _ if self.cycles() => silent("may_be_a_gap"),
             _ if self.cancels > CANCELS || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
-            None => Some((Judgement::without(Confidence::NoneSeen, self.oscillates), "no_gap")),
+            None => Some((Confidence::NoneSeen, "no_gap")),
         }
     }
 
@@ -231,13 +270,6 @@ impl Evidence {
             (self.low < LEAST_LOW * self.d, "families_disagree"),
         ];
         vetoes.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
-    }
-
-    /// Whether the gap is there though its width is not known: PV stands while OP goes through it, time after time.
-    fn stands(&self) -> bool {
-        let Plateau { ways, stands, rows, .. } = self.plateau;
-        let mostly = |i: usize| ways[i] >= PLATEAUS && stands[i] as f64 >= STANDS * ways[i] as f64;
-        rows >= ROWS_OF_PLATEAU && mostly(0) && mostly(1)
     }
 
     /// Whether every window or recording has by itself the width that all share: how far apart its rows are does not matter then. A load
@@ -263,84 +295,79 @@ impl Evidence {
 }
 
 /// What is said of the valve, and why not more, a word.
+///
+/// The [`rules`] say which gap may be found, and which valve shows none. All evidence, weighed, must then make a gap more probable than
+/// [`PROBABLE`]: what the rules find is *found*, what they leave open is *likely*. Where the record is plain it is enough for *likely* that the
+/// evidence speaks for a gap at all.
 pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
-    let (judged, why) = judge_together(e);
-    let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
-    // What the records cannot say by themselves is likely where they agree.
-    let likely = |kind| match judged.tells() && e.agrees() {
-        true => Judgement { confidence: Confidence::Likely, width_kind: kind, ..judged },
-        false => silent,
+    let (by_rules, why) = rules(e);
+    let p = e.usual_probability();
+    let least = if e.is_plain() { USUAL_PRIOR } else { PROBABLE };
+    let gap = |confidence| {
+        let (cause, width_kind) = (Some(e.cause()), Some(e.width_kind()));
+        Judgement { confidence, cause, width_kind, oscillates: e.oscillates }
     };
+    let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
+    match by_rules {
+        Confidence::NoneSeen => (Judgement::without(by_rules, e.oscillates), why),
+        Confidence::Found if p < PROBABLE => (silent, "outweighed"),
+        Confidence::Found | Confidence::Likely => (gap(by_rules), why),
+        Confidence::CannotTell if p >= least && e.may_be_likely() => (gap(Confidence::Likely), why),
+        Confidence::CannotTell => (silent, why),
+    }
+}
+
+/// What the rules make of the evidence before it is weighed, and why not more, a word: a gap is *likely* here only where the loop swings with
+/// it by itself.
+pub(super) fn rules(e: &Evidence) -> (Confidence, &'static str) {
+    let (together, why) = rules_together(e);
+    let tells = matches!(together, Confidence::Found | Confidence::Likely);
+    // What the records cannot say by themselves is likely where they agree.
+    let likely = if tells && e.agrees() { Confidence::Likely } else { Confidence::CannotTell };
     let windows = e.shows.is_some();
     let too_few = e.shows.is_some_and(|shows| (shows as f64) < WINDOWS_THAT_SHOW * e.agree[1] as f64);
     if e.dispersion > DISAGREE {
-        (likely(Some(WidthKind::Unsure)), if windows { "windows_disagree" } else { "recordings_disagree" })
-    } else if judged.tells() && too_few {
-        (likely(judged.width_kind), "windows_silent")
+        (likely, if windows { "windows_disagree" } else { "recordings_disagree" })
+    } else if tells && too_few {
+        (likely, "windows_silent")
     } else {
-        (judged, why)
+        (together, why)
     }
 }
 
 /// The same as if all were one record.
-fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
-    let silent = |why| (Judgement::without(Confidence::CannotTell, e.oscillates), why);
-    let gap = |confidence, kind, why| {
-        let (cause, width_kind) = (Some(e.cause()), Some(kind));
-        (Judgement { confidence, cause, width_kind, oscillates: e.oscillates }, why)
-    };
+fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
     if e.autocorrelation.abs() > MAX_AUTOCORRELATION {
-        return silent("misfit");
+        return (Confidence::CannotTell, "misfit");
     }
     if e.lr_no_answer < ANSWERS {
-        return silent("no_answer");
+        return (Confidence::CannotTell, "no_answer");
     }
-    let kind = if e.bound() { WidthKind::Bound } else { WidthKind::Interval };
     if e.lr_no_gap <= e.needed() {
         let none = if e.low <= 0.0 && !e.dissent { e.none(SOUND_BELOW * e.range) } else { None };
-        if let Some(none) = none {
-            return none;
-        }
         let why = match () {
             _ if e.periodic_load => "repeats",
             _ if e.even_swing => "swings",
             _ => "may_be_a_gap",
         };
-        let often = e.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
-        let likely = often && e.ratio() > e.likely() && e.veto().is_none();
-        return if likely { gap(Confidence::Likely, kind, why) } else { silent(why) };
+        let rung = if e.own_swing() { Confidence::Likely } else { Confidence::CannotTell };
+        return none.unwrap_or((rung, why));
     }
     if let Some(none) = e.none(TRIFLE * e.range) {
         return none;
     }
     if let Some(why) = e.veto() {
-        let there = match why {
-            "families_disagree" => e.low > 0.0,
-            "coarse" if e.at_once => e.stands() || e.agrees(),
-            "coarse" => e.stands() || e.agrees() || e.lr_no_gap > LIKELY_IF_COARSE,
-            _ => false,
-        };
-        return if there { gap(Confidence::Likely, WidthKind::Unsure, why) } else { silent(why) };
+        return (Confidence::CannotTell, why);
     }
-    let why = match kind {
-        WidthKind::Bound if e.high.is_none() || !e.traversed => "not_traversed",
-        WidthKind::Bound => "noisy",
-        _ if e.slips => {
-            if e.slips_wholly {
-                "jumps"
-            } else {
-                "jumps_in_a_gap"
-            }
-        }
-        _ => {
-            if e.misfit_at_turns {
-                "gap_and_more"
-            } else {
-                "gap"
-            }
-        }
+    let why = match () {
+        _ if e.high.is_none() || !e.traversed => "not_traversed",
+        _ if e.noisy() => "noisy",
+        _ if e.slips && e.slips_wholly => "jumps",
+        _ if e.slips => "jumps_in_a_gap",
+        _ if e.misfit_at_turns => "gap_and_more",
+        _ => "gap",
     };
-    gap(Confidence::Found, kind, why)
+    (Confidence::Found, why)
 }
 
 /// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
@@ -440,7 +467,7 @@ mod tests {
         assert_eq!(verdict(&plain()), Verdict::Backlash);
         let narrow = Evidence { range: 111.0, ..plain() };
         assert_eq!(verdict(&narrow), Verdict::Sound);
-        assert_eq!(narrow.limits(Verdict::Sound, Some(1.1)), (0.0, Some(1.1)));
+        assert_eq!(narrow.limits(&judge(&narrow).0, Some(1.1)), (0.0, Some(1.1)));
         assert_eq!(verdict(&Evidence { high: None, ..narrow }), Verdict::AtLeast);
     }
 
@@ -448,59 +475,119 @@ mod tests {
     fn no_valve_is_sound_below_what_op_may_shake_it_through() {
         let sound = Evidence { d: 0.0, lr_no_gap: 0.0, low: 0.0, unsampled_below: 1.5, ..plain() };
         assert_eq!(verdict(&sound), Verdict::Sound);
-        assert_eq!(sound.limits(Verdict::Sound, Some(1.1)), (0.0, Some(1.5)));
+        assert_eq!(sound.limits(&judge(&sound).0, Some(1.1)), (0.0, Some(1.5)));
         let shaken = Evidence { unsampled_below: 2.5, ..sound };
         assert_eq!((verdict(&shaken), judge(&shaken).1), (Verdict::CannotTell, "may_be_a_gap"));
+    }
+
+    fn said(e: &Evidence) -> (Confidence, Option<WidthKind>) {
+        let told = judge(e).0;
+        (told.confidence, told.width_kind)
     }
 
     #[test]
     fn less_than_what_is_found_is_likely() {
         let of = |lr_no_gap| Evidence { lr_no_gap, lr_aperiodic: lr_no_gap, lr_needed: 60.0, ..plain() };
-        let said = |e: &Evidence| (judge(e).0.confidence, judge(e).0.width_kind);
         assert_eq!(said(&of(61.0)), (Confidence::Found, Some(WidthKind::Interval)));
-        assert_eq!(said(&of(1.01 * LIKELY * 60.0)), (Confidence::Likely, Some(WidthKind::Interval)));
+        assert_eq!(said(&of(59.0)), (Confidence::Likely, Some(WidthKind::Interval)));
         assert_eq!(verdict(&of(59.0)), Verdict::CannotTell);
-        assert_eq!(said(&of(LIKELY * 60.0)), (Confidence::CannotTell, None));
+        assert_eq!(said(&of(GAP)), (Confidence::CannotTell, None));
         // What looks like a gap for another reason is not likely either.
         assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
         assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
     }
 
     #[test]
+    fn in_a_plain_record_any_evidence_for_a_gap_makes_it_likely() {
+        // OP went through it twice each way, and a load of which nothing is known may do that.
+        let twice = Evidence {
+            traversed: false,
+            passes: [2; 2],
+            lr_no_gap: 30.0,
+            lr_aperiodic: 30.0,
+            lr_needed: 80.0,
+            ..plain()
+        };
+        let weak = Evidence { noisy_below: 0.3, settles: 12.0, range: 2.0, ..twice };
+        let p = weak.usual_probability();
+        assert!(USUAL_PRIOR < p && p < PROBABLE, "{p}");
+        assert_eq!(said(&weak), (Confidence::Likely, Some(WidthKind::Bound)));
+        for hidden in [
+            Evidence { even_swing: true, ..weak.clone() },
+            Evidence { coarse: true, ..weak.clone() },
+            Evidence { noisy_below: 1.1, ..weak.clone() },
+            Evidence { low: 0.5 * NEAR_LOW, ..weak.clone() },
+            Evidence { passes: [2, 1], ..weak.clone() },
+        ] {
+            assert!(!hidden.is_plain());
+            assert_eq!(said(&hidden), (Confidence::CannotTell, None));
+        }
+    }
+
+    #[test]
+    fn the_limits_of_a_likely_gap_are_moved_out() {
+        let likely = Evidence { lr_no_gap: 59.0, lr_needed: 60.0, ..plain() };
+        let (low, high) = likely.limits(&judge(&likely).0, Some(1.1));
+        assert!((low - 0.9 / LIKELY_OFF).abs() < 1e-12 && (high.unwrap() - 1.1 * LIKELY_OFF).abs() < 1e-12);
+        assert_eq!(plain().limits(&judge(&plain()).0, Some(1.1)), (0.9, Some(1.1)));
+    }
+
+    #[test]
+    fn what_speaks_against_a_gap_outweighs_a_ratio() {
+        // It would take nearly all of OP's range, OP went through it twice, and PV follows OP within it.
+        let against = Plateau { ways: [2; 2], within: 1.0, rows: 20.0, ..Plateau::default() };
+        let wide = Evidence { d: 9.9, low: 9.8, high: Some(10.0), lr_no_gap: 16.0, lr_aperiodic: 16.0, ..plain() };
+        let doubtful = Evidence { plateau: against, noisy_below: 9.0, passes: [5; 2], cancels: 20.0, ..wide };
+        assert_eq!(rules(&doubtful).0, Confidence::Found);
+        assert!(doubtful.usual_probability() < PROBABLE, "{}", doubtful.usual_probability());
+        assert_eq!((said(&doubtful), judge(&doubtful).1), ((Confidence::CannotTell, None), "outweighed"));
+    }
+
+    #[test]
     fn a_swing_is_a_gaps_where_it_is_the_loops_own() {
-        let swings = Evidence { even_swing: true, oscillates: true, ..plain() };
-        assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "swings"));
+        let swings = Evidence { even_swing: true, oscillates: true, periodic_load: true, lr_no_gap: 10.0, ..plain() };
+        assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "repeats"));
+        let plain_swings = Evidence { even_swing: true, oscillates: true, ..plain() };
+        let of = |lr_no_gap| said(&Evidence { lr_no_gap, ..plain_swings.clone() }).0;
+        assert_eq!((of(LIKELY_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Likely));
         assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
         let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
         assert_eq!((judge(&own).0.confidence, judge(&own).0.oscillates), (Confidence::Likely, true));
         // A load that repeats itself need not be beaten, but it must not be clearly likelier.
-        let beside = |lr_no_gap| judge(&Evidence { periodic_load: true, lr_no_gap, ..own.clone() }).0.confidence;
+        let beside = |lr_no_gap| judge(&Evidence { lr_no_gap, ..own.clone() }).0.confidence;
         assert_eq!(beside(1.0 - GAP), Confidence::Likely);
         assert_eq!(beside(-GAP), Confidence::CannotTell);
+        // Of a load that swings no width is shared by all families.
+        let unsure = Evidence { even_swing: true, lr_no_gap: 600.0, low: 0.1, ..plain() };
+        assert_eq!(judge(&unsure).0.confidence, Confidence::CannotTell);
+        assert_eq!(said(&Evidence { even_swing: false, ..unsure }), (Confidence::Likely, Some(WidthKind::Unsure)));
     }
 
     #[test]
     fn rows_far_apart_leave_the_width_unsure() {
-        let coarse = Evidence { coarse: true, lr_no_gap: LIKELY_IF_COARSE, lr_aperiodic: LIKELY_IF_COARSE, ..plain() };
-        assert_eq!(judge(&coarse).0.confidence, Confidence::CannotTell);
+        let coarse = Evidence { coarse: true, ..plain() };
+        assert_eq!((said(&coarse), judge(&coarse).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "coarse"));
+        // A plateau and windows that agree make it more probable.
         let stands = Plateau { ways: [8; 2], stands: [7; 2], rows: 20.0, ..Plateau::default() };
-        let said = judge(&Evidence { plateau: stands, ..coarse.clone() }).0;
-        assert_eq!((said.confidence, said.width_kind), (Confidence::Likely, Some(WidthKind::Unsure)));
-        assert_eq!(judge(&Evidence { agree: [4, 5], ..coarse.clone() }).0, said);
-        assert_eq!(judge(&Evidence { agree: [3, 5], ..coarse }).0.confidence, Confidence::CannotTell);
+        assert!(Evidence { plateau: stands, ..coarse.clone() }.usual_probability() > coarse.usual_probability());
+        assert!(Evidence { agree: [4, 4], ..coarse.clone() }.usual_probability() > coarse.usual_probability());
+        assert_eq!(said(&Evidence { agree: [4, 4], ..coarse }), (Confidence::Found, Some(WidthKind::Interval)));
     }
 
     #[test]
-    fn windows_that_differ_say_nothing_unless_most_agree() {
-        let differ = Evidence { dispersion: 2.0 * DISAGREE, agree: [1, 4], shows: Some(4), ..plain() };
+    fn windows_that_differ_leave_the_width_unsure() {
+        let differ = Evidence { dispersion: 2.0 * DISAGREE, agree: [1, 4], shows: Some(4), lr_no_gap: 10.0, ..plain() };
         assert_eq!((judge(&differ).0.confidence, judge(&differ).1), (Confidence::CannotTell, "windows_disagree"));
-        let said = judge(&Evidence { agree: [3, 4], ..differ.clone() }).0;
-        assert_eq!((said.confidence, said.width_kind), (Confidence::Likely, Some(WidthKind::Unsure)));
-        assert_eq!(judge(&Evidence { shows: None, ..differ }).1, "recordings_disagree");
+        let plain_ratio = Evidence { lr_no_gap: 200.0, ..differ };
+        let kept = Evidence { agree: [3, 4], ..plain_ratio.clone() };
+        assert_eq!((said(&kept), judge(&kept).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "windows_disagree"));
+        assert_eq!(judge(&Evidence { shows: None, ..plain_ratio }).1, "recordings_disagree");
         let quiet = Evidence { agree: [3, 4], shows: Some(1), ..plain() };
         assert_eq!((judge(&quiet).0.confidence, judge(&quiet).1), (Confidence::Likely, "windows_silent"));
-        assert_eq!(judge(&Evidence { agree: [2, 4], ..quiet.clone() }).0.confidence, Confidence::CannotTell);
         assert_eq!(judge(&Evidence { shows: Some(2), ..quiet }).0.confidence, Confidence::Found);
+        let of = |part: f64| Evidence { lr_no_gap: part * 100.0, lr_needed: 100.0, ..plain() };
+        assert_eq!([of(0.4), of(0.6)].map(|e| said(&e).0), [Confidence::Likely; 2]);
+        assert_eq!([of(0.4), of(0.6)].map(|e| e.shows_alone()), [false, true]);
     }
 
     #[test]
@@ -514,7 +601,10 @@ mod tests {
         assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 1.5, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 0.3, ..none.clone() }), Confidence::NoneSeen);
-        assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none.clone() }), Confidence::CannotTell);
+        // Process and controller that keep swinging without a gap are not believed.
+        let own = Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 });
+        assert_eq!(said(Evidence { cycle: own, ..none }), Confidence::CannotTell);
     }
 
     #[test]

@@ -12,12 +12,13 @@
 //! simulated records of known truth and writes them into [`weights`](super::weights). The mean of each line over those records is 0, so
 //! that fᵢ is what xᵢ says beyond what it says of a usual record.
 //!
-//! The rungs of the ladder do not hang on it; the rung is one of the quantities.
+//! What the rules of the ladder say is one of the quantities, and the rungs follow from both ([`judge`](super::verdict::judge)). They stand on
+//! the usual share π, so that another one moves no rung.
 
 use crate::decide::judgement::Confidence;
 use crate::decide::segment::SegmentFit;
 use crate::decide::thresholds::{ANSWERS, LAW, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
-use crate::decide::verdict::{Evidence, Hidden, judge};
+use crate::decide::verdict::{Evidence, Hidden, rules};
 use crate::decide::weights::{BASE, CURVES};
 use crate::decide::witness::cycle::Cycle;
 use serde::{Deserialize, Serialize};
@@ -162,10 +163,10 @@ fn follows_behind(e: &Evidence) -> f64 {
     (e.plateau.behind - e.plateau.within).clamp(-1.0, 2.0) * ways / (ways + 5.0)
 }
 
-/// The rung of the ladder, from none seen to found: its rules know of evidence that counts for nothing where something else holds, which
-/// no sum can say.
+/// What the rules say before the evidence is weighed, from none seen to found: they know of evidence that counts for nothing where something
+/// else holds, which no sum can say.
 fn rung(e: &Evidence) -> f64 {
-    match judge(e).0.confidence {
+    match rules(e).0 {
         Confidence::NoneSeen => 0.0,
         Confidence::CannotTell => 1.0,
         Confidence::Likely => 2.0,
@@ -216,6 +217,11 @@ impl Evidence {
     }
 }
 
+/// The probability of a dead band by the logarithm of the Bayes factor, where a share `prior` of valves has one.
+pub(super) fn probability(log_bayes_factor: f64, prior: f64) -> f64 {
+    1.0 / (1.0 + (-(log_bayes_factor + (prior / (1.0 - prior)).ln())).exp())
+}
+
 impl Weighed {
     /// Of what all say, and the record that shows it best; None where that cannot be read.
     pub fn of(all: &Evidence, shown: &SegmentFit) -> Option<Self> {
@@ -229,7 +235,7 @@ impl Weighed {
 
     /// The probability of a dead band where a share `prior` of valves has one.
     pub fn probability(&self, prior: f64) -> f64 {
-        1.0 / (1.0 + (-(self.log_bayes_factor + (prior / (1.0 - prior)).ln())).exp())
+        probability(self.log_bayes_factor, prior)
     }
 
     /// The probability that the dead band is wider than `width`, if there is one.

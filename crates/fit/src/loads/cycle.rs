@@ -7,7 +7,8 @@
 use crate::data::cells::{Cells, Positions};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Noise, Structure, Theta};
-use crate::search::likelihood::{Point, Search, dot};
+use crate::search::likelihood::{Point, Search};
+use crate::search::linear::dot;
 use crate::search::screen::theta_for;
 use rayon::prelude::*;
 use std::f64::consts::TAU;

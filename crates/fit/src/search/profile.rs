@@ -3,7 +3,8 @@
 use crate::data::cells::Cells;
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Structure, Theta};
-use crate::search::likelihood::{Point, Search, dot, solve};
+use crate::search::likelihood::{Point, Search};
+use crate::search::linear::{dot, solve};
 use crate::search::screen::FINE_TOLERANCE;
 use serde::{Deserialize, Serialize};
 

@@ -19,7 +19,7 @@ use crate::decide::bootstrap::Draws;
 use crate::decide::thresholds::{LAW, OWN_PERIOD, OWN_SWING};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Structure, Theta};
-use crate::search::likelihood::{dot, solve};
+use crate::search::linear::{dot, solve};
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState};
 use serde::{Deserialize, Serialize};
 

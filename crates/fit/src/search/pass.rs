@@ -1,0 +1,436 @@
+//! A pass over a record: eight sets of parameters at once, with room that is kept from one pass to the next.
+
+use crate::data::cells::{Positions, Strip};
+use crate::model::kalman::{Delayed, LoadChange, Sums, Whitened};
+use crate::model::lanes::{LANES, Lanes, Work, wide_enough, widest};
+use crate::model::structure::{MOST, Noise, Structure, Theta};
+use crate::search::likelihood::{Innovations, Point, Search};
+use pulp::Simd;
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// What a pass is made for.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Wanted {
+    /// The sums of the innovations of PV and of the answer.
+    Sums,
+    /// The sum of the squares of the residuals.
+    Least,
+    /// Every residual.
+    Residuals,
+    /// The products of the residuals.
+    Products,
+}
+
+/// Room for one pass, kept from one to the next.
+#[derive(Default)]
+pub(super) struct Workspace {
+    pub(super) delayed: Vec<Lanes>,
+    pub(super) shifted: Vec<f64>,
+    /// Jumps of each stretch.
+    pub(super) changes: Vec<Vec<LoadChange>>,
+    /// Where a descent begins, and where it has come to: the next often begins at one of them.
+    pub(super) kept: [Kept; 2],
+    /// Which of them the last pass has left.
+    pub(super) last: usize,
+    pub(super) found: Innovations,
+}
+
+/// What a pass has left.
+#[derive(Default)]
+pub(super) struct Kept {
+    white: Whitened,
+    /// What its gains are of, where they are of the record's own changes.
+    known: Option<Known>,
+}
+
+impl Workspace {
+    pub(super) fn white(&self) -> &Whitened {
+        &self.kept[self.last].white
+    }
+
+    /// Where the gains of these models are kept.
+    pub(super) fn place_of(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> Option<usize> {
+        self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas, lanes)))
+    }
+}
+
+/// Where a pass leaves what no pass before has left.
+pub(super) const BEGUN: usize = 0;
+pub(super) const DESCENDED: usize = 1;
+
+/// What the gains of a pass and the innovations of PV hang on: PV, the changes of the load, and the models but for their dead time,
+/// which is the answer's alone.
+struct Known {
+    structure: Structure,
+    thetas: [Theta; LANES],
+    /// How many of them count.
+    lanes: usize,
+    /// Of each stretch its PV, which is the same only as itself, and its changes.
+    stretches: Vec<(Arc<[f64]>, Vec<f64>)>,
+}
+
+impl Known {
+    fn new(search: &Search, thetas: &[Theta; LANES], lanes: usize) -> Self {
+        let stretches = search.record.stretches.iter().map(|s| (s.y.clone(), s.changes.clone())).collect();
+        Self { structure: search.structure, thetas: *thetas, lanes, stretches }
+    }
+
+    /// Whether the first so many models are these.
+    fn holds(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> bool {
+        let Search { record, structure, .. } = search;
+        let dead = structure.dead_time_at();
+        let alike = |(a, b): (&Theta, &Theta)| (0..MOST).all(|i| i == dead || a[i] == b[i]);
+        let same = |((y, changes), s): (&(Arc<[f64]>, Vec<f64>), &Strip)| Arc::ptr_eq(y, &s.y) && *changes == s.changes;
+        self.structure == *structure
+            && self.lanes >= lanes
+            && self.thetas.iter().zip(thetas).all(alike)
+            && self.stretches.len() == record.stretches.len()
+            && self.stretches.iter().zip(&record.stretches).all(same)
+    }
+}
+
+thread_local! {
+    static WORKSPACE: RefCell<Workspace> = RefCell::default();
+}
+
+/// A pass over a record: eight sets of parameters at once, of which the first so many `lanes` count.
+struct Pass<'r, 's> {
+    search: &'s Search<'s>,
+    workspace: &'r mut Workspace,
+    thetas: &'s [Theta; LANES],
+    lanes: usize,
+    /// The positions for a lane in a stretch.
+    positions: &'s dyn Fn(usize, usize) -> &'s [f64],
+    wanted: Wanted,
+    /// [`BEGUN`] or [`DESCENDED`].
+    place: usize,
+}
+
+impl Work for Pass<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { search, workspace, thetas, lanes, positions, wanted, place } = self;
+        let Search { record, structure, .. } = search;
+        let stretches = 0..record.stretches.len();
+        let delay = Lanes::each(|l| search.delay(&thetas[l]));
+        // Most lanes differ in something else.
+        let same = |i: usize| (1..LANES).all(|l| std::ptr::eq(positions(l, i), positions(0, i)));
+        let together = delay.iter().all(|d| d.floor() == delay[0].floor()) && stretches.clone().all(same);
+        let part = Lanes::each(|l| delay[l] - delay[l].floor());
+        workspace.delayed.clear();
+        workspace.shifted.clear();
+        for i in stretches.clone() {
+            if together {
+                shift(positions(0, i), delay[0], &mut workspace.shifted);
+                continue;
+            }
+            let from = workspace.delayed.len();
+            workspace.delayed.resize(from + positions(0, i).len(), Lanes::default());
+            for l in 0..lanes {
+                workspace.shifted.clear();
+                shift(positions(l, i), delay[l], &mut workspace.shifted);
+                let of_lane = workspace.shifted.windows(2).map(|two| (1.0 - part[l]) * two[1] + part[l] * two[0]);
+                workspace.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
+            }
+        }
+        let (mut each, mut shifted) = (workspace.delayed.as_slice(), workspace.shifted.as_slice());
+        let delayed = stretches.clone().map(|i| {
+            let cells = positions(0, i).len();
+            if together {
+                let (v, after) = shifted.split_at(cells + 1);
+                shifted = after;
+                Delayed::Same { shifted: v, part }
+            } else {
+                let (v, after) = each.split_at(cells);
+                each = after;
+                Delayed::Each(v)
+            }
+        });
+        let held = workspace.place_of(search, thetas, lanes);
+        workspace.last = held.unwrap_or(place);
+        let Kept { white, known } = &mut workspace.kept[workspace.last];
+        if held.is_some() {
+            white.forget_answer();
+            let inputs = delayed.zip(&record.stretches).map(|(v, s)| (s.y.len(), v));
+            structure.answer::<S, R, false>(simd, 0, inputs, white);
+        } else {
+            workspace.changes.clear();
+            workspace.changes.extend(record.stretches.iter().map(|stretch| LoadChange::alike(&stretch.changes)));
+            *known = None;
+            white.clear();
+            let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
+            let inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
+            structure.whiten::<S, R>(simd, thetas, inputs, white);
+            *known = Some(Known::new(search, thetas, lanes));
+        }
+        search.gain_and_residuals::<S, R>(simd, white, &mut workspace.found, wanted);
+    }
+}
+
+/// The sums of the answers of the first model to eight starts in one stretch, whose gains a pass has left.
+struct Beginning<'r, 's> {
+    search: &'s Search<'s>,
+    white: &'r mut Whitened,
+    theta: &'s Theta,
+    stretch: usize,
+    positions: &'s [Lanes],
+}
+
+impl Work for Beginning<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { search, white, theta, stretch, positions } = self;
+        white.forget_answer();
+        let v = Delayed::Late { positions, delay: search.delay(theta) };
+        search.structure.answer::<S, R, true>(simd, stretch, std::iter::once((positions.len(), v)), white);
+    }
+}
+
+/// The response of a process to positions alone.
+struct Response<'s> {
+    structure: Structure,
+    theta: &'s Theta,
+    positions: &'s [Lanes],
+    white: &'s mut Whitened,
+}
+
+impl Work for Response<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let nothing = vec![0.0; self.positions.len()];
+        let alone = [(nothing.as_slice(), [].as_slice(), Delayed::Each(self.positions))];
+        self.structure.whiten::<S, R>(simd, &[*self.theta; LANES], alone.into_iter(), self.white);
+    }
+}
+
+impl Search<'_> {
+    /// Eight sets of parameters at once, of which the first so many `lanes` count, each with the positions of one lost motion; `then`
+    /// takes what it needs of it.
+    pub(super) fn innovations<T>(
+        &self,
+        thetas: &[Theta; LANES],
+        lanes: usize,
+        positions: &Positions,
+        wanted: Wanted,
+        then: impl FnOnce(&Innovations) -> T,
+    ) -> T {
+        self.pass(thetas, lanes, &|_, i| &positions[i], wanted, BEGUN, |workspace| then(&workspace.found))
+    }
+
+    /// How late the answer is [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first
+    /// step on. OP never acts on the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
+    pub(super) fn delay(&self, theta: &Theta) -> f64 {
+        let cell = self.record.cell as f64;
+        theta[self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell)
+    }
+
+    /// See [`Pass`].
+    pub(super) fn pass<'s, T>(
+        &'s self,
+        thetas: &'s [Theta; LANES],
+        lanes: usize,
+        positions: &'s dyn Fn(usize, usize) -> &'s [f64],
+        wanted: Wanted,
+        place: usize,
+        then: impl FnOnce(&Workspace) -> T,
+    ) -> T {
+        WORKSPACE.with_borrow_mut(|workspace| {
+            wide_enough(lanes, Pass { search: self, workspace, thetas, lanes, positions, wanted, place });
+            then(workspace)
+        })
+    }
+
+    /// Sums over the beginning of one stretch, each lane with positions of its own.
+    pub(super) fn beginnings(&self, point: &Point, stretch: usize, positions: &[Lanes]) -> Sums {
+        // The gains with which the point was found, so that they do not hang on what else was passed before.
+        let (thetas, _) = self.perturbed(&point.theta);
+        let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas, self.lanes()));
+        let held = held().unwrap_or_else(|| {
+            self.innovations(&thetas, self.lanes(), &self.record.positions(&point.lost), Wanted::Sums, |_| ());
+            BEGUN
+        });
+        WORKSPACE.with_borrow_mut(|workspace| {
+            let white = &mut workspace.kept[held].white;
+            widest(Beginning { search: self, white, theta: &point.theta, stretch, positions });
+            white.sums
+        })
+    }
+
+    /// What a unit step of the load (of its slope, where that is what changes), with gain 1, leaves in the innovations over the
+    /// `cells` after it, once the filter has settled.
+    pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
+        let before = 400;
+        let lines = matches!(self.structure.noise, Noise::Lines | Noise::Bends);
+        let load = |k: usize| {
+            if k < before {
+                0.0
+            } else if lines {
+                (k - before) as f64
+            } else {
+                1.0
+            }
+        };
+        let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
+        let mut white = Whitened::default();
+        widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
+        white.of_v()[before..].iter().map(|v| v[0]).collect()
+    }
+
+    /// Whitened PV, and what a unit of each of the inputs makes of it.
+    pub(crate) fn answers(&self, theta: &Theta, inputs: &[&Positions]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let (mut of_y, mut answers) = (Vec::new(), Vec::new());
+        for eight in inputs.chunks(LANES) {
+            let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
+            self.pass(&[*theta; LANES], eight.len(), &of, Wanted::Sums, BEGUN, |workspace| {
+                let white = workspace.white();
+                of_y = white.of_y().iter().map(|y| y[0]).collect();
+                answers.extend((0..eight.len()).map(|l| white.of_v().iter().map(|v| v[l]).collect::<Vec<f64>>()));
+            });
+        }
+        (of_y, answers)
+    }
+}
+
+/// `v` as many whole cells before as are in `delay`, from the cell before its first on; before its beginning what it was there.
+#[inline(always)]
+fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
+    let (n, from) = (v.len() as isize, shifted.len());
+    let whole = delay.floor() as isize;
+    let unseen = (whole + 1).clamp(0, n + 1);
+    let skipped = (-1 - whole).clamp(0, n);
+    shifted.resize(from + unseen as usize, v[0]);
+    shifted.extend(v[skipped as usize..].iter().take((n + 1 - unseen) as usize));
+    shifted.resize(from + v.len() + 1, v[v.len() - 1]);
+}
+
+/// `v` so many cells late.
+pub(super) fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
+    let (mut shifted, part) = (Vec::new(), delay - delay.floor());
+    shift(v, delay, &mut shifted);
+    shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::cells::Cells;
+    use crate::model::backlash_model::BacklashModel;
+    use pulp::Scalar;
+
+    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`: of a point and
+    /// its derivatives.
+    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> Vec<u64> {
+        let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
+        let mut y: Vec<f64> =
+            (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
+        y[70..75].fill(f64::NAN);
+        let record = Cells::new(&[(&y, &u)], 1).with_changes(vec![vec![120.3]]);
+        let search = Search { record: &record, structure, sign: 1.0 };
+        let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
+        let positions = record.positions(&BacklashModel::gap(0.1, 1));
+        let mut workspace = Workspace::default();
+        let pass = Pass {
+            search: &search,
+            workspace: &mut workspace,
+            thetas: &thetas,
+            lanes: search.lanes(),
+            positions: &|_, i| positions[i].as_slice(),
+            wanted: Wanted::Products,
+            place: BEGUN,
+        };
+        pass.run::<S, R>(simd);
+        let Innovations { sum, products, .. } = &workspace.found;
+        (0..search.lanes()).flat_map(|l| [sum[l], products[1][l]]).map(f64::to_bits).collect()
+    }
+
+    #[test]
+    fn gains_that_are_kept_give_the_bits_of_a_new_pass() {
+        let u: Vec<f64> = (0..300).map(|k| (f64::from(k) * 0.1).sin()).collect();
+        let mut y: Vec<f64> = u.iter().zip(0..).map(|(u, k)| u + 0.01 * f64::from(k * 7919 % 13)).collect();
+        y[70..75].fill(f64::NAN);
+        let parts = [(&y[..180], &u[..180]), (&y[180..], &u[180..])];
+        let record = Cells::new(&parts, 1).with_changes(vec![vec![120.3, 40.0], vec![60.5]]);
+        for structure in [Noise::Still, Noise::Input, Noise::Both, Noise::Slope, Noise::Bends].map(of_two_lags) {
+            let search = Search { record: &record, structure, sign: 1.0 };
+            let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
+            let of = |d: f64, forget: bool| {
+                if forget {
+                    WORKSPACE.take();
+                }
+                let positions = record.positions(&BacklashModel::gap(d, 2));
+                search.innovations(&thetas, search.lanes(), &positions, Wanted::Residuals, |found| {
+                    let of_all = found.residual.iter().flat_map(|r| r.map(f64::to_bits));
+                    of_all.chain(found.sums.yv.map(f64::to_bits)).collect::<Vec<u64>>()
+                })
+            };
+            let anew = of(0.2, true);
+            of(0.1, true);
+            assert!(WORKSPACE.with_borrow(|workspace| workspace.place_of(&search, &thetas, search.lanes()).is_some()));
+            assert!(of(0.2, false) == anew, "{structure:?}");
+        }
+    }
+
+    #[test]
+    fn kept_gains_are_of_one_record_and_one_process() {
+        let (y, u) = ([1.0, 2.0, 1.5, 0.5].repeat(20), [0.0, 1.0, 1.0, 0.0].repeat(20));
+        let record = Cells::new(&[(&y, &u)], 1);
+        let structure = of_two_lags(Noise::Input);
+        let theta = structure.beginning(8.0, 2.4);
+        let (mut slower, mut later) = (theta, theta);
+        slower[0] += 0.1;
+        later[structure.dead_time_at()] += 1.0;
+        let kept = Known::new(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES], 4);
+        let so_many = |record: &Cells, theta: Theta, lanes: usize| {
+            kept.holds(&Search { record, structure, sign: 1.0 }, &[theta; LANES], lanes)
+        };
+        let holds = |record: &Cells, theta: Theta| so_many(record, theta, 4);
+        assert!(
+            so_many(&record, theta, 1) && !so_many(&record, theta, 5),
+            "of those that do not count nothing is kept"
+        );
+        assert!(holds(&record, theta) && holds(&record.clone(), later), "the dead time is the answer's alone");
+        assert!(!holds(&record, slower));
+        assert!(!holds(&record.with_changes(vec![vec![40.0]]), theta));
+        assert!(!holds(&record.with(vec![y.clone()]), theta), "other PV, though its numbers are the same");
+    }
+
+    #[test]
+    fn registers_of_every_width_give_the_same_bits() {
+        let of_lines = [Noise::Slope, Noise::Lines, Noise::Bends];
+        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both].into_iter().chain(of_lines) {
+            for (lags, integrating) in [(2, false), (3, false), (1, true)] {
+                let structure = Structure { lags, integrating, noise };
+                let alone = passed::<Scalar, LANES>(Scalar::new(), structure);
+                assert!(alone.iter().all(|bits| f64::from_bits(*bits).is_finite()));
+                #[cfg(target_arch = "x86_64")]
+                {
+                    #[cfg(debug_assertions)]
+                    use pulp::x86::V2;
+                    use pulp::x86::{V3, V4};
+                    // All eight lanes, and as many registers as are wide enough.
+                    macro_rules! same {
+                        ($instructions:ident: $($registers:literal)*) => {$(
+                            if let Some(simd) = $instructions::try_new()
+                                && $registers * $instructions::F64_LANES > structure.parameters()
+                            {
+                                let bits = passed::<$instructions, $registers>(simd, structure);
+                                assert_eq!(bits, alone, "{structure:?} in {} registers", $registers);
+                            }
+                        )*};
+                    }
+                    // Two numbers a register stand for NEON and WebAssembly. They take the compiler as long as all else here, so
+                    // they are left to `make verify`, whose tests are compiled with assertions.
+                    #[cfg(debug_assertions)]
+                    same!(V2: 4 3 2);
+                    same!(V3: 2 1);
+                    same!(V4: 1);
+                }
+            }
+        }
+    }
+
+    fn of_two_lags(noise: Noise) -> Structure {
+        Structure { lags: 2, integrating: false, noise }
+    }
+}

@@ -287,8 +287,10 @@ def test_no_line_is_drawn_where_nothing_came() -> None:
 
 def test_a_fit_stands_with_its_interval() -> None:
     options = charts.detections([answer("backlash", 2.0, 1.0, 3.0, None)], "%", scale=0.5, dark=True)
-    *_, fits, _ = options["series"]
+    *_, fits = options["series"]
     assert fits["data"][0][1] == 1.0 and [end["coord"][1] for end in fits["markLine"]["data"][0]] == [0.5, 1.5]
+    # The axis reaches the end of its bar: one beyond it would not be drawn.
+    assert options["yAxis"][":max"] == "v => v.max >= 1.5 ? null : 1.5"
 
 
 @pytest.mark.parametrize("tone", [charts.LIGHT, charts.DARK])

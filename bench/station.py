@@ -104,7 +104,7 @@ def _overview(page: Page) -> None:
             for _ in range(5):
                 page.goto(url + "/loop?name=FIC0")
                 page.wait_for_selector("table.plain")  # the last of the page that comes by itself
-                button = page.get_by_role("button", name="Graph")
+                button = page.get_by_role("button", name="Width over time")
                 began = time.monotonic()
                 button.click()
                 page.wait_for_selector(f".wide-dialog [data-drawn='{365 * A_DAY}']")

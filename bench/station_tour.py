@@ -35,7 +35,7 @@ SIZES = {"laptop": (1280, 800), "tablet": (768, 1024), "laptop-200": (640, 400)}
 """A laptop at 200 % has half as many points each way."""
 
 PAGES = {"overview": "/", "loop": "/loop?name=LIC104", "events": "/events", "laboratory": "/laboratory"}
-DIALOGS = ("Graph", "Parameters", "Compensate", "Phase plot", "Step test")
+DIALOGS = ("Width over time", "Parameters", "Compensate", "PV over OP", "Step test")
 LEVEL = "LIC104"
 CALM = "of SP half of the time"
 TOO_MUCH = [f"It is off. {TEXT_OF_STATE[why]}" for why in ("over_compensated", "worse")]
@@ -278,7 +278,7 @@ def _wear(browser: Browser, out: Path) -> None:
         _settle(page)
         page.screenshot(path=out / "wear-loop.png", full_page=True)
         print("  ", " ".join(page.inner_text(".card").split()))
-        page.get_by_role("button", name="Graph").click()
+        page.get_by_role("button", name="Width over time").click()
         page.wait_for_selector("[data-drawn]")
         _settle(page)
         page.screenshot(path=out / "wear-graph.png")

@@ -4,6 +4,7 @@
 const Laboratory = (() => {
   const { project, knobs, most_at_once: AT_ONCE, kept: KEPT, fastest: FASTEST } = data.laboratory;
   const RECORDED = ["sp.out", "noise.out", "pid.out", "stick.out", "watch.d_hat", "watch.delta_t", "watch.last_delta_t", "watch.d", "watch.reason"];
+  const AHEAD = 1000; // s that are simulated before the first picture, so that it has an estimate
   const BUDGET = 6; // ms of a picture's 16.7 that drawing may take before it waits for the next
   const [SP, PV, OP, VALVE, D_HAT, DELTA_T, LAST_DELTA_T, D, REASON] = RECORDED.keys();
   let engine = null;
@@ -35,6 +36,12 @@ const Laboratory = (() => {
     fields();
     controls();
     wrong("");
+  }
+
+  /** Simulates some time at once. */
+  function ahead(seconds) {
+    for (let left = Math.round(seconds / project.h); left > 0; left -= AT_ONCE) scan(Math.min(left, AT_ONCE));
+    late = new Set(charts);
   }
 
   /** Sets variables; all of a knob together, as the tuning of controller and detector. */
@@ -84,6 +91,11 @@ const Laboratory = (() => {
     const n = Math.min(Math.floor(due + 1e-9), AT_ONCE);
     if (n < 1) return false;
     due = Math.min(due - n, AT_ONCE); // what cannot be made is given up
+    scan(n);
+    return true;
+  }
+
+  function scan(n) {
     const found = engine.ask("run", { scans: n, record: RECORDED });
     for (let k = 0; k < n; k += 1) {
       scans += 1;
@@ -100,7 +112,6 @@ const Laboratory = (() => {
       columns = columns.map((column) => column.slice(-KEPT));
       halves = halves.filter((half) => half.to > t[0]);
     }
-    return true;
   }
 
   const speed = () => Math.min(Math.max(Number($("lab-speed").value) || 1, 0.1), FASTEST);
@@ -158,13 +169,13 @@ const Laboratory = (() => {
     const rate = pictures.length;
     $("laboratory").dataset.pictures = String(rate);
     $("laboratory").dataset.t = String(t.at(-1) ?? 0);
-    $("lab-state").textContent = `t = ${duration(Math.round(t.at(-1) ?? 0))} at ${number(speed())} ×, ${rate} pictures a second`;
+    $("lab-state").textContent = `t = ${Math.round(t.at(-1) ?? 0)} s at ${number(speed())} ×`;
     const now = values();
     const rows = [["Estimate", quantity(now["watch.d_hat"], "%OP")], ["Detections", number(now["watch.detections"])],
       ["Half-periods", String(halves.length)], ["u_FF", quantity(now["watch.u_ff"], "%OP")],
       ["Compensation", data.laboratory.standings[now["watch.standing"]] ?? DASH]];
     $("lab-facts").replaceChildren(...facts(rows).children);
-    $("lab-halves").replaceChildren(...halves.slice(-6).reverse().map((half) => h("tr", {}, h("td", { "data-label": "Ended" }, duration(Math.round(half.to))),
+    $("lab-halves").replaceChildren(...halves.slice(-6).reverse().map((half) => h("tr", {}, h("td", { "data-label": "Ended" }, `${Math.round(half.to)} s`),
       h("td", { "data-label": "Δt", class: "n" }, quantity(half.length, "s")), h("td", { "data-label": "Width", class: "n" }, half.reason === "accepted" ? quantity(half.d, "%OP") : DASH),
       h("td", { "data-label": "Verdict" }, h("span", { title: words.reasons[half.reason].meaning }, swatch(half.reason))))));
   }
@@ -233,8 +244,8 @@ const Laboratory = (() => {
     const told = (said) => {
       const { answer } = said.answer;
       const { headline, so } = said.told.parts;
-      const [verdict, gap] = [words.verdicts[answer.verdict], quantity(now["gap.d"], "%OP")];
-      return headline ? `${verdict} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
+      const gap = quantity(now["gap.d"], "%OP");
+      return headline ? `${verdict(answer)} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
     };
     const hears = {
       ready() {},
@@ -289,6 +300,7 @@ const Laboratory = (() => {
     anew();
     asked();
     build();
+    ahead(AHEAD);
     requestAnimationFrame(picture);
   });
 })();

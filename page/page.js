@@ -204,11 +204,11 @@ function offer() {
   const { names } = loops[file.loop];
   const choice = (role) => h("label", {}, data.reading.columns.labels[role],
     h("select", { onchange: (event) => { file.columns[role] = event.target.value === "" ? null : Number(event.target.value); } },
-      h("option", { value: "" }, "by its name"), h("option", { value: "-1" }, "none"),
+      h("option", { value: "" }, "automatic"), h("option", { value: "-1" }, "none"),
       ...names.map((name, i) => h("option", { value: i }, name || "(no name)"))));
   const order = h("label", {}, "Dates such as 3/4/2025",
     h("select", { id: "time_format", onchange: (event) => { file.time_format = event.target.value || null; } },
-      h("option", { value: "" }, "by the data"), ...["day first", "month first"].map((one) => h("option", {}, one))));
+      h("option", { value: "" }, "automatic"), ...["day first", "month first"].map((one) => h("option", {}, one))));
   const another = (event) => {
     file.loop = Number(event.target.value);
     offer();
@@ -263,7 +263,7 @@ function show(said, from) {
   const section = h("section", { class: provisional ? "loop provisional" : "loop", "aria-live": "polite" },
     provisional ? h("p", { class: "screen going-on" }, `${from}. The fit of OP and PV goes on, and settles the width.`) : null,
     h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, parts.headline),
-      h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
+      h("span", { class: `badge ${answer.valve}` }, verdict(answer))),
     h("div", { class: "verdict" }, h("p", { class: "lead" }, parts.so),
       h("p", { class: "action" }, h("b", {}, "What to do"), parts.do),
       provisional || !["likely", "cannot_tell"].includes(answer.confidence) ? null : h("p", { class: "note screen" },
@@ -397,7 +397,7 @@ function draw(said, op_unit, pv_unit) {
     const lines = [{ label: "OP", stroke: "output" }];
     const drawn = [columns.op];
     if (said.pv) {
-      lines.push({ label: "valve, as the model has it", stroke: "position", width: 2 });
+      lines.push({ label: "valve (model)", stroke: "position", width: 2 });
       drawn.push(interpolated(Array.from(columns.t), said.pv.t, said.pv.valve));
     }
     zoomed.push(chart($("op-picture"), thinned(columns.t, drawn), lines, { y: `OP [${op_unit}]`, t0, height: 230, sync: "recording" }));
@@ -438,9 +438,9 @@ function parallelogram({ pv, answer: { fit: found, answer } }, op, [from, to], o
   }
   const every = Math.ceil(op.length / 4000);
   const few = (values) => values.filter((_, i) => i % every === 0);
-  return [gapPicture(few(op), few(seen), shapes, { x: `OP [${op_unit}]`, y: `${pv.integrating ? "valve, as the model has it" : "PV"} [${pv.integrating ? op_unit : pv_unit}]`, label: "PV against OP, with the fitted gap" }),
+  return [gapPicture(few(op), few(seen), shapes, { x: `OP [${op_unit}]`, y: `${pv.integrating ? "valve (model)" : "PV"} [${pv.integrating ? op_unit : pv_unit}]`, label: "PV against OP, with the fitted gap" }),
     h("p", { class: "note" }, answer.width === null ? "PV against OP. A gap shows as a parallelogram: at each turn PV stays while OP crosses it."
-      : "PV against OP. The parallelogram is what the fitted gap makes of a slow cycle, dotted with its 95 % limits.")];
+      : "PV against OP. The parallelogram is a slow cycle through the fitted gap; the dotted ones are its 95 % limits.")];
 }
 
 function likelihood(pv, found, answer, op_unit) {

@@ -143,7 +143,7 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
     from glapp.service.options import MonitorOptions
     from glapp.service.server import node_values
     from glapp.service.store import Store
-    from glapp.station.view import LIKELY, View
+    from glapp.station.view import View
 
     core, result = plain(decided(recording)), glapp.analyze(recording)
     found = differences(core, plain(asdict(result.answer)), "notebook")
@@ -176,7 +176,7 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
         found += differences(core, one, "window")
         [shown] = station.rows()
         found += differences(core["width_percent_span"], shown.percent, "window percent")
-        verdict = LIKELY if core["confidence"] == "likely" else words.VERDICTS[core["verdict"]]
+        verdict = words.LIKELY if core["confidence"] == "likely" else words.VERDICTS[core["verdict"]]
         found += differences(verdict, shown.verdict, "window verdict")
     finally:
         store.close()

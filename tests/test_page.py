@@ -395,6 +395,9 @@ def test_a_link_opens_the_laboratory_with_its_settings(browser: Any) -> None:
 def test_the_laboratory(page: Any) -> None:
     page.bring_to_front()  # a page behind another draws no pictures
     page.click("#go-laboratory")
+    # It opens with an estimate, after 1000 simulated seconds.
+    page.locator("#lab-facts div", has_text="Estimate").get_by_text("1.95").wait_for()
+    page.click("#lab-anew")
     # A short record: its fit has one thread, and a tenth of the speed that it has elsewhere.
     page.click("[data-speed='10']")
     page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 12")

@@ -209,7 +209,7 @@ def test_shares_of_manual_limits_and_quality() -> None:
             flags[:rows] = bit
             found = look(t, sp, pv, op, flags)[code]
             assert found.severity == severity
-            assert (f"{rows // 10}%" if rows > 5 else "0.5%") in found.text
+            assert (f"{rows // 10}\u00a0%" if rows > 5 else "0.5\u00a0%") in found.text
 
 
 def test_times() -> None:
@@ -238,7 +238,10 @@ def test_non_numbers() -> None:
     t, sp, pv, op = loop(n=1000)
     pv[100:105] = np.nan
     found = look(t, sp, pv, op)["not_a_number"]
-    assert found.severity == "info" and "PV is not a number in 5 of 1000 rows (0.5%), first row 102" in found.text
+    assert (
+        found.severity == "info"
+        and "PV is not a number in 5 of 1000 rows (0.5\N{NO-BREAK SPACE}%), first row 102" in found.text
+    )
     pv[:500] = np.inf
     assert look(t, sp, pv, op)["not_a_number"].severity == "warning"
     assert look(t, sp, pv * np.nan, op)["not_a_number"].severity == "refuse"

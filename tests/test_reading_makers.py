@@ -5,6 +5,7 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from bench.makers import FORMS, guide
 from bench.makers.score import of
@@ -12,6 +13,7 @@ from bench.makers.score import of
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_recordings
+from glapp.reading.csv import PACKED
 from glapp.recording import joined
 
 
@@ -122,6 +124,33 @@ def test_lines_of_json_have_their_line(tmp_path):
     lines[4] = lines[4][:-3]
     with pytest.raises(InputError, match="row 5: is not an object of JSON"):
         read(tmp_path, "x.jsonl", "\n".join(lines))
+
+
+@pytest.mark.parametrize("packing", ["gzip", "bz2", "zstd"])
+def test_what_is_read_whole_may_be_packed(tmp_path, packing):
+    """It was taken for a table of text: only CSV was unpacked."""
+    rows = [{"time": k, "sp": 50, "pv": pv, "op": op} for k, pv, op in ROWS]
+    cells = "".join(f"<tr><td>{k}</td><td>50</td><td>{pv}</td><td>{op}</td></tr>" for k, pv, op in ROWS)
+    head = "<tr><td>time</td><td>SP</td><td>PV</td><td>OP</td></tr>"
+    points = [f"pid sp=50,pv={pv},op={op} {1763100000 + k}000000000" for k, pv, op in ROWS]
+    ending = next(end for end, how in PACKED.items() if how == packing)
+    for name, text in (
+        ("F1.json", json.dumps(rows)),
+        ("F1.jsonl", "\n".join(map(json.dumps, rows))),
+        ("F1.html", f"<html><table>{head}{cells}</table></html>"),
+        ("F1.txt", "\n".join(points)),
+    ):
+        path = tmp_path / (name + ending)
+        with pa.CompressedOutputStream(str(path), packing) as file:
+            file.write(text.encode())
+        [recording] = open_recordings(path)
+        plain = read(tmp_path, name, text)
+        got = joined(list(recording.batches()))
+        np.testing.assert_array_equal(got.pv, [pv for _, pv, _ in ROWS])
+        assert recording.name in plain and got.t.tolist() == plain[recording.name].t.tolist()
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(InputError, match=r"F1\.txt\..*: (cannot be read|is )"):
+        open_recordings(path)
 
 
 def test_a_form_without_names_asks_for_columns(tmp_path):

@@ -660,7 +660,7 @@ def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -
     texts = replace(worn, fit=fit).texts()
     assert "likelihood" not in texts["so"] + texts["do"]
     assert texts["why"][0] == "a gap: likelihood ratio 41, 40 needed.".capitalize()
-    assert words.basis(replace(worn, fit=fit)) == "evidence strong" and words.basis(worn) == "simple method alone"
+    assert words.basis(replace(worn, fit=fit)) == "strong evidence" and words.basis(worn) == "simple method alone"
     write_report([replace(worn, fit=fit)], file := tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
     assert text.index('<details class="why">') < text.index("likelihood ratio 41")
@@ -687,7 +687,7 @@ def test_the_parallelogram_is_as_wide_as_the_fitted_gap(worn: Result) -> None:
         for k in (0, 1):
             assert line.x[k] - line.x[3 - k] == pytest.approx(width) and line.y[k] == line.y[3 - k]
     assert gap.y[1] - gap.y[0] == pytest.approx(0.5 * (gap.x[1] - gap.x[0])), "its slope is the process gain"
-    assert {trace.name for trace in drawn["why"].data} == {"OP", "valve, as the model has it", "SP", "PV"}
+    assert {trace.name for trace in drawn["why"].data} == {"OP", "valve (model)", "SP", "PV"}
     whole = np.ptp(drawn["why"].data[0].x)
     assert np.ptp(drawn["why"].layout.xaxis.range) < 0.5 * whole and len(recorded.x) < 6000, "a stretch, not all"
     bound = loop_figures(fitted(worn, "at_least", 2.5, None))["gap"].data
@@ -701,7 +701,7 @@ def test_a_gap_that_was_not_found_is_not_drawn(worn: Result, tmp_path: Path) -> 
     assert [trace.name for trace in drawn["gap"].data] == ["recorded"]
     [file] = write_report([fitted(worn, "cannot_tell", 0.0, None)], tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
-    assert "Why it is believed" not in text and "What was recorded" in text
+    assert "the valve by the model" not in text and "What was recorded" in text
 
 
 def test_op_that_is_thinned_too_much_is_not_drawn_beside_the_window(worn: Result) -> None:
@@ -717,7 +717,7 @@ def test_a_fitted_loop_has_all_its_pictures(worn: Result, tmp_path: Path) -> Non
     [file] = write_report([fitted(worn)], tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
     assert sorted(re.findall(r'data-key="loop-[^"]*" data-name="(\w+)"', text)) == ["fit", "gap", "time", "why"]
-    assert "Why it is believed" in text and words.SURE_OF_LIMITS in text
+    assert "What was recorded, and the valve by the model" in text and words.SURE_OF_LIMITS in text
 
 
 def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
@@ -728,7 +728,7 @@ def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
     by_hand = glapp.simulate.closed_loop(plant, (0.5, 10, 0, 0), manual=steps, **run_of, filter_in_loop=True)
     result = glapp.analyze(glapp.recording_from(by_hand.to_arrow()), fit=False)
     assert result.step_test is not None and result.step_test.d == pytest.approx(2.0, abs=0.1)
-    used = re.compile(r"The step test in this recording gives [\d.]+\s%OP \([\d.]+ to [\d.]+\)")
+    used = re.compile(r"Use the step test in this recording: it gives [\d.]+\s%OP \([\d.]+ to [\d.]+\)")
     assert used.search(words.next_step(result)), "refused, since it was never in automatic"
     limit = a_loop(op_span=(0, 100), acceptable_dead_band=None)
     for verdict in ("backlash", "both", "at_least", "cannot_tell"):

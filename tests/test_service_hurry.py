@@ -33,6 +33,16 @@ async def seen(monitor: Monitor, loop: str, **settings: float) -> None:
     await monitor.commands.change(loop, settings, "eve", "engineer")
 
 
+def test_a_service_takes_the_settings_of_a_plant_that_hurries(tmp_path: Path) -> None:
+    """It did not: u_FF of `glapp station --demo --days 40 --scan 60` was faster than may be set."""
+    plant = SimPlant(1, scan=SCAN, speed=20_000.0)
+    [loop] = parse_settings(plant.settings(), "loops.toml", tmp_path)
+    assert loop.opcua.u_ff_limit is not None and loop.opcua.u_ff_rate is not None
+    most = {loop.name: (loop.opcua.u_ff_limit, loop.opcua.u_ff_rate)}
+    monitor = Monitor([loop], Store(tmp_path), options=OPTIONS, compensable=most)
+    assert monitor.loops[loop.name].compensator is not None
+
+
 def test_the_clock_on_the_wall_counts_once_the_plant_has_caught_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """The window tells how old what the service wrote is: between two scans of a minute that is not a minute."""
 

@@ -86,7 +86,7 @@ def client_of(app: FastAPI, folder: Path) -> ApiClient:
 @pytest.mark.slow
 def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
     rows = view.rows()
-    assert [(row.loop, row.soon) for row in rows] == [("FIC0", "First"), ("FIC2", "Signal"), ("FIC1", "Signal")]
+    assert [(row.loop, row.soon) for row in rows] == [("FIC0", "Now"), ("FIC2", "Signal"), ("FIC1", "Signal")]
     first = rows[0]
     assert first.width == "2.40 % (2.15 to 3.11)" and first.percent == 2.4 and first.verdict == "Backlash"
     assert first.todo == "Look at the valve." and first.health == "Maintenance required"
@@ -125,6 +125,16 @@ def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
         view.loops["FIC0"] = loops()[0].model_copy(update={"sample_time": sample})
         assert view.silent("FIC0") is silent, (seen, heard, sample)
     assert view.silent("not watched any more")
+
+
+def test_no_loop_of_a_plant_that_catches_up_is_silent(view: View) -> None:
+    """Each sent people to its transmitter: values of hours come at once, and minutes of the plant's time apart."""
+    assert view.at is not None
+    view.shown["loops"]["FIC0"] |= {"seen": view.at - 700.0, "heard": None, "good": True}
+    assert view.silent("FIC0")
+    view.shown["behind"] = {"seconds": 1e6, "left": 60.0}
+    row = next(row for row in view.rows() if row.loop == "FIC0")
+    assert not view.silent("FIC0") and row.soon != "Signal" and "transmitter" not in row.todo
 
 
 def test_a_loop_whose_first_value_has_not_come_yet_is_not_silent(view: View) -> None:
@@ -277,8 +287,10 @@ def test_no_line_is_drawn_where_nothing_came() -> None:
 
 def test_a_fit_stands_with_its_interval() -> None:
     options = charts.detections([answer("backlash", 2.0, 1.0, 3.0, None)], "%", scale=0.5, dark=True)
-    *_, fits, _ = options["series"]
+    *_, fits = options["series"]
     assert fits["data"][0][1] == 1.0 and [end["coord"][1] for end in fits["markLine"]["data"][0]] == [0.5, 1.5]
+    # The axis reaches the end of its bar: one beyond it would not be drawn.
+    assert options["yAxis"][":max"] == "v => v.max >= 1.5 ? null : 1.5"
 
 
 @pytest.mark.parametrize("tone", [charts.LIGHT, charts.DARK])

@@ -31,7 +31,7 @@ def under_way(page: Any) -> None:
 def test_overview_loop_and_events(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     row = page.locator(".ag-row", has_text="Backlash").first
-    assert "2.40 % (2.15 to 3.11)" in row.inner_text() and "First" in row.inner_text()
+    assert "2.40 % (2.15 to 3.11)" in row.inner_text() and "Now" in row.inner_text()
     page.get_by_label("Search").fill("FIC0")
     page.wait_for_function("document.querySelectorAll('.ag-center-cols-container .ag-row').length === 1")
     with page.expect_download() as download:
@@ -43,8 +43,8 @@ def test_overview_loop_and_events(browser: Any, window: Window) -> None:
     assert page.locator(".one").inner_text() == "2.40 %"
     unfolded(page)
     page.get_by_text("too short").or_(page.get_by_text("accepted")).first.wait_for()
-    page.get_by_role("button", name="Graph").click()
-    page.get_by_text("Each dot is a half-period").wait_for()
+    page.get_by_role("button", name="Width over time").click()
+    page.get_by_text("A dot is a half-period").wait_for()
     assert page.locator(".wide-dialog canvas").count() == 1
     page.keyboard.press("Escape")
     page.get_by_role("link", name="Events").click()
@@ -188,7 +188,7 @@ def test_the_overview_takes_what_changes(browser: Any, window: Window) -> None:
 def test_detections_are_drawn_before_and_under_compensation(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
-    page.get_by_role("button", name="Graph").click()
+    page.get_by_role("button", name="Width over time").click()
     page.wait_for_selector(".wide-dialog [data-drawn]")
     told = page.evaluate("fetch('/api/loops/FIC0/detections').then((reply) => reply.json())")
     under = sum(told["compensated"])
@@ -267,7 +267,7 @@ def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page.get_by_role("button", name="Compensate").click()
     enable = page.get_by_role("button", name="Enable compensation of FIC0")
     enable.wait_for()
-    assert enable.is_disabled() and page.get_by_text("First use this width.").is_visible()
+    assert enable.is_disabled() and page.get_by_text("Press “Use this width” first.").is_visible()
     page.get_by_text("The width is 2.15 %, the lower limit of the fit").wait_for()
     page.get_by_label("typed width").fill("0")
     page.get_by_text("typed", exact=True).click()
@@ -335,7 +335,7 @@ def test_a_slow_network(browser: Any, window: Window) -> None:
     assert page.locator(".one").inner_text() == "2.40 %"
     page.get_by_role("button", name="Fit now").click()
     page.get_by_text("FIC0 is fitted as soon as").wait_for()
-    page.get_by_role("button", name="Graph").click()
+    page.get_by_role("button", name="Width over time").click()
     page.wait_for_selector(".wide-dialog [data-drawn]")
     page.goto(window.url + "/events")
     page.locator(".ag-row", has_text="fit").first.wait_for()
@@ -378,7 +378,7 @@ def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
         page.get_by_text(re.compile("Not done: the service does not answer")).wait_for()
         window.say("no database")
         page.get_by_text(re.compile("The database cannot be read: .* holds no glapp.db")).wait_for()
-        page.get_by_role("button", name="Graph").click()
+        page.get_by_role("button", name="Width over time").click()
         page.locator(".q-notification__message", has_text="holds no glapp.db").wait_for()
         assert page.locator(".one").inner_text() == "2.40 %"  # what is known is still there
         assert page.wrong == []

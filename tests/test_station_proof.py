@@ -101,7 +101,7 @@ def test_from_likely_to_found_to_repaired(browser: Any, plant: Plant) -> None:
         ("Longest test", "30"),
     ):
         page.get_by_label(label).fill(value)
-    page.get_by_role("button", name="Plan", exact=True).click()
+    page.get_by_role("button", name="Plan the test").click()
     begin = page.get_by_role("button", name="Begin the guided test")
     begin.wait_for(timeout=1000 * PLAN_TAKES)
     assert re.search(r"It decides in \d+ %", page.locator("body").inner_text())

@@ -15,10 +15,10 @@ pytestmark = [pytest.mark.verify, pytest.mark.xdist_group("station by keyboard")
 
 PAGES = {"overview": "/", "loop": "/loop?name=FIC0", "events": "/events", "laboratory": "/laboratory"}
 DIALOGS = {
-    ("loop", "Graph"): "Each dot is a half-period",
+    ("loop", "Width over time"): "A dot is a half-period",
     ("loop", "Parameters"): "Who changed what, when",
     ("loop", "Compensate"): "Who did what, when",
-    ("loop", "Phase plot"): "flanks",
+    ("loop", "PV over OP"): "flanks",
     ("loop", "Step test"): "in automatic all the time",
     ("laboratory", "Build another loop"): "wires, one a line",
 }

@@ -32,7 +32,6 @@ SHOWING = [
 #: What stands beside answers there: beginnings of texts, and why they are none of the catalogue's.
 BESIDE = {
     "labels of figures, tables and pictures": [
-        "valve, as the model has it",
         ", the nominal limit: none was given",
         "OP travel by the PI law",
         "not excluded by OP and PV",
@@ -134,7 +133,6 @@ BESIDE_ON_THE_PAGE = {
         "The gap from OP and PV",
         "${from}. The fit of OP",
         "${shown.from}. The fit",
-        "valve, as the model has it",
         "Filter of the detector",
         "PV and SP over time",
         "likelihood over the width",
@@ -153,7 +151,7 @@ BESIDE_ON_THE_PAGE = {
         "Joining what the windows",
         "Looking at quality",
         "${stage} ${said.windows}",
-        "${verdict} ${headline}",
+        "${verdict(answer)} ${headline}",
         "${so} The true gap",
         "The fit was ended",
         "Fit what is recorded",

@@ -17,6 +17,7 @@ from statistics import NormalDist
 from typing import Any, Literal, get_args
 
 from .errors import InputError
+from .reading.files import check_file
 from .result import Answer, Result, span_of
 
 __all__ = [
@@ -116,6 +117,7 @@ def read_labels(path: Path) -> list[Label]:
     >>> label.found, label.width, label.row
     ('gap', 2.5, 2)
     """
+    check_file(path, str(path))
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

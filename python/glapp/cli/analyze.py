@@ -210,7 +210,7 @@ def _name(result: Result) -> str:
 def _verdict(result: Result, probable: bool = False) -> Text:
     """The one verdict, whether its width is acceptable, and if asked how probable a gap is where that is open."""
     answer = result.answer
-    parts = [words.VERDICTS[answer.verdict].lower()]
+    parts = [words.verdict(result).lower()]
     if answer.acceptable is not None and answer.acceptable != "open":
         parts.append("too wide" if answer.acceptable == "beyond" else "acceptable")
     if probable and answer.confidence in ("likely", "cannot_tell") and answer.p_gap is not None:

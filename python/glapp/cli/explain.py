@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -96,11 +97,16 @@ def _nearest(result: Result, t: float, at: str) -> int:
 
 def _list(result: Result) -> None:
     from ..report.words import REASONS as WORDS
-    from ..report.words import clock, number
+    from ..report.words import clock, count, crossing, number
 
     h = result.half_periods
     pv, op = result.loop.pv_unit or "PV unit", result.unit
     each = range(h.count)
+    counts = Counter(WORDS[REASONS[reason]].label for reason in h.reason)
+    verdicts = ", ".join(f"{n} {label}".replace(" ", "\u00a0") for label, n in counts.most_common())
+    width = crossing(result) or "no estimate"
+    out.print(f"{one_line(result.name)}: {count(h.count, 'half-period')}, {verdicts}; {width}.", style="bold")
+    out.print("Details: --at TIME\n")
     show_table(
         [
             Column("From", [clock(result.t0, h.t_start[i]) for i in each]),

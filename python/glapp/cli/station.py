@@ -21,6 +21,8 @@ from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, s
 
 __all__ = ["station"]
 
+_LONGEST = 180.0  # [s]: the demonstration's service takes 4 s on an idle machine
+
 
 def station(
     data: Annotated[
@@ -78,6 +80,12 @@ async def _serve(
     app = app_of(made, hosts, secure=given["certificate"] is not None, first_login=known)
     opened = ApiServer(app, **given)
     out.print(f"The window is at {opened.url}.", soft_wrap=True)
+    if not (data / "glapp.db").exists():
+        out.print(
+            f"No service has written to {data} yet, so there is nothing to show. glapp station --demo has six "
+            f"simulated loops; glapp watch LOOPS.toml --data {data} watches your own.",
+            soft_wrap=True,
+        )
     if known is not None:
         out.print("It is a demonstration: name and password are filled in.", soft_wrap=True)
     say_first_login(data)
@@ -112,10 +120,12 @@ def _demo(data: Path, loops: int | None, days: float | None, scan: float | None)
         start_new_session=True,  # Ctrl-C is for the window, which then ends this one
     )
     try:
-        until = time.monotonic() + 60.0
+        until = time.monotonic() + _LONGEST
         while not (data / "api-url").exists():
-            if child.poll() is not None or time.monotonic() > until:
+            if child.poll() is not None:
                 raise CommandError(f"the service did not start: {data / 'demo.log'} tells why")
+            if time.monotonic() > until:
+                raise CommandError(f"the service did not start within {_LONGEST:.0f} s; is the machine busy?")
             time.sleep(0.2)
         yield
     finally:

@@ -13,7 +13,7 @@ from ..loop import Loop
 from ..recording import Recording
 from . import apart, bounds
 from .columns import SignalColumns, choose, is_long
-from .csv import CsvSource, encoding_of
+from .csv import PACKED, CsvSource, encoding_of
 from .each import all_or_none, each
 from .excel import sheets
 from .files import check_file, name_of
@@ -30,7 +30,6 @@ from .values import words
 from .wide import WideRecording
 
 _BEGINNING = 1 << 16
-_PACKED = (b"\x1f\x8b", b"BZh", b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18")
 
 __all__ = ["first_rows", "open_each", "open_recordings", "recording_from"]
 
@@ -174,23 +173,24 @@ def _open(path: Path, label: str) -> list[Source]:
 
 
 def _text(path: Path, label: str) -> Source:
-    """A table of text, JSON, a web page or an export of InfluxDB."""
-    with path.open("rb") as file:
-        raw = file.read(_BEGINNING)
-    if raw.startswith(_PACKED):
-        return CsvSource(str(path), label)
+    """A table of text, JSON, a web page or an export of InfluxDB, packed or not."""
     try:
+        raw = _unpacked(path, _BEGINNING)
         encoding = encoding_of(raw, len(raw) < _BEGINNING, label)
-    except InputError:  # told by the reader of text
+    except (InputError, OSError, pa.ArrowException):  # told by the reader of text
         return CsvSource(str(path), label)
     beginning = raw.decode(encoding, "replace").lstrip("\ufeff \t\r\n")
 
     def whole() -> str:
-        size = path.stat().st_size
-        if size > bounds.WHOLE:
-            what = f"has {size >> 20} MiB, and what is read whole at most {bounds.WHOLE >> 20} MiB"
-            raise InputError(what, file=label, value=size, hint="export less at a time, or write CSV or Parquet")
-        return path.read_bytes().decode(encoding, "replace")
+        try:
+            data = _unpacked(path, bounds.WHOLE + 1)
+        except (OSError, pa.ArrowException) as error:
+            raise InputError(f"cannot be read: {error}", file=label) from None
+        if len(data) > bounds.WHOLE:
+            what = f"has more than the {bounds.WHOLE >> 20} MiB that are read whole"
+            hint = "export less at a time, or write CSV or Parquet"
+            raise InputError(what, file=label, bound=f"≤ {bounds.WHOLE >> 20} MiB", hint=hint)
+        return data.decode(encoding, "replace")
 
     if is_annotated(beginning):
         return annotated(whole(), label)
@@ -201,6 +201,17 @@ def _text(path: Path, label: str) -> Source:
     if beginning.startswith(("{", "[{", "[[", "[ {", "[\n", "[\r")) and (data := parsed(whole(), label)) is not None:
         return table_of(data, label)
     return CsvSource(str(path), label)
+
+
+def _unpacked(path: Path, most: int) -> bytes:
+    """The first bytes of a file, unpacked where its ending says that it is packed."""
+    packing = PACKED.get(path.suffix.lower())
+    with pa.OSFile(str(path)) as file:
+        stream = pa.CompressedInputStream(file, packing) if packing else file
+        data = bytearray()
+        while len(data) < most and (more := stream.read(min(most - len(data), 1 << 22))):
+            data += more
+        return bytes(data)
 
 
 def _recordings(

@@ -32,7 +32,7 @@ from .heads import begins_with_data, body_end, head_of, holds_data
 from .source import Source
 from .values import digits_of, null_spellings, unit_of
 
-__all__ = ["CsvSource", "encoding_of"]
+__all__ = ["PACKED", "CsvSource", "encoding_of"]
 
 _SAMPLE = 1 << 16
 _LINES = 20
@@ -43,7 +43,8 @@ _AT_ONCE = 512
 _THREADS = min(os.cpu_count() or 1, 4)
 _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
-_COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
+PACKED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
+"""How a file of that ending is packed."""
 
 
 class CsvSource(Source):
@@ -62,7 +63,7 @@ class CsvSource(Source):
         self._path = path
         self._starts: list[tuple[int, int]] | None = None
         self._counting = Lock()
-        self._compression = _COMPRESSED.get(Path(path).suffix.lower())
+        self._compression = PACKED.get(Path(path).suffix.lower())
         self._size = Path(path).stat().st_size
         raw, whole = self._beginning()
         self._sampled = len(raw)

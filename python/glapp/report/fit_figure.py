@@ -53,7 +53,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
     every = slice(None, None, max(1, len(t) // MOST))
     lines = [("OP", op, {"color": OUTPUT, "width": 1.4}, 1, unit)] if fine else []
     if f.found or not fine:
-        lines.append(("valve, as the model has it", valve, {"color": POSITION, "width": 2.2}, 1, unit))
+        lines.append(("valve (model)", valve, {"color": POSITION, "width": 2.2}, 1, unit))
     if _has_values(trace, "sp") and not position:
         sp = np.interp(t, trace.t, _middle(trace, "sp"))
         lines.append(("SP", sp, {"color": INK, "width": 1.2, "dash": "6px,3px"}, 2, pv_unit))
@@ -91,7 +91,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
         gain, _ = np.polyfit(valve, f.best["predicted"][stretch], 1) if np.ptp(valve) > 0 else (1.0, 0.0)
         name, axis = "valve, measured", "% travel"
     elif f.best["integrating"]:  # PV against OP has no shape of its own
-        gain, seen, name, axis, recorded = 1.0, valve, "valve, as the model has it", unit, "model"
+        gain, seen, name, axis, recorded = 1.0, valve, "valve (model)", unit, "model"
     else:
         gain = f.best["kp"]
     middle = float(np.median(seen - gain * valve))

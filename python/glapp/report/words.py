@@ -46,6 +46,9 @@ NAMES = tuple(REASONS)
 #: The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
 VERDICTS = _catalogue_of("verdict")
 
+#: In place of the verdict, where the ladder calls a gap likely.
+LIKELY = to_text("answer.likely", {})
+
 #: What is known of a valve.
 VALVES = _catalogue_of("valve")
 
@@ -154,6 +157,11 @@ def summary(results: Sequence[Result]) -> str:
             [{"valve": a.valve, "urgency": a.urgency, "next": a.next.code, "acceptable": a.acceptable} for a in answers]
         )
     )
+
+
+def verdict(result: Result) -> str:
+    """Name the one verdict, as every list shows it."""
+    return LIKELY if result.answer.confidence == "likely" else VERDICTS[result.answer.verdict]
 
 
 def headline(result: Result) -> str:

@@ -35,7 +35,8 @@ from ..estimate import Estimator
 from ..loop import Loop
 from ..modules import Plant, ProcessSim
 from ..writing import write_file
-from .fits import answered
+from .fits import answered, event_text
+from .options import NIGHT
 from .plant import Kind, SimLoop
 from .recordings import SignalStore
 from .resampler import Resampler
@@ -166,7 +167,7 @@ def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now
     events = [Event(now, None, "demonstration", "a simulated plant: what is older than this was simulated in advance")]
     for name, answer in answers(today).items():
         store.add_answer(name, answer)
-        events.append(Event(answer["time"], name, "answer", f"{answer['verdict']}: {answer['reason']}"))
+        events.append(Event(answer["time"], name, "answer", event_text(answer)))
     store.add([], halves, sorted(events, key=lambda event: event.time))
     store.save(position, states)
 
@@ -211,7 +212,7 @@ def made(loop: str | None = None) -> dict[str, dict[str, Any]]:
             if loop in (None, one.name):
                 row = answered(Path(folder), one.model_dump_json(exclude_unset=True), first, last)
                 row["document"] = json.loads(row["document"])
-                found[one.name] = {"time": last + 60.0 * i, "asked_by": "the night", **row}
+                found[one.name] = {"time": last + 60.0 * i, "asked_by": NIGHT, **row}
     return found
 
 

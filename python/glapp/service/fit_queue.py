@@ -12,9 +12,9 @@ from typing import Any
 
 from ..errors import InputError
 from .apart import apart
-from .fits import answered
+from .fits import answered, event_text
 from .journal import Journal
-from .options import MonitorOptions
+from .options import NIGHT, MonitorOptions
 from .signal import Event
 from .store import Reader, StoreFull
 from .watched import WatchedLoop
@@ -110,8 +110,7 @@ class FitQueue:
         row = {"time": self._clock(), "asked_by": person, **answer}
         await asyncio.to_thread(self._journal.store.add_answer, name, row)
         self._loops[name].answer = (await asyncio.to_thread(self._reader.answers, name, 1))[0]
-        text = f"{answer['verdict']}: {answer['reason']}"
-        self._journal.add_event(Event(row["time"], name, "answer", text))
+        self._journal.add_event(Event(row["time"], name, "answer", event_text(answer)))
 
     async def _nights(self) -> None:
         while True:
@@ -121,7 +120,7 @@ class FitQueue:
             # The loop with the oldest answer comes first: what one night is too short for, the next begins with.
             ordered = sorted(self._loops.values(), key=lambda w: -math.inf if w.answer is None else w.answer["time"])
             for watched in ordered:
-                self.ask(watched.loop.name, "the night")
+                self.ask(watched.loop.name, NIGHT)
 
     def next_night(self) -> float:
         """When the next fits of a night begin, by the service's clock [s since 1970 UTC]."""

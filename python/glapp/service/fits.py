@@ -19,7 +19,19 @@ from .recordings import SignalStore
 from .repairs import repaired_at
 from .store import NAME, Reader
 
-__all__ = ["answered", "row_of"]
+__all__ = ["answered", "event_text", "row_of"]
+
+
+def event_text(row: Mapping[str, Any]) -> str:
+    """What an event says of an answer: the sentence that leads it everywhere.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of `answers`.
+    """
+    [loop] = json.loads(row["document"])["analysis"]["loops"]
+    return str(loop["answer"]["so"])
 
 
 def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 
-__all__ = ["MonitorOptions"]
+__all__ = ["NIGHT", "MonitorOptions"]
+
+NIGHT = "the night"
+"""Who asked for a fit that nobody asked for."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -469,6 +469,8 @@ class SimPlant:
         """Text of a loops.toml for it."""
         lines = ["[defaults]", "pv_span = [0, 100]", 'pv_unit = "%"', "op_span = [0, 100]", "auto_values = [1]", ""]
         lines += ["[opcua]", f'url = "{self.url}"', f'watchdog = "{_text("Watchdog")}"', ""]
+        # Per second on the wall; what a service takes is ten times OP's range.
+        rate = min(0.5 * self._speed, 10.0 * 100.0)
         for loop in self._loops.values():
             kind, name = loop.kind, loop.name
             lines += [f"[loops.{name}]", f"controller = {{ k = {kind.k:g}, ti = {kind.ti * self._scan:g} }}"]
@@ -480,7 +482,7 @@ class SimPlant:
             lines += ["", f"[loops.{name}.opcua]"]
             tags = [s for s in Signal if s is not Signal.POSITION]
             lines += [f'{signal} = "{_text(f"{name}.{_NAMES[signal]}")}"' for signal in tags]
-            lines += ["u_ff_limit = 3.0", f"u_ff_rate = {0.5 * self._speed:g}", ""]  # per second on the wall
+            lines += ["u_ff_limit = 3.0", f"u_ff_rate = {rate:g}", ""]
         return "\n".join(lines)
 
     def fault(self, kind: str, loop: str | None = None, seconds: float = math.inf) -> None:

@@ -13,7 +13,7 @@ from ..step_test import StepTest
 
 __all__ = ["PART", "VALVE", "detections", "effect", "lab", "live", "nothing", "phase", "shades", "step_test"]
 
-VALVE = "valve, as the model has it"
+VALVE = "valve (model)"
 """OP after a gap of the width that was found."""
 
 DRAWN = 2000
@@ -71,11 +71,17 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     return {
         "animation": False,
         "backgroundColor": "transparent",
-        "textStyle": {"color": tone["ink"], "fontFamily": "system-ui, sans-serif"},
+        "textStyle": {"color": tone["ink"], "fontFamily": "Roboto, system-ui, sans-serif"},
         "tooltip": {"trigger": "axis", "confine": True, "order": "seriesAsc"},
         "legend": {"textStyle": {"color": tone["ink"]}, "top": 0, "itemHeight": 10, "itemWidth": 16},
         "aria": {"enabled": True},
     }
+
+
+def _of_lines(tone: Mapping[str, str]) -> dict[str, Any]:
+    """The same where all that is drawn are lines, and the legend shows lines."""
+    base = _base(tone)
+    return {**base, "legend": {**base["legend"], "icon": "rect", "itemHeight": 3}}
 
 
 def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> list[list[dict[str, Any]]]:
@@ -131,6 +137,16 @@ def _reach(span: tuple[float, float] | None) -> dict[str, Any]:
     }
 
 
+def _longest(times: Sequence[float]) -> float:
+    """Samples further apart than that are not joined by a line [s].
+
+    >>> _longest([]), _longest([0.0, 10.0, 20.0, 300.0])
+    (15.0, 50.0)
+    """
+    steps = sorted(b - a for a, b in pairwise(times))
+    return max(15.0, 5.0 * steps[len(steps) // 2]) if steps else 15.0
+
+
 def nothing(options: dict[str, Any], why: str, *, dark: bool) -> dict[str, Any]:
     """A picture in which there is nothing to see, and why."""
     style = {"text": why, "fill": _tone(dark)["muted"], "fontSize": 14, "width": 520, "overflow": "break"}
@@ -165,8 +181,7 @@ def live(
         Spans of PV and OP where the axes go by them; where not they go by the signals, and noise may fill the picture.
     """
     tone = _tone(dark)
-    steps = sorted(b - a for a, b in pairwise(values["time"]))
-    longest = max(15.0, 5.0 * steps[len(steps) // 2]) if steps else 15.0
+    longest = _longest(values["time"])
 
     def line(name: str, axis: int, color: str, x_of: Sequence[Any] | None = None, **more: Any) -> dict[str, Any]:
         data: list[list[Any]] = []
@@ -194,7 +209,7 @@ def live(
     if valve is not None:
         series.append(line(VALVE, 1, tone["after"], valve, width=2.5))
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "axisPointer": {"link": [{"xAxisIndex": "all"}]},
         "grid": [
             {"left": 56, "right": 16, "top": 46, "height": "38%"},
@@ -303,11 +318,29 @@ def detections(
         for a in fits
         if a["low"] is not None and a["high"] is not None
     ]
+    # A bar whose end is above the axis would not be drawn at all.
+    top = math.ceil(2.0 * max((bar[1]["coord"][1] for bar in bars), default=0.0)) / 2.0
+    recorded = [
+        [1000.0 * datetime.fromisoformat(one["t0"]).timestamp(), one["d"] * scale]
+        for one in alone
+        if one["t0"] is not None and one["d"] is not None and one["left_out"] is None
+    ]
+    by_recording = {
+        "name": "one recording of the fit alone",
+        "type": "scatter",
+        "symbol": "rect",
+        "symbolSize": 8,
+        "data": recorded,
+        "itemStyle": {"color": tone["after"]},
+    }
     return {
         **_base(tone),
         "grid": {"left": 56, "right": 16, "top": 62, "bottom": 64},
         "xAxis": _time(tone),
-        "yAxis": _axis(tone, type="value", name=f"width [{unit}]", min=0),
+        "yAxis": {
+            **_axis(tone, type="value", name=f"width [{unit}]", min=0),
+            ":max": f"v => v.max >= {top!r} ? null : {top!r}",
+        },
         "dataZoom": [{"type": "inside"}, {"type": "slider", "height": 18, "bottom": 8, "showDataShadow": False}],
         "series": [
             dots("detections", tone["pv"], "circle"),
@@ -336,18 +369,7 @@ def detections(
                     "label": {"show": False},
                 },
             },
-            {
-                "name": "one recording of the fit alone",
-                "type": "scatter",
-                "symbol": "rect",
-                "symbolSize": 8,
-                "data": [
-                    [1000.0 * datetime.fromisoformat(one["t0"]).timestamp(), one["d"] * scale]
-                    for one in alone
-                    if one["t0"] is not None and one["d"] is not None and one["left_out"] is None
-                ],
-                "itemStyle": {"color": tone["after"]},
-            },
+            *([by_recording] if recorded else []),
         ],
     }
 
@@ -400,7 +422,7 @@ def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
     below = _time(tone, gridIndex=1) if dated else _axis(tone, type="value", scale=True, gridIndex=1, name="t [s]")
     kind = "time" if dated else "value"
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "grid": [
             {"left": 56, "right": 24, "top": 34, "height": "42%"},
             {"left": 56, "right": 24, "bottom": 26, "height": "28%"},
@@ -422,6 +444,7 @@ def phase(
     *,
     dark: bool,
     flanks: tuple[float, float] | None = None,
+    times: Sequence[float] = (),
 ) -> dict[str, Any]:
     """PV over OP, and the two flanks of a gap: the lines along which PV follows OP up and down, its width apart.
 
@@ -437,6 +460,8 @@ def phase(
         On a dark page.
     flanks : (float, float), optional
         Width of the gap [OP unit] and PV's move per move of the valve; without them no flank is drawn.
+    times : sequence of float, optional
+        When each sample was [s since 1970 UTC]; no line is drawn where none came for a while.
 
     Examples
     --------
@@ -446,11 +471,17 @@ def phase(
     """
     tone = _tone(dark)
     data = [[x, y] for x, y in zip(op, pv, strict=True) if x is not None and y is not None]
+    longest = _longest(times)
+    broken: list[list[Any]] = []
+    for i, pair in enumerate(zip(op, pv, strict=True)):
+        if i and i < len(times) and times[i] - times[i - 1] > longest:
+            broken.append([None, None])
+        broken.append(list(pair))
     series: list[dict[str, Any]] = [
         {
             "name": "recorded",
             "type": "line",
-            "data": data,
+            "data": broken,
             "showSymbol": False,
             "lineStyle": {"color": tone["pv"], "width": 1},
             "itemStyle": {"color": tone["pv"]},
@@ -476,7 +507,7 @@ def phase(
                 }
             )
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "tooltip": {"show": False},
         "grid": {"left": 56, "right": 16, "top": 44, "bottom": 44},
         "xAxis": _axis(tone, type="value", scale=True, name=f"OP [{op_unit}]", nameLocation="middle", nameGap=26),
@@ -526,7 +557,7 @@ def lab(points: Mapping[str, Sequence[Sequence[float]]], *, dark: bool) -> dict[
     tone = _tone(dark)
     colours = [tone["muted"], tone["pv"], tone["op"], tone["after"]]
     return {
-        **_base(tone),
+        **_of_lines(tone),
         "grid": {"left": 56, "right": 16, "top": 40, "bottom": 40},
         "xAxis": _axis(tone, type="value", name="t [s]", nameLocation="middle", nameGap=26, scale=True, splitNumber=6),
         "yAxis": _axis(tone, type="value", scale=True),

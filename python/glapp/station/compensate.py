@@ -102,12 +102,13 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
             return Plan(size, delta, tuple(lines), "Nothing is left of the width after the band.")
     rate = parameters["comp_rate"]
     lines.append(
-        f"Way: {_WAY.get(way, way)}. u_FF moves by {quantity(rate, f'{unit}/s')} at most; no width beyond "
-        f"{quantity(parameters['comp_limit'], unit)} is compensated."
+        f"The way is {_WAY.get(way, way)} (comp_way). u_FF moves by at most {quantity(rate, f'{unit}/s')}; "
+        f"no width beyond {quantity(parameters['comp_limit'], unit)} is compensated."
     )
     release = parameters["comp_release"] if parameters["comp_release"] is not None else parameters["ti"]
     ends = "manual sets u_FF to 0 at once; a bad value, a limit or a lost connection takes it back to 0"
-    lines.append(f"It ends by itself: {ends} in {quantity(release, 's')}, a service that dies by the plant's watchdog.")
+    watchdog = "if the service stops, the plant's watchdog does it"
+    lines.append(f"It ends by itself: {ends} in {quantity(release, 's')}; {watchdog}.")
     if parameters["comp_withdraw"]:
         lines.append("It is withdrawn where the loop swings from too much of it, or is worse than before.")
     else:

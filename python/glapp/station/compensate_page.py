@@ -215,7 +215,7 @@ class CompensationPage:
         elif found.why_not:
             why = found.why_not
         elif not used:
-            why = "First use this width."
+            why = "Press “Use this width” first."
         self.on.props(remove="disable")
         if why:
             self.on.props("disable")

@@ -19,6 +19,7 @@ from ..errors import InputError
 from ..modules import Backlash, Graph, Input, Output
 from ..report.words import MEANINGS, METHODS, NAMES, count, number, quantity, sentence
 from ..service.compensation import TEXT_OF_STATE
+from ..service.options import NIGHT
 from ..service.recordings import SignalStore
 from ..service.settable import Bound
 from . import charts
@@ -26,7 +27,7 @@ from .client import Gone, Refused, loop_path
 from .compensate import why_off
 from .compensate_page import CompensationPage
 from .pages import Station, command, dialog_of, frame, heading, moment, quiet
-from .parameters import FIRST, GROUPS, PARAMETERS, changed, command_text, field
+from .parameters import FIRST, GROUPS, PARAMETERS, allowed, changed, command_text, field
 from .proof_page import ProofCards
 from .sessions import Session
 from .step_test_page import Wizard
@@ -129,10 +130,10 @@ class _Page:
         with ui.element("div").classes("loop"):
             with ui.element("div"):
                 self._answer()
-                self.proof.build()
                 self._buttons()
-                self._values()
+                self.proof.build()
             with ui.element("div"):
+                self._values()
                 self._signals()
                 self._crossings()
 
@@ -149,18 +150,18 @@ class _Page:
             self.progress = ui.label().classes("small medium").props('role="status"')
             with ui.element("details").style("margin-top: 8px") as self.believed:
                 with ui.element("summary"):
-                    ui.label("Why it is believed").style("display: inline")
+                    ui.label("Why").style("display: inline")
                 self.why = ui.element("div").classes("small")
             self.facts = ui.element("dl").classes("facts small")
 
     def _buttons(self) -> None:
         with ui.element("div").classes("card").style("display: grid; grid-template-columns: 1fr 1fr; gap: 8px"):
-            self._button("Graph", self.graph)
-            self._button("Parameters", self.parameters)
-            self._button("Compensate", self.compensate)
+            self._button("Width over time", self.graph)
+            self._button("PV over OP", self.phase)
             self._button("Fit now", self.fit, "operator")
-            self._button("Phase plot", self.phase)
             self._button("Step test", self.step_test)
+            self._button("Compensate", self.compensate)
+            self._button("Parameters", self.parameters)
 
     def _button(self, text: str, what: Callable[[], Awaitable[None]], role: str = "viewer") -> ui.button:
         button = quiet(text, self._reporting(what))
@@ -180,16 +181,15 @@ class _Page:
         return safely
 
     def _values(self) -> None:
-        with ui.element("div").classes("card"):
-            heading("Now", 2)
-            with ui.element("div").classes("values"):
-                self.values = {}
-                for key, text in (("sp", "SP"), ("pv", "PV"), ("op", "OP"), ("u_ff", "u_FF")):
-                    with ui.element("div"):
-                        ui.label(text).classes("small muted")
-                        self.values[key] = ui.label("–").classes("v")
-            self.fresh = ui.label().classes("small muted")
-            self.compensation = ui.label().classes("small").style("margin-top: 6px")
+        with ui.element("div").classes("card"), ui.element("div").classes("values"):
+            self.values = {}
+            for key, text in (("sp", "SP"), ("pv", "PV"), ("op", "OP"), ("u_ff", "u_FF, added to OP")):
+                with ui.element("div"):
+                    ui.label(text).classes("small muted")
+                    self.values[key] = ui.label("–").classes("v")
+            with ui.element("div"):
+                self.fresh = ui.label().classes("small muted")
+                self.compensation = ui.label().classes("small")
 
     def _signals(self) -> None:
         with ui.element("div").classes("card"):
@@ -197,7 +197,7 @@ class _Page:
                 heading("Signals", 2)
                 ui.element("span").classes("grow")
                 if any(self._spans()):
-                    scales = {True: f"Scale: {100 * charts.PART:g} % of span", False: "by noise"}
+                    scales = {True: f"{100 * charts.PART:g} % of span", False: "fit to signals"}
                     ui.toggle(scales, value=True, on_change=self._scale).props("no-caps dense unelevated")
                 ui.toggle(WINDOWS, value=self.window, on_change=self._window).props("no-caps dense unelevated")
             nothing = {k: list[Any]() for k in ("time", "SP", "PV", "OP")}
@@ -373,7 +373,7 @@ class _Page:
             if made is None
             else f"Compensation: {TEXT_OF_STATE[made['standing']]}"
             if made["enabled"]
-            else f"Compensation: {why_off(made)}"
+            else why_off(made).replace("It", "Compensation", 1)
         )
 
     async def seldom(self) -> None:
@@ -396,18 +396,19 @@ class _Page:
     def _show_answer(self, answer: dict[str, Any] | None, status: dict[str, Any]) -> None:
         view = self.station.view
         first, _, rest = view.headline(self.name).partition(" (")
-        self.one.set_text(first or "–")
+        self.one.set_text(first or view.verdict(self.name))
         limits = f"95 % interval {rest.rstrip(')')} {self._unit()}" if rest else ""
         if answer is None and first:
             limits = "by zero crossings alone: a load that moves looks like a gap to them"
-        elif not rest and answer is not None and answer["verdict"] in ("sound", "at_least"):
+        elif not rest and answer is not None and (answer["low"], answer["high"]) != (None, None):
             limits = "with 95 % confidence"
         self.interval.set_text(limits)
         self.verdict.set_text(view.verdict(self.name))
-        urgency = "none" if answer is None else answer["urgency"]
-        self.verdict.classes(remove="high medium unjudged").classes(
-            add="unjudged" if answer is None else urgency if urgency in ("high", "medium") else ""
-        )
+        self.verdict.set_visibility(bool(first))
+        urgency = "unjudged" if answer is None else answer["urgency"]
+        tone = urgency if urgency in ("high", "medium", "unjudged") else ""
+        self.verdict.classes(remove="high medium unjudged").classes(tone)
+        self.one.classes(remove="high medium unjudged text").classes("" if first else f"text {tone}")
         if answer is None:
             so = status.get("why", "")
         else:  # an answer that an older version stored has no sentence of its own
@@ -449,10 +450,12 @@ class _Page:
         counted = [one for one in believed["recordings"] if one["left_out"] is None and one["t0"] is not None]
         if counted:
             days = sorted(one["t0"][:10] for one in counted)
-            rows.append(("Recorded", f"{count(len(counted), 'recording')} of {days[0]} to {days[-1]}"))
+            last = "" if days[-1] == days[0] else f" to {days[-1]}"
+            rows.append(("Recorded", f"{count(len(counted), 'recording')} of {days[0]}{last}"))
         elif believed["file"]:
-            rows.append(("Recorded", believed["file"].removeprefix(f"{self.name} of ") + " UTC and after"))
-        rows.append(("Judged", f"{moment(believed['time'])[:16]}, {believed['asked_by']}"))
+            rows.append(("Recorded", "from " + believed["file"].removeprefix(f"{self.name} of ") + " UTC"))
+        asked_by = "nightly fit" if believed["asked_by"] == NIGHT else f"asked by {believed['asked_by']}"
+        rows.append(("Judged", f"{moment(believed['time'])[:16]}, {asked_by}"))
         if (text := view.trend_text(self.name)) != "–":
             rows.append(("Trend", text))
         return rows
@@ -498,7 +501,7 @@ class _Page:
         scale = self.station.view.percent(self.name, 1.0)
         believed = self.station.view.believed(self.name)
         alone = [] if believed is None else believed["recordings"]
-        with dialog_of(f"{self.name}: detections"):
+        with dialog_of(f"{self.name}: width of the gap over time"):
             options = charts.detections(
                 answers,
                 self._unit(),
@@ -512,11 +515,11 @@ class _Page:
                 options = charts.nothing(
                     options, f"No width yet: the fit gave none. {await self._why_none()}", dark=self.session.dark
                 )
-            chart = ui.echart(options).classes("chart").props('role="img" aria-label="Detections over time"')
+            chart = ui.echart(options).classes("chart").props('role="img" aria-label="Width of the gap over time"')
             ui.run_javascript(f"glapp.detections({chart.id}, {json.dumps(self.name)})")
             ui.label(
-                "Each dot is a half-period that passed every test. Triangles are those under compensation: they "
-                "show what is left of the gap. A fit stands with its 95 % interval."
+                "A dot is a half-period that passed every test; a triangle is one under compensation, which shows what "
+                "is left of the gap. A diamond is a fit, with its 95 % interval."
             ).classes("small muted")
 
     async def _why_none(self) -> str:
@@ -547,7 +550,9 @@ class _Page:
         else:
             why = f"No flanks are drawn: the answer has no width ({self.station.view.verdict(self.name).lower()})."
         with dialog_of(f"{self.name}: PV over OP, last {WINDOWS[self.window]}"):
-            options = charts.phase(values["OP"], seen, title, self.op_unit, dark=self.session.dark, flanks=flanks)
+            options = charts.phase(
+                values["OP"], seen, title, self.op_unit, dark=self.session.dark, flanks=flanks, times=values["time"]
+            )
             if not any(x is not None for x in values["PV"]):
                 why_empty = f"No value of {self.name} came in the last {WINDOWS[self.window]}."
                 options = charts.nothing(options, why_empty, dark=self.session.dark)
@@ -588,14 +593,14 @@ class _Page:
         fields: dict[str, ui.number] = {}
         with dialog_of(f"{self.name}: parameters") as dialog:
             ui.label(
-                "These are of the detector and the compensation. The plant's own controller is not changed here. "
-                "A change of the detector's begins its estimate anew. An empty field is the default."
+                "Settings of the detector and of the compensation. The plant's controller is not changed "
+                "here. A change of the detector restarts its estimate. An empty field means the default."
             ).classes("small muted")
 
             def rows(names: tuple[str, ...]) -> None:
-                with ui.element("table").classes("plain"):
+                with ui.element("table").classes("plain parameters"):
                     with ui.element("thead"), ui.element("tr"):
-                        for text in ("parameter", "value", "unit", "must be", "default"):
+                        for text in ("Parameter", "Value", "Unit", "Allowed", "Default"):
                             with ui.element("th"):
                                 ui.label(text)
                     with ui.element("tbody"):
@@ -607,8 +612,8 @@ class _Page:
                 about, bound = PARAMETERS[name], Bound(**bounds[name])
                 with ui.element("tr"):
                     with ui.element("td"):
-                        ui.label(name)
-                        ui.label(about.meaning).classes("small muted")
+                        ui.label(sentence(about.meaning).removesuffix("."))
+                        ui.label(name).classes("small muted")
                     with ui.element("td"):
                         fields[name] = (
                             ui.number(value=field(seen[name]))
@@ -617,9 +622,10 @@ class _Page:
                         )
                         if not may:
                             fields[name].props("readonly")
-                    for text in ("–" if bound.unit == "1" else bound.unit, bound.words, about.default):
-                        with ui.element("td"):
-                            ui.label(text)
+                    unit = "–" if bound.unit == "1" else bound.unit
+                    for head, text in (("Unit", unit), ("Allowed", allowed(bound)), ("Default", about.default)):
+                        with ui.element("td").props(f'data-label="{head}"'):
+                            ui.label(text).style("display: inline")
 
             rows(FIRST)
             for title, names in GROUPS.items():

@@ -119,7 +119,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
                 ui.link(name, path).props('aria-current="page"' if path == here else "")
         with ui.element("div").classes("right"):
             state = ui.label().props('role="status"')
-            ui.label(f"{session.user}, {session.role}")
+            ui.label(session.user if session.user == session.role else f"{session.user}, {session.role}")
             other = "Light" if session.dark else "Dark"
             quiet(other, flat=True).on("click", js_handler="() => glapp.post('/theme', location.href)")
             quiet("Log out", flat=True).on("click", js_handler="() => glapp.post('/logout', '/login')")
@@ -137,7 +137,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         since = "" if view.at is None else f"as of {moment(view.at)[11:]}"
         catching = view.catching_up
         if catching is not None:
-            state.set_text(f"Service: catching up, at {moment(view.at)[:16]}")
+            state.set_text("Service: catching up")
         else:
             state.set_text(f"Service: {since}" if late is None else f"Service: {since}, {age(late)} old")
         state.classes(remove="late") if late is None else state.classes("late")
@@ -220,21 +220,26 @@ def _overview_columns() -> list[dict[str, Any]]:
         return {"field": name, "headerName": title, "width": width, "tooltipField": name, **more}
 
     return [
-        column("rank", "#", 56, sort="asc", filter=False),
-        column("loop", "Loop", 100, pinned="left", **{":cellRenderer": _NAME}),
-        column("soon", "How soon", 124, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
+        column("rank", "#", 58, sort="asc", filter=False),
+        column("loop", "Loop", 92, pinned="left", **{":cellRenderer": _NAME}),
+        column(
+            "soon",
+            "How soon",
+            122,
+            **{":cellClass": "p => 'soon-' + p.data.urgency", ":valueFormatter": "p => glapp.soon(p.data)"},
+        ),
         column(
             "width",
             "Gap (95 %)",
-            200,
+            172,
             **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
         ),
-        column("verdict", "Verdict", 124, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
-        column("todo", "What to do", 260, flex=1, minWidth=250),
-        column("trend", "Trend", 134, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
-        column("health", "NE 107", 124, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
-        column("seen", "Seen", 74),
-        column("compensation", "Comp.", 96, headerTooltip="Compensation"),
+        column("verdict", "Verdict", 118, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
+        column("todo", "What to do", 260, flex=1, minWidth=232),
+        column("trend", "Trend", 128, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
+        column("health", "NE 107", 118, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
+        column("seen", "PV age", 80, headerTooltip="How old the newest PV is", suppressHeaderFilterButton=True),
+        column("compensation", "Compensation", 112, suppressHeaderFilterButton=True),
         column(
             "card", "Answer", 200, flex=1, hide=True, sortable=False, filter=False, **{":cellRenderer": "glapp.card"}
         ),
@@ -269,7 +274,7 @@ def overview_page(station: Station, request: Request) -> None:
                 "animateRows": False,
                 ":onCellKeyDown": f"e => {{ if (e.event.key === 'Enter') {_TO_LOOP.format('e.data.loop')}; }}",
                 ":onRowDoubleClicked": f"e => {{ {_TO_LOOP.format('e.data.loop')}; }}",
-                ":onGridReady": "e => { glapp.cards(e.api); glapp.overview(e.api); }",
+                ":onGridReady": "e => { glapp.cards(e.api, ['loop']); glapp.overview(e.api); }",
                 "overlayNoRowsTemplate": "No loop is here.",
                 **ONE_STOP,
             },
@@ -310,7 +315,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
             "when": moment(row["time"]),
             "at": row["time"],
             "loop": row["loop"] or "",
-            "kind": row["kind"],
+            "kind": row["kind"].replace("_", " "),
             "who": "",
             "text": row["text"],
         }
@@ -322,7 +327,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
                 "when": moment(row["time"]),
                 "at": row["time"],
                 "loop": row["loop"] or "",
-                "kind": row["command"],
+                "kind": row["command"].replace("_", " "),
                 "who": f"{row['person']} ({row['role']})" if row["role"] else row["person"],
                 "text": command_text(row),
             }
@@ -345,10 +350,10 @@ def events_page(station: Station, request: Request) -> None:
                 "columnDefs": [
                     {"field": "when", "headerName": "When", "width": 160},
                     {"field": "loop", "headerName": "Loop", "width": 100},
-                    {"field": "kind", "headerName": "What", "width": 130},
+                    {"field": "kind", "headerName": "Kind", "width": 130},
                     {
                         "field": "text",
-                        "headerName": "Why, and what of it",
+                        "headerName": "What happened",
                         "flex": 1,
                         "minWidth": 300,
                         "wrapText": True,
@@ -357,7 +362,20 @@ def events_page(station: Station, request: Request) -> None:
                         "tooltipField": "text",
                     },
                     {"field": "who", "headerName": "Who", "width": 170},
+                    {
+                        "colId": "card",
+                        "headerName": "Events",
+                        "flex": 1,
+                        "hide": True,
+                        "wrapText": True,
+                        "autoHeight": True,
+                        "cellStyle": {"lineHeight": "20px", "paddingTop": "7px", "paddingBottom": "7px"},
+                        "sortable": False,
+                        "filter": False,
+                        ":cellRenderer": "glapp.event",
+                    },
                 ],
+                ":onGridReady": "e => glapp.cards(e.api)",
                 "defaultColDef": {
                     "sortable": True,
                     "filter": True,

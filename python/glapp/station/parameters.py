@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..report.words import number
-from ..service.settable import DETECTOR, SETTINGS, SHARE
+from ..service.settable import DETECTOR, SETTINGS, SHARE, Bound
 
-__all__ = ["FIRST", "GROUPS", "NO_LIMIT", "PARAMETERS", "Parameter", "changed", "field"]
+__all__ = ["FIRST", "GROUPS", "NO_LIMIT", "PARAMETERS", "Parameter", "allowed", "changed", "field"]
+
+NOBODY_REACHES = 1e9
+"""A bound that only keeps arithmetic finite."""
 
 NO_LIMIT = 1e30
 """The core writes "none" as a number that is greater."""
@@ -36,8 +39,8 @@ PARAMETERS: dict[str, Parameter] = {
     "ti": Parameter("its integral time Ti", "loops.toml"),
     "td": Parameter("its derivative time Td", "loops.toml"),
     "setpoint_weight": Parameter("its setpoint weight b", "1"),
-    "kp": Parameter("static process gain Kp", "by the fit, or 1.5 %/%"),
-    "tf": Parameter("time constant of the detector's filter", "chosen"),
+    "kp": Parameter("static process gain Kp", "that of the fit, or 1.5 %/%"),
+    "tf": Parameter("time constant of the detector's filter", "chosen from the data"),
     "n": Parameter("length of the filter of detections, odd", "9"),
     "acceptable_dead_band": Parameter("the widest gap that needs no work", "none"),
     "comp_size": Parameter("width of the gap that a person types; 0: none", "0"),
@@ -88,6 +91,26 @@ def field(value: float | None) -> float | None:
     (2.0, None)
     """
     return None if value is not None and abs(value) > NO_LIMIT else value
+
+
+def allowed(bound: Bound) -> str:
+    """What a parameter may be, in short; its unit stands beside it, and a limit that nobody reaches is none.
+
+    >>> allowed(Bound("s", 0.0, 300.0, zero=False)), allowed(Bound("1", 1, 31, whole=True))
+    ('> 0 and ≤ 300', 'a whole number, 1 to 31')
+    >>> allowed(Bound("s", 0.0, 1e9, zero=False)), allowed(Bound("%", -1e12, 1e12, zero=False))
+    ('> 0', 'not 0')
+    """
+    low, high = f"{bound.low:.6g}", f"{bound.high:.6g}"
+    if bound.whole:
+        return f"a whole number, {low} to {high}"
+    if bound.high >= NOBODY_REACHES:
+        if bound.low <= -NOBODY_REACHES:
+            return "any number" if bound.zero else "not 0"
+        return f"≥ {low}" if bound.zero or bound.low else "> 0"
+    if bound.low == 0.0 and not bound.zero:
+        return f"> 0 and ≤ {high}"
+    return f"{low} to {high}" + ("" if bound.zero else ", not 0")
 
 
 def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[str, Any]:

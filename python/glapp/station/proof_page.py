@@ -119,7 +119,7 @@ class ProofCards:
             return False
         heading("Which test would decide", 2)
         if row is None:
-            ui.label("Say how far OP and PV may go. The fitted loop is then simulated with the gap and without it.")
+            ui.label("Type how far OP and PV may go. The loop is then simulated with the gap and without it.")
         elif row["plan"] is None and row["refused"] is None:
             ui.label("The test is being planned. That takes up to some minutes.").classes("medium")
         elif row["refused"] is not None:
@@ -151,7 +151,8 @@ class ProofCards:
         fields: dict[str, tuple[ui.number, ui.number]] = {}
         with self.dialogs, dialog_of(f"{self.loop}: plan a test") as dialog:
             ui.label(
-                "No planned test passes these limits in any simulation. Where PV comes to one all the same, you stop."
+                "How far OP and PV may go. A planned test stays within these limits in every simulation. Stop it where "
+                "PV reaches one all the same."
             ).classes("small muted")
             for name, text, unit, column in (
                 ("op_within", "OP", self.op_unit, "OP"),
@@ -174,13 +175,13 @@ class ProofCards:
             async def go() -> None:
                 body = {name: [one.value for one in pair] for name, pair in fields.items()}
                 if any(x is None for pair in body.values() for x in pair) or not minutes.value:
-                    ui.notify("Type all limits: nobody else knows them.", type="warning")
+                    ui.notify("Type all four limits and the longest time.", type="warning")
                     return
                 wanted = {**body, "minutes": float(minutes.value)}
                 if await self._go("plan", wanted, f"A test of {self.loop} is planned."):
                     dialog.close()
 
-            ui.button("Plan", on_click=go).props("no-caps unelevated color=primary").style("align-self: start")
+            ui.button("Plan the test", on_click=go).props("no-caps unelevated color=primary").style("align-self: start")
 
     async def _begin(self) -> None:
         await self._go("guided-test", {}, "The test has begun: put the controller in manual.")
@@ -246,7 +247,7 @@ class ProofCards:
             note = f": {row['note']}" if row["note"] else ""
             ui.label(f"{moment(row['time'])[:16]}, noted by {row['person']}{note}")
         if not noted and fall is None:
-            ui.label("None is noted.").classes("muted")
+            ui.label("No repair is noted.").classes("muted")
         with ui.element("div").classes("bar").style("margin-top: 8px"):
             self._may(quiet("Note a repair", self._note))
             if noted:

@@ -20,7 +20,7 @@ from .._glapp import to_text
 from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
-from ..report.words import URGENCIES, VERDICTS, count, number
+from ..report.words import LIKELY, URGENCIES, VERDICTS, count, number
 from ..service.settable import with_settings
 from ..service.store import Reader
 
@@ -46,9 +46,6 @@ INTERVAL = 3.92
 
 UNJUDGED = "Not judged yet"
 """What is said of a loop before its first fit."""
-
-LIKELY = "Likely a gap"
-"""What is said where the fit calls a gap likely, and has not found it."""
 
 HEALTH = {
     "NORMAL": "Good",
@@ -323,10 +320,15 @@ class View:
         return "tonight" if at is None else f"at {time.strftime('%H:%M', time.localtime(at))}"
 
     def silent(self, loop: str) -> bool:
-        """Whether nothing comes of a loop any more, as the service saw it last; its first value may take a while."""
+        """Whether nothing comes of a loop any more, as the service saw it last; its first value may take a while.
+
+        Of a plant that catches up values come in bursts, hours of it at once: none of its loops is silent.
+        """
         status = self.shown["loops"].get(loop)
         if status is None:
             return True
+        if self.catching_up is not None:
+            return False
         now = self.at or self._clock()
         if status["seen"] is None:
             return bool(now - self.shown["begun"] > SILENT)

@@ -125,6 +125,8 @@ const SENTENCES: &[(&str, &str)] = &[
     ("more_than_nominal", ", more than the usual {percent:number}\u{a0}% of span"),
     ("up_from", ", up from {from:number} in {lasted:duration}"),
     ("down_from", ", down from {from:number} in {lasted:duration}"),
+    // In place of the verdict, where the ladder calls a gap likely.
+    ("likely", "Likely a gap"),
     // The one width that a list shows, in OP units and in % of span.
     ("headline", "{width:op}"),
     ("headline at_least", "> {low:op}"),
@@ -166,7 +168,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("do record_longer", "Record for longer, then analyse again."),
     ("do probably_too_wide", "Probably too wide: record for longer, or confirm with a step test in manual."),
     ("do step_test", "A step test in manual tells of the valve; this recording does not."),
-    ("do tested", "The step test in this recording gives {d:op} ({low:number} to {high:number}); see glapp step-test."),
+    ("do tested", "Use the step test in this recording: it gives {d:op} ({low:number} to {high:number})."),
     // What to do, in a word or two.
     ("short correct", "correct"),
     ("short inspect", "inspect"),
@@ -248,7 +250,8 @@ const SENTENCES: &[(&str, &str)] = &[
     ("run calm", "Nothing is urgent."),
     ("days", "Data of {first} to {last}."),
     ("days one", "Data of {first}."),
-    ("basis", "evidence {evidence}"),
+    ("basis", "{evidence} evidence"),
+    ("basis none", "no evidence of a gap"),
     ("basis simple", "simple method alone"),
 ];
 
@@ -256,6 +259,7 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     match code {
         "days" if n.value("first") == n.value("last") => vec!["one".into()],
         "basis" if !n.has("evidence") => vec!["simple".into()],
+        "basis" if n.word("evidence") == "none" => vec!["none".into()],
         _ => Vec::new(),
     }
 }
@@ -608,7 +612,7 @@ fn headline(facts: &AnswerFacts, scale: f64, reader: &Reader) -> Result<String, 
     let code = match (facts.verdict.as_str(), facts.width, facts.low, facts.high) {
         (_, None, None, None) => return Ok(String::new()),
         (_, _, None, None) => "headline",
-        ("at_least", ..) => "headline at_least",
+        ("at_least", ..) | (_, Some(_), Some(_), None) => "headline at_least",
         ("sound", ..) => "headline sound",
         (_, None, ..) => "headline limits",
         _ => "headline interval",

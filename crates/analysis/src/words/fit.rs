@@ -206,7 +206,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("recordings alone", "by {alone} alone, of {all} recordings: {said}"),
     ("recordings", "by {counted} of {all} recordings together: {said}"),
     ("not_counted", "Not counted, since {why}: {names}"),
-    ("repeated", "{share:.0%} of {name} stands in an earlier one, and counts there"),
+    ("repeated", "{share:share} of {name} stands in an earlier one, and counts there"),
     ("no_recording", "none of {all} recordings tells: {said}"),
     ("more", "Where the valve turns, PV strays from what a gap alone would do: the valve may stick as well."),
 ];

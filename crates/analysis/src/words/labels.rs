@@ -12,21 +12,21 @@ pub(super) const TERM: Subject = Subject { name: "term", sentences: TERMS, varia
 
 /// What speaks for a dead band, or against it.
 const TERMS: &[(&str, &str)] = &[
-    ("likelihood", "a model with a gap against one without"),
-    ("rival_load", "a gap against the load that would look most like it"),
-    ("traversals", "how often OP went through the gap"),
-    ("width", "the gap's width against OP's moves"),
-    ("noise", "what the gap makes of PV against its noise"),
+    ("likelihood", "how much better a gap explains PV than none"),
+    ("rival_load", "how much better a gap explains PV than a load that looks like one"),
+    ("traversals", "how often OP crossed the gap"),
+    ("width", "how wide the gap is beside OP's moves"),
+    ("noise", "how far the gap moves PV beside its noise"),
     ("sampling", "how often rows are recorded"),
     ("evenness", "how evenly OP swings"),
     ("load_changes", "how often the load changes"),
     ("model", "how well the model explains PV"),
     ("families", "whether all models see the gap"),
     ("agreement", "whether parts of the recording agree"),
-    ("plateau", "whether PV stands still while OP goes through the gap"),
+    ("plateau", "whether PV stands still while OP crosses the gap"),
     ("cycle", "whether the loop with such a gap would swing as recorded"),
     ("process", "how well the process is known"),
-    ("rules", "the rules that decide between found, likely and cannot tell"),
+    ("rules", "the fixed tests of the fit"),
 ];
 
 /// The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
@@ -47,8 +47,7 @@ const VERDICTS: &[(&str, &str)] = &[
 const VALVES: &[(&str, &str)] =
     &[("gap", "Gap found"), ("no_gap", "No gap shown"), ("unknown", "Cannot tell"), ("refused", "Refused")];
 
-const URGENCIES: &[(&str, &str)] =
-    &[("high", "First"), ("medium", "Next round"), ("low", "Later"), ("none", "Not now")];
+const URGENCIES: &[(&str, &str)] = &[("high", "Now"), ("medium", "Next round"), ("low", "Later"), ("none", "Not now")];
 
 const STRENGTHS: &[(&str, &str)] =
     &[("none", "none"), ("weak", "weak"), ("strong", "strong"), ("very_strong", "very strong")];

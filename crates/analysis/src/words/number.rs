@@ -177,5 +177,6 @@ pub(super) fn seconds(x: f64) -> String {
 
 /// A share in per cent.
 pub(super) fn share(x: f64) -> String {
-    if x >= 0.095 || x == 0.0 { format!("{}%", fixed(100.0 * x, 0)) } else { format!("{}%", general(100.0 * x, 2)) }
+    let percent = if x >= 0.095 || x == 0.0 { fixed(100.0 * x, 0) } else { general(100.0 * x, 2) };
+    format!("{percent}\u{a0}%")
 }

@@ -24,7 +24,7 @@ macro_rules! told {
             ("cannot_tell copy", copy!()),
             (
                 "cannot_tell no_answer",
-                "the position does not follow OP, which explains {explained:.0%} of it: is it that of the valve that this OP moves?",
+                "the position does not follow OP, which explains {explained:share} of it: is it that of the valve that this OP moves?",
             ),
         ]
     };

@@ -119,15 +119,15 @@ fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
         "terms": {"noise": 0.69, "likelihood": 1.4, "model": 0.01, "plateau": -0.7},
     });
     let likely = texts_for(with(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})), weighed.clone()));
-    assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%; gap: 84% likely.");
-    assert_eq!(likely.probable, "gap: 84% likely, wider than 1\u{a0}% of span: 60%");
+    assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%; gap: 84\u{a0}% likely.");
+    assert_eq!(likely.probable, "gap: 84\u{a0}% likely, wider than 1\u{a0}% of span: 60\u{a0}%");
     assert_eq!(
         likely.why[1..4],
         [
-            "A dead band is 84% likely, one wider than 1\u{a0}% of span 60%, if 25% of the plant's valves have one.",
-            "For a dead band: a model with a gap against one without (odds × 4.06), what the gap makes of PV against its \
+            "A dead band is 84\u{a0}% likely, one wider than 1\u{a0}% of span 60\u{a0}%, if 25\u{a0}% of the plant's valves have one.",
+            "For a dead band: how much better a gap explains PV than none (odds × 4.06), how far the gap moves PV beside its \
              noise (odds × 1.99).",
-            "Against it: whether PV stands still while OP goes through the gap (odds × 0.497).",
+            "Against it: whether PV stands still while OP crosses the gap (odds × 0.497).",
         ]
     );
     let found = texts_for(with(with(gap(), json!({"confidence": "found"})), weighed));
@@ -173,7 +173,7 @@ fn an_answer_has_three_parts() {
     ));
     assert_eq!(
         tested.doing,
-        "The step test in this recording gives 3.90\u{a0}%OP (3.50 to 4.20); see glapp step-test. Check linkage, keys and actuator \
+        "Use the step test in this recording: it gives 3.90\u{a0}%OP (3.50 to 4.20). Check linkage, keys and actuator \
          for play."
     );
 }

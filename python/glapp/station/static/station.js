@@ -30,12 +30,15 @@ window.glapp = {
   shade(id, areas) {
     getElement(id)?.chart?.setOption({ series: [{}, { markArea: { data: areas } }] });
   },
+  // How soon, with a shape for who does not see the colour.
+  soon: ({ urgency, soon }) =>
+    `${{ high: "▲", signal: "■", medium: "◆", low: "◇", none: "○", unjudged: "○" }[urgency]} ${soon}`,
   // On a telephone a loop is a card: its answer, how soon and what to do, below each other.
   card({ data }) {
     const card = document.createElement("div");
     for (const [text, style] of [
-      [`${data.width} ${data.verdict}`, "card-answer"],
-      [data.soon, `soon-${data.urgency}`],
+      [[data.verdict, data.width].filter(Boolean).join(", "), "card-answer"],
+      [glapp.soon(data), `soon-${data.urgency}`],
       [data.todo, "muted"],
     ]) {
       const line = card.appendChild(document.createElement("div"));
@@ -44,12 +47,25 @@ window.glapp = {
     }
     return card;
   },
-  cards(grid) {
+  event({ data }) {
+    const card = document.createElement("div");
+    for (const [text, style] of [
+      [[data.when, data.loop].filter(Boolean).join(", "), "card-answer"],
+      [[data.kind, data.who].filter(Boolean).join(", "), "muted"],
+      [data.text, ""],
+    ]) {
+      const line = card.appendChild(document.createElement("div"));
+      line.textContent = text;
+      line.className = style;
+    }
+    return card;
+  },
+  cards(grid, kept = []) {
     const narrow = matchMedia("(max-width: 640px)");
     const show = () => {
       if (grid.isDestroyed()) return;
       const all = grid.getColumns().map((one) => one.getColId());
-      grid.setColumnsVisible(all.filter((id) => id !== "loop" && id !== "card"), !narrow.matches);
+      grid.setColumnsVisible(all.filter((id) => id !== "card" && !kept.includes(id)), !narrow.matches);
       grid.setColumnsVisible(["card"], narrow.matches);
     };
     narrow.addEventListener("change", show);

@@ -32,6 +32,7 @@ def answered(fit: Fit, loop: Loop) -> dict[str, Any]:
     """The fields of a row of `answers` that a fit makes, with as much of a document as is read."""
     one = decide(crossings="no_estimate", d_hat=None, detections=0, reasons={}, fit=fit, loop=loop)
     fields = asdict(one)
+    fields |= {"so": fit.reason or "seen"}
     fields["next"]["text"] = "Look at the valve."
     return {
         "t_begin": BEGIN,

@@ -153,7 +153,7 @@ def test_a_viewer_sees_all_and_changes_nothing(browser: Any, demo: str) -> None:
         assert page.get_by_role("button", name=name).is_disabled(), name
     page.keyboard.press("Escape")
     page.get_by_role("button", name="PV over OP").click()
-    page.get_by_text(re.compile(r"The two lines are the flanks of the gap of 1\.99\s%")).wait_for()
+    page.get_by_text(re.compile(r"The two lines are the flanks of the gap of 1\.97\s%")).wait_for()
     page.keyboard.press("Escape")
     page.goto(demo + "/loop?name=PIC102")
     page.get_by_role("button", name="PV over OP").click()

@@ -6,7 +6,7 @@ loop        what it is                                                   true wi
 FIC101      a worn valve whose loop cycles by it                         2.4 %
 PIC102      a sound valve; another loop makes this one swing             none
 TIC103      a valve that wears                                           0.8 %, +0.15 % a day
-LIC104      a worn valve under a tightly tuned level                     2.0 %
+LIC104      a worn valve under a tightly tuned, noisy level              2.0 %
 FIC105      a sound valve                                                none
 TIC106      a worn valve in a loop that hardly moves                     1.5 %
 ==========  ===========================================================  ======================
@@ -81,7 +81,7 @@ def _kinds() -> list[tuple[Kind, int]]:
             1,
         ),
         (Kind("TIC", 0.6, 30.0, temp, 0.8, 0.15, 0.02, 4.0, 15.0, 0.5, None, "Drying", "globe, DN50"), DAYS),
-        (Kind("LIC", 8.0, 10.0, level, 2.0, 0.0, 0.01, 3.0, 8.0, area="Tank farm", valve="ball, DN100"), 1),
+        (Kind("LIC", 8.0, 10.0, level, 2.0, 0.0, 0.1, 3.0, 8.0, area="Tank farm", valve="ball, DN100"), 1),
         (
             Kind("FIC", 0.6, 6.0, lags(1.0, 4.0, 1.0, 1.0), 0.0, 0.0, 0.1, 8.0, area="Bleaching", valve="globe, DN65"),
             1,

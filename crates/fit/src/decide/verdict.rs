@@ -190,10 +190,12 @@ impl Evidence {
         often && clear && self.low > NEAR_LOW * self.d
     }
 
-    /// Whether a window shows a gap by itself: it is found or likely there, and not by a fraction of the ratio that is needed, of which what the
-    /// model lacks brings a little in every window.
+    /// Whether a window shows a gap by itself: it is told there, or nothing looks like it, and its ratio is no small part of what is needed, of
+    /// which what the model lacks brings a little in every window.
     pub(crate) fn shows_alone(&self) -> bool {
-        judge(self).0.tells() && (self.cycles() || self.lr_no_gap > WINDOW_SHOWS * self.needed())
+        let often = self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
+        let shows = judge(self).0.tells() || often && self.veto().is_none() && !self.swings();
+        shows && (self.cycles() || self.lr_no_gap > GAP.max(WINDOW_SHOWS * self.needed()))
     }
 
     /// What can be told of the width of a gap.
@@ -246,8 +248,6 @@ impl Evidence {
             _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < TURNS_IF_SOUND) => silent("may_be_a_gap"),
-            // A loop of process and controller that keeps swinging by itself is no plausible one: a gap would make it swing.
-            _ if self.cycles() => silent("may_be_a_gap"),
             _ if self.cancels > CANCELS || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
@@ -601,10 +601,7 @@ mod tests {
         assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 1.5, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 0.3, ..none.clone() }), Confidence::NoneSeen);
-        assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none.clone() }), Confidence::CannotTell);
-        // Process and controller that keep swinging without a gap are not believed.
-        let own = Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 });
-        assert_eq!(said(Evidence { cycle: own, ..none }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none }), Confidence::CannotTell);
     }
 
     #[test]

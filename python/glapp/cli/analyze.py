@@ -144,8 +144,7 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
             out.print(Padding(key_values(_planned(result.plan)), (0, 0, 0, 2)))
         if result.repair is not None:
             out.print(f"\nBefore and after the repair, {one_line(_name(result))}:", soft_wrap=True)
-            out.print(Padding(repaired.text(result.repair, result.unit), (0, 0, 0, 2)))
-            out.print(Padding(key_values(_repaired(result, result.repair)), (0, 0, 0, 2)))
+            _show_repair(result, result.repair, below=0, left=2)
 
 
 def _planned(plan: Plan) -> list[tuple[str, str]]:
@@ -169,17 +168,18 @@ def _block(result: Result, why: bool) -> None:
     out.print(Padding(key_values([(label, one_line(text)) for label, text in rows]), (0, 0, 1, 2)))
     if result.repair is not None:
         out.print(Padding("Before and after the repair", (0, 0, 0, 2)))
-        out.print(Padding(repaired.text(result.repair, result.unit), (0, 0, 0, 4)))
-        out.print(Padding(key_values(_repaired(result, result.repair)), (0, 0, 1, 4)))
+        _show_repair(result, result.repair, below=1, left=4)
     if result.plan is not None:
         out.print(Padding("What would decide", (0, 0, 0, 2)))
         out.print(Padding(key_values(_planned(result.plan)), (0, 0, 1, 4)))
 
 
-def _repaired(result: Result, repair: Repair) -> list[tuple[str, str]]:
-    """A line for each number before and after."""
+def _show_repair(result: Result, repair: Repair, below: int, left: int) -> None:
+    """What is told of a repair, and a line for each number before and after it."""
     rows = repaired.rows(repair, result.unit, result.loop.pv_unit or "PV unit")
-    return [(name, f"{before} → {after}{difference and f': {difference}'}") for name, before, after, difference in rows]
+    lines = [(name, f"{before} → {after}{change and f': {change}'}") for name, before, after, change in rows]
+    out.print(Padding(repaired.text(repair, result.unit), (0, 0, 0, left)))
+    out.print(Padding(key_values(lines), (0, 0, below, left)))
 
 
 def _columns(results: Sequence[Result]) -> list[Column]:

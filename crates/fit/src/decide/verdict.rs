@@ -163,8 +163,12 @@ impl Evidence {
     /// load would: it is enough that such a load, which may have any form, is not clearly likelier.
     fn own_swing(&self) -> bool {
         let ratio = if self.lr_no_gap > -GAP { self.lr_aperiodic } else { self.lr_no_gap };
-        let often = self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
-        self.cycles() && self.swings() && often && ratio > self.asked() && self.veto().is_none()
+        self.cycles() && self.swings() && self.crossed_twice() && ratio > self.asked() && self.veto().is_none()
+    }
+
+    /// Whether OP went through the width both ways as often as a gap that is plain needs.
+    fn crossed_twice(&self) -> bool {
+        self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR)
     }
 
     /// Whether a load that swings would look like this gap.
@@ -185,16 +189,14 @@ impl Evidence {
     /// Whether nothing stands between the record and the width: OP goes through it twice each way, samples and noise show it, no load that
     /// swings looks like it, and its lower limit is near.
     fn is_plain(&self) -> bool {
-        let often = self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
         let clear = self.width_kind() != WidthKind::Unsure && !self.noisy() && !self.swings();
-        often && clear && self.low > NEAR_LOW * self.d
+        self.crossed_twice() && clear && self.low > NEAR_LOW * self.d
     }
 
     /// Whether a window shows a gap by itself: it is told there, or nothing looks like it, and its ratio is no small part of what is needed, of
     /// which what the model lacks brings a little in every window.
     pub(crate) fn shows_alone(&self) -> bool {
-        let often = self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
-        let shows = judge(self).0.tells() || often && self.veto().is_none() && !self.swings();
+        let shows = judge(self).0.tells() || self.crossed_twice() && self.veto().is_none() && !self.swings();
         shows && (self.cycles() || self.lr_no_gap > GAP.max(WINDOW_SHOWS * self.needed()))
     }
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from .. import repair
 from ..loop import Loop
-from ..recording import Batch, Recording, joined
+from ..recording import Batch
 from ..repaired import Repair, Side
 from .recordings import SignalStore
 from .store import Reader
@@ -75,22 +74,12 @@ def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
         next((row for row in answers if row["t_end"] <= at + 1.0 and row["t_end"] > begin), None),
         next((row for row in answers if row["t_begin"] >= at - 1.0 and row["t_begin"] < end), None),
     )
-    rows = [_rows(SignalStore(folder).recordings(loop, a, b)) for a, b in ((begin, at), (at, end))]
+    rows = [repair.rows_between(SignalStore(folder).recordings(loop, a, b)) for a, b in ((begin, at), (at, end))]
     sides = [_side(answer, part) for answer, part in zip(either, rows, strict=True)]
     return repair.compared(datetime.fromtimestamp(at, UTC), (sides[0], sides[1]), (rows[0], rows[1]))
 
 
-def _rows(recordings: Sequence[Recording]) -> Batch | None:
-    """The rows of these recordings with times since 1970."""
-    parts = []
-    for one in recordings:
-        begin = 0.0 if one.t0 is None else one.t0.timestamp()
-        parts += [replace(batch, t=batch.t + begin) for batch in one.batches()]
-    return joined(parts) if parts else None
-
-
 def _side(answer: Mapping[str, Any] | None, rows: Batch | None) -> Side:
     width = {} if answer is None else {name: answer[name] for name in ("verdict", "confidence", "d", "low", "high")}
-    ends = () if rows is None else (rows.t[0], rows.t[-1])
-    begin, end = (datetime.fromtimestamp(float(t), UTC) for t in ends) if ends else (None, None)
+    begin, end = (datetime.fromtimestamp(t, UTC) for t in repair.ends_of(rows)) if rows is not None else (None, None)
     return Side(begin, end, **width)

@@ -249,49 +249,6 @@ def test_a_process_of_the_wrong_sign_is_told_and_recovers_without_a_bump(way: Wa
     assert back["pid.error"][-1] == 0.0 and abs(back["process"][-1]) < 3.0
 
 
-@pytest.mark.parametrize("rate", [1e6, 2.0])
-def test_manual_takes_the_wrong_sign_back(rate: float) -> None:
-    """A rate that limits all the way to the limit is told as that limit is."""
-    loop = wrong_loop(-1.0, rate=rate)
-    loop["load.value"] = 3.0
-    loop.run(200)
-    assert loop["pid.error"] == Flag.WRONG_SIGN
-    loop["pid.mode"] = Mode.MANUAL
-    loop.scan()
-    assert loop["pid.error"] == 0.0
-    loop["pid.manual"] = 0.0
-    loop.run(60)
-    loop["pid.mode"] = Mode.EXTERNAL
-    loop.run(200)
-    assert loop["pid.error"] == Flag.WRONG_SIGN, "and it is noticed again"
-
-
-@pytest.mark.parametrize("k", [2.0, -2.0])
-def test_a_detector_that_is_told_the_wrong_sign_of_k_notices_it(k: float) -> None:
-    """The controller beside it has K = 2; with sign(e) the compensation would drive the valve the wrong way."""
-    modules = {
-        "sp": Input(50.0),
-        "load": Input(),
-        "pid": Pid(k=2.0, ti=2.0, low=0, high=100, start=50.0),
-        "gap": Backlash(2.0),
-        "process": ProcessSim(1.0, 3.0, 1.0, start=50.0),
-        "noise": Noise(0.1, seed=1),
-        "filter": Filter2P(0.2),
-        "watch": BacklashDetection(k=k, ti=2.0, kp=1.0, tf=0.0, comp_size=1.0, comp_way=Way.ERROR, comp_withdraw=False),
-    }
-    wires = ["sp -> pid.sp", "sp -> watch.sp", "pid -> gap -> process -> noise -> filter -> pid.pv"]
-    loop = Graph(0.1, modules, [*wires, "filter -> watch.pv", "watch -> pid.ff", "load -> process.load"])
-    loop.run(300, load=LOAD[:3000])
-    assert loop["watch.error"] == (0.0 if k > 0 else Flag.WRONG_SIGN)
-    loop["watch.compensate"] = 1
-    seen = loop.run(300, load=LOAD[3000:6000], record=["watch.error", "watch.u_ff", "watch.standing"])
-    assert np.ptp(seen["watch.error"]) == 0.0
-    assert seen["watch.u_ff"].any() == (k > 0) and (seen["watch.standing"] == 8.0).all() == (k < 0)
-    loop["watch.k"] = 2.0
-    loop.run(300, load=LOAD[6000:9000])
-    assert loop["watch.error"] == 0.0 and loop["watch.standing"] in (0.0, 10.0) and loop["watch.u_ff"] != 0.0
-
-
 @pytest.mark.slow
 def test_the_wrong_sign_of_random_loops() -> None:
     """A few of those that bench/results/modules.md counts."""
@@ -566,27 +523,6 @@ def test_beside_a_controller_that_is_not_ours() -> None:
     assert abs(held) > 0.5
     _, after = together(theirs, beside_it(ff_delay=3), 30, late=3)
     assert np.max(np.abs(np.diff([held, *after]))) <= abs(held) * 0.1 / 2.0 + 1e-9 and after[-1] == 0.0
-
-
-def test_u_ff_that_is_not_followed_is_taken_away() -> None:
-    """It takes nine scans where three are said: what is read back is not what was asked for."""
-    theirs, watch = their_system(), beside_it(ff_delay=3)
-    watch["watch.compensate"] = 1
-    together(theirs, watch, 3000, late=9)
-    assert watch["watch.standing"] == 13.0 and watch["ff"] == 0.0
-    watched = their_system(), beside_it(ff_delay=9, ff_longest=1.0)
-    watched[1]["watch.compensate"] = 1
-    together(*watched, 3000, late=9)
-    assert watched[1]["watch.standing"] == 0.0
-
-
-def test_manual_in_their_system_takes_u_ff_away_at_once() -> None:
-    theirs, watch = their_system(), beside_it()
-    watch["watch.compensate"] = 1
-    together(theirs, watch, 3000, late=1)
-    assert abs(watch["ff"]) > 0.5
-    together(theirs, watch, 1, late=1, flags=Flag.NOT_AUTO)
-    assert watch["ff"] == 0.0 and watch["watch.standing"] == 2.0
 
 
 def cascade(outer: Pid, inner: Pid) -> Graph:

@@ -12,24 +12,14 @@ __all__ = ["ITEMS", "Item"]
 class Item(NamedTuple):
     """One thing that the thesis has, says or asks for: a row of `items.md`.
 
-    Attributes
-    ----------
-    place : str
-        Section, and what it is there: "2.1, equation (2.1)", "4.1, system P1", "8.2, table 8.1".
-    says : str
-        In our words; "" for a figure or table: its title.
-    where : str
-        Names in glapp, in Markdown. "" where it is not here.
-    shown : str
-        A command, or a link to a snippet or page.
-    check : str
-        Key in `CHECKS`, whose numbers belong to it; "" for none.
-    figure : str
-        Key in `FIGURES`, whose numbers belong to it; "" for none.
-    refers : tuple of str
-        A figure and one of its numbers; () for none.
-    why : str
-        Why it differs, or is not here; for a figure its own reason stands there.
+    - `place`: section, and what it is there: "2.1, equation (2.1)", "4.1, system P1", "8.2, table 8.1".
+    - `says`: in our words; "" for a figure or table: its title.
+    - `where`: names in glapp, in Markdown. "" where it is not here.
+    - `shown`: a command, or a link to a snippet or page.
+    - `check`: key in `CHECKS`, whose numbers belong to it; "" for none.
+    - `figure`: key in `FIGURES`, whose numbers belong to it; "" for none.
+    - `refers`: a figure and one of its numbers; () for none.
+    - `why`: why it differs, or is not here; for a figure its own reason stands there.
     """
 
     place: str

@@ -73,10 +73,7 @@ _LOOPS = "key string, loops binary, windows binary, problems string"
 def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
     """See `glapp.fleet.plan.Engine`; the session is the one that there is, else one of this machine.
 
-    Raises
-    ------
-    InputError
-        Where PySpark is not installed.
+    Raises InputError where PySpark is not installed.
     """
     try:
         from pyspark.sql import SparkSession

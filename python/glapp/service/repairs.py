@@ -31,15 +31,9 @@ def repaired_at(reader: Reader, loop: str, until: float = math.inf) -> float:
 def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Whether the width has fallen between two days, by what each recording of a fit says alone.
 
-    Parameters
-    ----------
-    recordings : sequence of mapping
-        `fit.recordings` of the answer document.
+    - `recordings`: `fit.recordings` of the answer document.
 
-    Returns
-    -------
-    dict or None
-        As `glapp.repair.fall_of`, times in s since 1970 UTC.
+    Returns as `glapp.repair.fall_of`, times in s since 1970 UTC.
     """
     counted = [one for one in recordings if one["t0"] is not None and one["left_out"] is None]
     return repair.fall_of(
@@ -54,14 +48,9 @@ def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
     """A valve before and after a repair, by what was recorded up to 7 days before and after it.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
-    settings : str
-        The loop, as JSON.
-    at, now : float
-        When it was repaired, and the end of what is looked at [s since 1970 UTC].
+    - `folder`: the data folder.
+    - `settings`: the loop, as JSON.
+    - `at`, `now`: when it was repaired, and the end of what is looked at [s since 1970 UTC].
     """
     loop = Loop(**json.loads(settings))
     with Reader(folder) as reader:

@@ -81,8 +81,8 @@ class StictionLoop:
         The same in a word; None where the comment does not speak of stiction. "no stiction" does not mean that the
         valve is sound, or that the loop is well tuned.
     quoted : str or None
-        The verdict in `QUOTED`: "stiction", or "no stiction" with the cause; None for every other loop. Where it differs
-        from `says`, the literature and the contributor disagree.
+        The verdict in `QUOTED`: "stiction", or "no stiction" with the cause; None for every other loop. Where it
+        differs from `says`, the literature and the contributor disagree.
     recording : Recording
         Its samples, the loop's name with them.
     """

@@ -40,14 +40,9 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
     of the single recordings, or of the windows of one, are looked at: where they fall at once, the two sides are what
     was recorded before and after the fall, and the widths are the means of either.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        All recordings of the loop.
-    result : Result
-        What `glapp.analyze` says of them.
-    trust, fit
-        As in `glapp.analyze`.
+    - `recordings`: all recordings of the loop.
+    - `result`: what `glapp.analyze` says of them.
+    - `trust`, `fit`: as in `glapp.analyze`.
 
     Examples
     --------
@@ -104,15 +99,9 @@ def _seen(recordings: Sequence[Recording], result: Result) -> Result:
 def fall_of(widths: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Whether the width has fallen from one recording, or window, to the next.
 
-    Parameters
-    ----------
-    widths : sequence of mapping
-        Of each its time `t` [s], `verdict`, `d`, `low` and `high` [OP unit].
+    - `widths`: of each its time `t` [s], `verdict`, `d`, `low` and `high` [OP unit].
 
-    Returns
-    -------
-    dict or None
-        `t` of the last before and the first after; `before` and `after`, the mean widths with their 95 % limits.
+    Returns: `t` of the last before and the first after; `before` and `after`, the mean widths with their 95 % limits.
 
     Examples
     --------
@@ -135,14 +124,9 @@ def _for_core(width: Mapping[str, Any]) -> dict[str, Any]:
 def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch | None, Batch | None]) -> Repair:
     """Both sides with what the loop gained.
 
-    Parameters
-    ----------
-    noted : datetime or None
-        As in `Repair`.
-    sides : (Side, Side)
-        Before and after, with their widths.
-    rows : (Batch or None, Batch or None)
-        What was recorded on either side.
+    - `noted`: as in `Repair`.
+    - `sides`: before and after, with their widths.
+    - `rows`: what was recorded on either side.
     """
     widths = [
         _for_core({"t": 0.0} | {name: getattr(side, name) for name in _WIDTH}) if side.verdict in _VERDICTS else None

@@ -36,9 +36,9 @@ def _items() -> Iterator[Item]:
     """The rows of `items.md`."""
     table = files(__package__).joinpath("items.md").read_text(encoding="utf-8").split("|\n")
     for row in table[2:-1]:
-        *cells, refers, why = (cell.strip() for cell in row[1:].split("|"))
-        figure, _, number = refers.partition(": ")
-        yield Item(*cells, (figure, number) if number else (), why)
+        place, says, where, shown, check, figure, refers, why = (cell.strip() for cell in row[1:].split("|"))
+        of, _, number = refers.partition(": ")
+        yield Item(place, says, where, shown, check, figure, (of, number) if number else (), why)
 
 
 ITEMS = tuple(_items())

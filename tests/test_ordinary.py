@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.ordinary import design
+from bench.ordinary import design, oracle
 from bench.ordinary.__main__ import tasks
 from bench.ordinary.answers import Line, Said, ask, done
 from bench.ordinary.design import FAULTS, ROWS, draw, fractional_lag, half, names, sensitivity
@@ -221,6 +221,22 @@ def test_another_day_is_the_same_valve_and_controller():
     assert not np.array_equal(first.changes, other.changes)
     with pytest.raises(ValueError, match="without limit cycles"):
         draw("perstorp/gap/1/1/2")
+
+
+def test_the_oracle_knows_the_noise():
+    sound = oracle.Record("steps/none/12/1")
+    # With OP as it was between the rows nothing is left but white noise of variance 1.
+    (cost,) = oracle.known(sound, sound.true, [sound.simulation.op - sound.rest])
+    assert cost.left == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.verify
+def test_the_oracle_sees_a_plain_gap_and_none_where_there_is_none():
+    gap, none = oracle.Seen.of("steps/gap/12/1"), oracle.Seen.of("steps/none/12/1")
+    assert gap.ratio > 50 > none.ratio
+    lines = [a_line(one.name) for one in (gap, none)]
+    table = oracle.table(lines, {one.name: one.ratio for one in (gap, none)})
+    assert table.startswith("Of 1 gaps the oracle sees 1;") and "| all | 1 | 0.0 % (0.0 to 97.5) |" in table
 
 
 @pytest.mark.verify

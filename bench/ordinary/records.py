@@ -49,24 +49,44 @@ LEAST_MOVE = 0.02
 class Truth:
     """What is true of a record, known to no method.
 
-    - `name`, `row`: "row/fault/number/seed"; `record(name)` makes the record again.
-    - `half`: "A" or "B".
-    - `service`, `kind`: as in `design.Drawn`.
-    - `outside`: ways out of what the fit models; none for half of the records.
-    - `d`, `d_low`, `d_high`: total width that a slow sweep of the valve shows, and the least and greatest of its turns
-      [% of OP]; 0 for none. Of a mere clearance all are its own width.
-    - `jump`: slip jump in that sweep, the median of its turns; 0 where the valve only slides [% of OP].
-    - `up`, `down`: traversals each way: reversals after which the valve moved by a tenth of `d`.
-    - `op_range`: OP, peak to peak [%].
-    - `op_turns`: turns of OP between which it moved by `LIMIT` or more.
-    - `size`, `ms`: as in `Drawn`.
-    - `sigma`, `gain`, `lag`, `dead_time`, `h`: as in `Drawn` [PV unit, PV unit/%, s, s, s]; sigma with what the
-      historian's band adds, lag with the actuator's.
-    - `lags`: as in `Drawn`, and that of the actuator.
-    - `samples`: rows.
-    - `identifiable`: by the rule of `bench.truth` but for h: 5 traversals each way, OP ≥ 1.5·d, d·Kp ≥ 3σ.
-    - `apart`: rows are further apart than a fifth of T.
-    - `period`, `swing`: period [s] and peak to peak of OP [%] of the cycle in rows of limit cycles; 0 in others.
+    Attributes
+    ----------
+    name, row : str
+        "row/fault/number/seed"; `record(name)` makes the record again.
+    fault : Fault
+    number, seed : int
+    half : str
+        "A" or "B".
+    service, kind : str
+        As in `design.Drawn`.
+    outside : list of str
+        Ways out of what the fit models; none for half of the records.
+    d, d_low, d_high : float
+        Total width that a slow sweep of the valve shows, and the least and greatest of its turns [% of OP]; 0 for none.
+        Of a mere clearance all are its own width.
+    jump : float
+        Slip jump in that sweep, the median of its turns; 0 where the valve only slides [% of OP].
+    up, down : int
+        Traversals each way: reversals after which the valve moved by a tenth of `d`.
+    op_range : float
+        OP, peak to peak [%].
+    op_turns : int
+        Turns of OP between which it moved by `LIMIT` or more.
+    size, ms : float
+        As in `Drawn`.
+    sigma, gain, lag, dead_time, h : float
+        As in `Drawn` [PV unit, PV unit/%, s, s, s]; sigma with what the historian's band adds, lag with the actuator's.
+    lags : list of float
+        As in `Drawn`, and that of the actuator.
+    samples : int
+        Rows.
+    integrating : bool
+    identifiable : bool
+        By the rule of `bench.truth` but for h: 5 traversals each way, OP ≥ 1.5·d, d·Kp ≥ 3σ.
+    apart : bool
+        Rows are further apart than a fifth of T.
+    period, swing : float
+        Period [s] and peak to peak of OP [%] of the cycle in rows of limit cycles; 0 in others.
     """
 
     name: str
@@ -106,9 +126,15 @@ class Truth:
 class Record:
     """A recording with its truth.
 
-    - `table`: columns t [s], SP, PV, OP, MODE.
-    - `loop`: name, spans, controller, and whether the process integrates.
-    - `position`: where the valve's plug stood at each row [%]; no method sees it.
+    Attributes
+    ----------
+    table : pyarrow.Table
+        Columns t [s], SP, PV, OP, MODE.
+    loop : glapp.Loop
+        Name, spans, controller, and whether the process integrates.
+    truth : Truth
+    position : float64
+        Where the valve's plug stood at each row [%]; no method sees it.
     """
 
     table: pa.Table

@@ -55,19 +55,35 @@ LOADS = {
 class Sample:
     """A record and the evidence for a gap in it.
 
-    - `name`: source and name: "ordinary steps/gap/2/40" is `bench.ordinary.records.record("steps/gap/2/40")`.
-    - `half`: "A": the weights are learned from it; "B": they are judged by it.
-    - `row`: records of one row are weighed so that half of their weight has a gap.
-    - `load`, `process`, `recorder`: what is left out in turn.
-    - `d`, `seen`: width [% of OP], 0 for none; d·Kp in standard deviations of PV's noise.
-    - `identifiable`: by the rule of `bench.truth`.
-    - `nuisances`: what says nothing of the valve: step, rows, lag in steps, length in lags.
-    - `confidence`: what the ladder says.
-    - `width`: most likely width and its limits, told or withheld [% of OP].
-    - `evidence`: what the core has for it, as `fit_judgement` takes it.
-    - `wider`: widths [% of OP] with the probability that the gap is wider, if there is one.
-    - `fit`: version of the fit.
-    - `seconds`: of the processor.
+    Attributes
+    ----------
+    name : str
+        Source and name: "ordinary steps/gap/2/40" is `bench.ordinary.records.record("steps/gap/2/40")`.
+    half : str
+        "A": the weights are learned from it; "B": they are judged by it.
+    row : str
+        Records of one row are weighed so that half of their weight has a gap.
+    load, process, recorder : str
+        What is left out in turn.
+    friction : Fault
+    d, seen : float
+        Width [% of OP], 0 for none; d·Kp in standard deviations of PV's noise.
+    identifiable : bool
+        By the rule of `bench.truth`.
+    nuisances : dict
+        What says nothing of the valve: step, rows, lag in steps, length in lags.
+    confidence : str
+        What the ladder says.
+    width : list
+        Most likely width and its limits, told or withheld [% of OP].
+    evidence : dict
+        What the core has for it, as `fit_judgement` takes it.
+    wider : list of (float, float)
+        Widths [% of OP] with the probability that the gap is wider, if there is one.
+    fit : str
+        Version of the fit.
+    seconds : float
+        Of the processor.
     """
 
     name: str

@@ -53,7 +53,7 @@ def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.
 
 
 def by_position(batches: list[Batch]) -> Fit:
-    """The same of batches, whose PV is not asked."""
+    """What the position says by itself: PV is not asked."""
     without = [replace(batch, pv=np.full(len(batch), np.nan)) for batch in batches]
     return _at_valve(_glapp.fit(without, 0.0)["position"], LOOP)
 

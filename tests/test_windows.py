@@ -69,7 +69,7 @@ def history(widths: list[float], apart: float) -> dict[str, Any]:
 
 
 def between_manual(signals: dict[str, Any], parts: int, rows: int) -> dict[str, Any]:
-    """The same with so many rows in manual after each of its parts: a history of half a million rows."""
+    """A history with so many rows in manual after each of its parts: half a million rows."""
     ends = np.split(np.arange(len(signals["time"])), parts)
     take = np.concatenate([np.append(part, np.full(rows, part[-1])) for part in ends])
     manual = np.tile(np.append(np.zeros(len(ends[0])), np.arange(1, rows + 1)), parts)

@@ -107,5 +107,5 @@ class Plan:
         return next(one for one in self.tests if one.kind == kind)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp plan-test --json` writes it."""
+        """The plan in plain types, as `glapp plan-test --json` writes it."""
         return asdict(self)

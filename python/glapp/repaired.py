@@ -76,7 +76,7 @@ class Repair:
         return cls(noted, before, after, **lie)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp analyze --json` writes it."""
+        """Before and after in plain types, as `glapp analyze --json` writes it."""
         document = asdict(self)
         document["noted"] = _text(self.noted)
         for name, side in (("before", self.before), ("after", self.after)):

@@ -144,7 +144,7 @@ class FeedForward:
             self._journal.add_event(Event(self._clock(), watched.loop.name, "withdrawn", why))
 
     def switch_all_off(self, why: str) -> None:
-        """As `switch_off`, of all loops."""
+        """Switch off all loops, as `switch_off` does one."""
         for watched in self._loops.values():
             self.switch_off(watched, why)
 

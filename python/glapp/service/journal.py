@@ -128,7 +128,7 @@ class Journal:
         await to_the_end(self._save())
 
     async def try_save(self) -> None:
-        """As `save`, where no entry waits; a failure is an event."""
+        """Save where no entry waits; a failure is an event."""
         try:
             if not self._backlog:
                 await to_the_end(self._save())

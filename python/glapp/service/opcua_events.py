@@ -12,7 +12,7 @@ from .signal import Event, Tell
 __all__ = ["REPEATED", "EventFilter"]
 
 REPEATED = 60.0
-"""The same thing is told once in this time, with how often it happened [s]."""
+"""What happens again is told once in this time, with how often it happened [s]."""
 
 _RUSH = 20
 """So many tags with the same fault are told each for itself in that time; more are told together."""

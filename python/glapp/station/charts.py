@@ -79,7 +79,7 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _of_lines(tone: Mapping[str, str]) -> dict[str, Any]:
-    """The same where all that is drawn are lines, and the legend shows lines."""
+    """A legend of lines, for a chart of lines alone."""
     base = _base(tone)
     return {**base, "legend": {**base["legend"], "icon": "rect", "itemHeight": 3}}
 

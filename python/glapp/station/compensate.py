@@ -137,7 +137,7 @@ class Calm:
 
     @property
     def word(self) -> str:
-        """The same in words; a tenth is not told.
+        """How much calmer PV is, in words; a tenth is not told.
 
         >>> Calm(1.0, 0.5, 60.0).word, Calm(1.0, 0.95, 60.0).word, Calm(1.0, 2.0, 60.0).word
         ('calmer by a factor of 2', 'as calm as before', 'less calm by a factor of 2')

@@ -69,7 +69,7 @@ def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manu
 
 
 def read_apart(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> StepTest:
-    """As `read_file`, in a process of its own: whatever the file holds, this one goes on, and has its memory.
+    """Read a file in a process of its own, as `read_file` does: this one goes on whatever it holds, and has its memory.
 
     Raises InputError as `read_file`; where it ends that process, or takes more time or memory than
     `glapp.reading.bounds` allows.

@@ -7,6 +7,7 @@ use crate::common::names::given;
 use crate::common::{Block, Case, Draw, Number, cases, same};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{Push, Saturation, Standing, Stiction, StictionSample, StictionSettings, StictionState, Sum};
+use glapp_plc_check::Build;
 use serde_json::Value;
 
 /// What the pins hold in a scan.
@@ -178,7 +179,8 @@ fn of_case(case: &Case) -> Pins {
     }
 }
 
-fn vectors<R: Number>(with_vectors: bool) {
+fn vectors<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for case in cases("stiction") {
         let (block, mut reference) = (Block::new::<R>("GlappStiction"), Reference::<R>::default());
         let mut pins = of_case(&case);
@@ -203,15 +205,7 @@ fn vectors<R: Number>(with_vectors: bool) {
     }
 }
 
-#[test]
-fn vectors_lreal() {
-    vectors::<f64>(true);
-}
-
-#[test]
-fn vectors_real() {
-    vectors::<f32>(false);
-}
+in_both!(vectors_lreal, vectors_real: vectors);
 
 /// A loop that swings, with everything that can go wrong with it.
 fn drawn(d: &mut Draw) -> Pins {
@@ -424,15 +418,7 @@ fn another_version<R: Number>(cover: &mut Cover) {
     }
 }
 
-#[test]
-fn random_lreal() {
-    random::<f64>();
-}
-
-#[test]
-fn random_real() {
-    random::<f32>();
-}
+in_both!(random_lreal, random_real: random);
 
 /// The vectors have every standing that there is for it.
 #[test]

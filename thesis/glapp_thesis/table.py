@@ -80,7 +80,8 @@ def markdown(figures: Figures) -> str:
                 *(_told(number) for number in row.numbers if row.item.check or number.same is False),
             ]
         )
-        cells = (row.item.place, row.says, row.item.where or "–", row.item.shown, result)
+        where = row.item.where.replace("`glapp.", "`")  # the page says where names begin: cells are narrow
+        cells = (row.item.place, row.says, where or "–", row.item.shown, result)
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 

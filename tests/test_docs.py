@@ -1,6 +1,6 @@
 """What the documentation tells to type exists.
 
-Examples with `>>>` are doctests. `test_cli.py` runs the commands of `docs/cli.md` and `docs/start.md`.
+Examples with `>>>` are doctests. `test_cli.py` runs the commands of `docs/cli.md`, `start.md` and `score.md`.
 `test_settings.py`, `test_scenario.py` and `test_service_opcua.py` read the settings. `plc/check` runs the Structured
 Text, and `test_c.py` compiles the C.
 Here stands what is left: every command of every page, with its options, and the programs that are no doctest.

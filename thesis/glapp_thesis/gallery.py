@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import json
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,12 +18,10 @@ __all__ = ["as_html", "as_json", "as_markdown", "recorded", "text"]
 TITLE = "The figures of the thesis, computed anew"
 ABOUT = (
     "O. Haventon and J. Öberg, Testing and implementation of a backlash detection algorithm, Lund University, "
-    "TFRT-5826 (2008). Every picture comes from glapp's own simulator and detector, next to each number of the thesis "
-    "is ours."
+    "TFRT-5826 (2008). Every picture comes from glapp's own simulator and detector; next to each number of the thesis "
+    "is ours. `glapp thesis 5.1` prints all numbers of a figure; numbers.json has them."
 )
 
-FEW = 8
-"""So many numbers of which the thesis says nothing have room in a sentence of the page."""
 
 DIFFERS = "Where the thesis does not hold"
 
@@ -68,7 +65,7 @@ def recorded(shown: Shown, figure: Mapping[str, Any]) -> Shown:
 
 
 def as_markdown(shown: Sequence[Shown]) -> str:
-    """The gallery as a page in Markdown, with the pictures beside it."""
+    """The gallery as a page in Markdown, with the pictures beside it and the numbers of which the thesis has one."""
     parts = [f"# {TITLE}\n", ABOUT + "\n"]
     if differs := _differs(shown):
         rows = [f"| {' | '.join(cells)} |\n" for _, *cells in differs]
@@ -83,8 +80,6 @@ def as_markdown(shown: Sequence[Shown]) -> str:
                 f"| {what} | {thesis} | {f'{ours} {unit}'.rstrip()} |\n" for what, thesis, ours, unit in _rows(compared)
             ]
             parts.append("".join(["| | thesis | glapp |\n|---|---:|---:|\n", *rows]))
-        if others := [number for number in one.numbers if number.thesis is None]:
-            parts.append(_in_a_sentence(others, one) + "\n")
         if one.difference:
             parts.append(f"*Difference:* {one.difference}\n")
     return "\n".join(parts)
@@ -129,13 +124,6 @@ def _differs(shown: Sequence[Shown]) -> list[tuple[Shown, str, str, str, str]]:
         (one, differs.section, differs.statement, f"{number.what}: {text(number.ours)} {number.unit}".strip(), one.name)
         for differs, one, number in shown_by(shown)
     ]
-
-
-def _in_a_sentence(numbers: Sequence[Number], shown: Shown) -> str:
-    """Numbers of which the thesis says nothing: each, or where they are if they are many."""
-    if len(numbers) > FEW:
-        return f"{len(numbers)} other numbers: `glapp thesis {shlex.quote(shown.number)}`, or `numbers.json`."
-    return "Ours alone: " + "; ".join(f"{what} {ours} {unit}".rstrip() for what, _, ours, unit in _rows(numbers)) + "."
 
 
 def _rows(numbers: Sequence[Number]) -> list[tuple[str, str, str, str]]:

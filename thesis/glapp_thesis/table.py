@@ -80,9 +80,18 @@ def markdown(figures: Figures) -> str:
                 *(_told(number) for number in row.numbers if row.item.check or number.same is False),
             ]
         )
-        cells = (row.item.place, row.says, row.item.where or "–", row.item.shown, result)
+        where = row.item.where.replace("`glapp.", "`")  # the page says where names begin: cells are narrow
+        cells = (row.item.place, row.says, where or "–", _shown(row.item.shown), result)
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _shown(shown: str) -> str:
+    """What shows an item, in a narrow cell: figures and equations have their command above the table."""
+    if shown.startswith("`glapp thesis "):
+        figures = shown.strip("`").removeprefix("glapp thesis ").replace("'", "")
+        return f"[{figures}](gallery/README.md)"
+    return "computed" if shown == "`python -m glapp_thesis`" else shown
 
 
 def replaced(page: str, figures: Figures) -> str:

@@ -128,7 +128,7 @@ class Journal:
         await to_the_end(self._save())
 
     async def try_save(self) -> None:
-        """Save where no entry waits; a failure is an event."""
+        """Save if no entry waits; log a failure as an event."""
         try:
             if not self._backlog:
                 await to_the_end(self._save())

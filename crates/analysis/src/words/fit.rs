@@ -92,8 +92,9 @@ const SENTENCES: &[(&str, &str)] = sentences! {
          {lr_no_answer:.0f}). Record while OP moves";
     "cannot_tell may_be": "probably {d:op}, but ", enough!(), longer!();
     "cannot_tell may_be bound": "probably {d:op}, at most {high:.3g}, but ", enough!(), longer!();
-    "cannot_tell as_well": "probably {d:op}, but no gap would explain the data too", longer!();
-    "cannot_tell as_well bound": "probably {d:op}, at most {high:.3g}, but no gap would explain the data too",
+    "cannot_tell as_well": "a valve without a gap explains the data as well as one with {d:op}", longer!();
+    "cannot_tell as_well bound":
+        "a valve without a gap explains the data as well as one with {d:op}; at most {high:.3g}",
         longer!();
     "op_rests": "OP stands still all the time, and only an OP that moves shows a gap";
     "sinusoidal": "{finding}";

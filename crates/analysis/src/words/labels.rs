@@ -61,7 +61,8 @@ const MEANINGS: &[(&str, &str)] = sentences! {
     "sound": "no gap wider than the limit that is given. A narrower one may be there.";
     "oscillation": "the loop swings in a smooth wave, and its valve is not why. A gap beside it does not show.";
     "cannot_tell":
-        "a gap would explain the data, and so would none, or no model does. It does not mean that all is well.";
+        "a valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean \
+         that all is well.";
     "estimate": "nothing was fitted. At least N detections of the zero crossings stand behind the width.";
     "provisional": "nothing was fitted. Fewer than N detections stand behind the width, and it may still move.";
     "no_estimate": "nothing was fitted, and no half-period could be measured on.";

@@ -113,7 +113,7 @@ fn vectors<R: Number>() {
                 if with_vectors {
                     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
                     let of_vector = case.output.as_ref().unwrap()[i].as_array().unwrap();
-                    let told: Vec<f64> = of_vector.iter().map(number).collect();
+                    let expected: Vec<f64> = of_vector.iter().map(number).collect();
                     let mut shown = block.all(&["Output", "Ysp"]);
                     if name == "pid_settings" {
                         shown.push(block.get("ErrorID"));
@@ -126,7 +126,7 @@ fn vectors<R: Number>() {
                     } else {
                         shown.extend(of_detection(&block));
                     }
-                    assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                    assert!(same(&expected, &shown), "{}, scan {i}: {shown:?} instead of {expected:?}", case.name);
                 }
             }
         }

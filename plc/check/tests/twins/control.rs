@@ -80,8 +80,8 @@ fn of_vector(twin: &Twin, case: &Case, x: &[f64], h: f64) -> Row {
             }
             let back = [("HasBackLimits", 1.0), ("BackLow", x[6]), ("BackHigh", x[7]), ("BackTracking", x[9])];
             row.set_all(&back);
-            let told = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
-            row.set_all(&told.map(|(pin, bit)| (pin, flag(x[8], bit))));
+            let flags = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
+            row.set_all(&flags.map(|(pin, bit)| (pin, flag(x[8], bit))));
             row
         }
         "auto_tuner" => {
@@ -96,8 +96,8 @@ fn of_vector(twin: &Twin, case: &Case, x: &[f64], h: f64) -> Row {
         "auto_tuner_module" => {
             let inputs = [("Enable", 1.0), ("Execute", x[2]), ("X", x[0]), ("Pv", x[1]), ("BackTracking", x[4])];
             let mut row = Row::new(twin, &inputs);
-            let told = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
-            row.set_all(&told.map(|(pin, bit)| (pin, flag(x[3], bit))));
+            let flags = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
+            row.set_all(&flags.map(|(pin, bit)| (pin, flag(x[3], bit))));
             tuner_settings(&mut row, case, "");
             row.set("Amplitude", x[5]);
             row
@@ -145,9 +145,9 @@ fn as_vector(twin: &Twin, shown: &[f64]) -> Vec<f64> {
         "auto_tuner_module" => {
             let place = |pin: &str| twin.shown.iter().position(|one| one.split('?').next_back() == Some(pin)).unwrap();
             let of = |pin: &str| shown[place(pin)];
-            let told = of("NotAuto") + 4.0 * of("AtLow") + 8.0 * of("AtHigh");
+            let flags = of("NotAuto") + 4.0 * of("AtLow") + 8.0 * of("AtHigh");
             let found = ["Phase", "StopReason", "ErrorID", "Ku", "Tu", "Kp", "Kappa"].map(of);
-            [&[of("Y"), told, of("Tracking")][..], &found].concat()
+            [&[of("Y"), flags, of("Tracking")][..], &found].concat()
         }
         _ => vec![shown[0]],
     }
@@ -164,9 +164,10 @@ fn vectors<R: Number>() {
                 if with_vectors {
                     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
                     let output = &case.output.as_ref().unwrap()[i];
-                    let told = output.as_array().map_or(vec![number(output)], |row| row.iter().map(number).collect());
+                    let expected =
+                        output.as_array().map_or(vec![number(output)], |row| row.iter().map(number).collect());
                     let shown = as_vector(twin, &got);
-                    assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                    assert!(same(&expected, &shown), "{}, scan {i}: {shown:?} instead of {expected:?}", case.name);
                 }
             }
         }
@@ -932,17 +933,17 @@ fn rules<R: Number>(cover: &mut Cover) {
     let (placement, amigo) = (Block::new::<R>("GlappPointPlacement"), Block::new::<R>("GlappAmigoFrequency"));
     let mut draw = Draw::new(11);
     let shown = |block: &Block| block.all(&["Fits", "K", "Ti", "Td"]);
-    let told =
+    let numbers =
         |gains: Option<Gains<R>>| gains.map_or(vec![0.0; 4], |g| vec![1.0, g.k.as_f64(), g.ti.as_f64(), g.td.as_f64()]);
     let check = |ku: f64, tu: f64, kappa: f64, pid: bool| {
         placement.set_all(&[("Ku", ku), ("Tu", tu)]);
         placement.call();
-        let expected = told(point_placement(R::of(ku), R::of(tu)).ok());
+        let expected = numbers(point_placement(R::of(ku), R::of(tu)).ok());
         assert!(same(&expected, &shown(&placement)), "{:?} instead of {expected:?}", shown(&placement));
         amigo.set_all(&[("Ku", ku), ("Tu", tu), ("Kappa", kappa), ("WithDerivative", f64::from(pid))]);
         amigo.call();
         let kind = if pid { Kind::Pid } else { Kind::Pi };
-        let expected = told(amigo_frequency(R::of(ku), R::of(tu), R::of(kappa), kind).ok());
+        let expected = numbers(amigo_frequency(R::of(ku), R::of(tu), R::of(kappa), kind).ok());
         assert!(same(&expected, &shown(&amigo)), "{:?} instead of {expected:?} for {ku}, {tu}, {kappa}", shown(&amigo));
     };
     for _ in 0..2000 {

@@ -198,8 +198,8 @@ fn vectors<R: Number>() {
             let got = &shown[3..6];
             if with_vectors {
                 let row = case.output.as_ref().unwrap()[i].as_array().unwrap();
-                let told: Vec<f64> = row.iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect();
-                assert!(same(&told, got), "{}, scan {i}: {got:?} instead of {told:?}", case.name);
+                let expected: Vec<f64> = row.iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect();
+                assert!(same(&expected, got), "{}, scan {i}: {got:?} instead of {expected:?}", case.name);
             }
         }
     }

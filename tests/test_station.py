@@ -456,7 +456,7 @@ def test_a_step_test_is_read_from_a_file_of_the_persons_own(tmp_path: Path) -> N
     drawn = charts.step_test(found, dark=True)
     assert drawn is not None and drawn["xAxis"][1]["type"] == "time"
     assert drawn["series"][0]["data"][0][0] == 1000.0 * found.t0.timestamp()
-    with pytest.raises(InputError, match=r"^test\.csv: no column for SP and PV") as refused:
+    with pytest.raises(InputError, match=r"^test\.csv: no column for PV and OP") as refused:
         step_test.read_file(plain, loops()[0], {}, manual=True)
     assert str(tmp_path) not in str(refused.value)
     named = step_test.read_file(plain, loops()[0], {"time": "s", "pv": "flow", "op": "valve", "mode": ""}, manual=True)

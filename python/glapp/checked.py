@@ -70,6 +70,10 @@ def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
         bound = f"one of {first['ctx']['expected']}"
     elif kind == "finite_number":
         bound = "a finite number"
+    elif kind in ("tuple_type", "list_type", "set_type", "frozen_set_type"):
+        bound = "a list in brackets: [..., ...]"
+    elif kind in ("model_type", "dict_type", "model_attributes_type"):
+        bound = "a table in braces: { key = value }"
     else:
         message = first["msg"].removeprefix("Value error, ")
         bound = message[0].lower() + message[1:]

@@ -312,9 +312,7 @@ class _Fitted:
             found = found.through_pv
         if found is None or found.process is None:
             said = result.reason if found is None else found.reason
-            raise InputError(
-                f"OP and PV were not fitted: {said}", file=result.source, loop=result.name, hint="record OP and PV"
-            )
+            raise InputError(f"OP and PV were not fitted: {said}", file=result.source, loop=result.name)
         best, process = found.best, found.process
         where: dict[str, Any] = {"file": result.source, "loop": result.name}
         if process.integrating != (recording.loop.process.type == "integrating"):

@@ -179,8 +179,13 @@ class Recording(ABC):
 
 
 def with_op_unit(loop: Loop, batch: Batch) -> Loop:
-    """The loop without the assumption that OP is a percentage, where nothing says so and the batch contradicts it."""
-    assumed = loop.op_span is None and loop.op_unit is None
-    if assumed and batch.op is not None and not _glapp.within_percent(batch.op):
+    """The loop without the assumption that OP is a percentage, where nothing says so and the batch contradicts it.
+
+    A spreadsheet may show a fraction of 1 as a percentage: the sign % alone does not make 0.57 one.
+    """
+    if batch.op is None or loop.op_span is not None:
+        return loop
+    assumed = loop.op_unit is None and not _glapp.within_percent(batch.op)
+    if assumed or (loop.op_unit == "%" and _glapp.looks_like_fraction(batch.op)):
         return loop.model_copy(update={"op_unit": "OP unit"})
     return loop

@@ -8,6 +8,7 @@ from datetime import datetime
 from itertools import pairwise
 from typing import Any
 
+from ..palette import FONT
 from ..report.words import NAMES, REASONS, number
 from ..step_test import StepTest
 
@@ -71,7 +72,7 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     return {
         "animation": False,
         "backgroundColor": "transparent",
-        "textStyle": {"color": tone["ink"], "fontFamily": "Roboto, system-ui, sans-serif"},
+        "textStyle": {"color": tone["ink"], "fontFamily": FONT},
         "tooltip": {"trigger": "axis", "confine": True, "order": "seriesAsc"},
         "legend": {"textStyle": {"color": tone["ink"]}, "top": 0, "itemHeight": 10, "itemWidth": 16},
         "aria": {"enabled": True},

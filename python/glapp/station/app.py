@@ -62,7 +62,8 @@ def _no_page() -> HTMLResponse:
 <link rel="stylesheet" href="/static/station.css"></head>
 <body class="login"><main class="card"><h1>There is no such page</h1>
 <p>The address may be mistyped. <a href="/">Overview</a></p></main>
-<script>if (matchMedia("(prefers-color-scheme: dark)").matches) document.body.classList.add("dark");</script></body></html>""",
+<script>if (matchMedia("(prefers-color-scheme: dark)").matches) document.body.classList.add("dark");</script>
+</body></html>""",
         404,
     )
 

@@ -1,6 +1,7 @@
 """The command line as a person types it: what it prints, how it ends, and that one wrong loop stops no other."""
 
 import csv
+import inspect
 import io
 import json
 import os
@@ -15,10 +16,11 @@ from zoneinfo import ZoneInfo
 import jsonschema_rs
 import numpy as np
 import pytest
+import typer
 from rich.cells import cell_len
 
 import glapp.cli.work
-from glapp.cli import screen
+from glapp.cli import app, screen
 from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema
@@ -208,6 +210,18 @@ def test_step_test_refuses_with_the_reason_and_what_to_do(run, by_hand):
     code, _, err = run("step-test", "test.csv", "--manual")
     assert (code, "column MODE, manual: is for recordings without a mode column" in err) == (1, True)
     assert run("step-test", "test.csv", "--plot", "none/x.html")[0] == 2
+
+
+def test_no_help_is_torn():
+    """Line breaks of a second paragraph are kept: at another width they stand in the middle of a line."""
+
+    def torn(command, path):
+        paragraphs = inspect.cleandoc(command.help or "").split("\n\n")[1:]
+        found = [path for text in paragraphs if "\n" in text and not text.startswith("[cyan]")]
+        below = getattr(command, "commands", {})
+        return found + [one for name, sub in below.items() for one in torn(sub, f"{path} {name}")]
+
+    assert torn(typer.main.get_command(app), "glapp") == []
 
 
 def test_help_tells_the_exit_codes(run):

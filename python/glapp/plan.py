@@ -297,6 +297,16 @@ class _Fitted:
     op_within: Limits
     pv_within: Limits
 
+    @property
+    def op_unit(self) -> str:
+        """Unit of OP as a sentence needs it."""
+        return "%OP" if self.fit.unit == "%" else self.fit.unit
+
+    @property
+    def pv_unit(self) -> str:
+        """Unit of PV."""
+        return self.loop.pv_unit or "PV unit"
+
     @classmethod
     def of(
         cls,
@@ -553,8 +563,9 @@ def _by_hand(loop: _Fitted, minutes: float) -> Planned:
     if STEPS[0] * loop.width > reach:
         return Planned(
             "by_hand",
-            f"two steps of OP beyond a gap of {loop.width:.3g} take {2 * STEPS[0] * loop.width:.3g}, and OP may move "
-            f"from {loop.op:.4g} by {room[side]:.3g} at most",
+            f"two steps of OP beyond a gap of {loop.width:.3g} {loop.op_unit} take "
+            f"{2 * STEPS[0] * loop.width:.3g} {loop.op_unit}, and OP may move from {loop.op:.4g} by {room[side]:.3g} "
+            f"{loop.op_unit} at most",
         )
     refused: set[str] = set()
     best: Planned | None = None
@@ -568,8 +579,9 @@ def _by_hand(loop: _Fitted, minutes: float) -> Planned:
             pv = _goes(loop, loop.strong, levels, hold, (low, high))
             if not _within(pv, loop.pv_within):
                 refused.add(
-                    f"PV may go from {pv[0]:.4g} to {pv[1]:.4g} in two steps of OP by {size * loop.width:.3g}, and its "
-                    f"limits are {loop.pv_within[0]:.4g} and {loop.pv_within[1]:.4g}"
+                    f"PV may go from {pv[0]:.4g} to {pv[1]:.4g} {loop.pv_unit} in two steps of OP by "
+                    f"{size * loop.width:.3g} {loop.op_unit}, and its limits are {loop.pv_within[0]:.4g} and "
+                    f"{loop.pv_within[1]:.4g} {loop.pv_unit}"
                 )
                 break
             pilot = _tried(loop, levels, hold, range(PILOTS))
@@ -726,12 +738,18 @@ def _setpoint(loop: _Fitted, minutes: float) -> Planned:
                 return found
             return Planned(
                 "setpoint",
-                f"{n} setpoint steps of {abs(step):.3g}, {apart / 60:.1f} min apart, decide in "
+                f"{n} setpoint steps of {abs(step):.3g} {loop.pv_unit}, {apart / 60:.1f} min apart, decide in "
                 f"{100 * (found.power or 0.0):.0f} % only",
             )
+        if not math.isfinite(pv[1]):
+            return Planned(
+                "setpoint",
+                "with the largest process gain that the recording allows the loop runs away by itself: what setpoint "
+                "steps would do cannot be promised",
+            )
         passed = (
-            f"setpoint steps of {abs(step):.3g} take PV from {pv[0]:.4g} to {pv[1]:.4g} and OP from {op[0]:.4g} to "
-            f"{op[1]:.4g}, beyond the limits"
+            f"setpoint steps of {abs(step):.3g} {loop.pv_unit} take PV from {pv[0]:.4g} to {pv[1]:.4g} {loop.pv_unit} "
+            f"and OP from {op[0]:.4g} to {op[1]:.4g} {loop.op_unit}, beyond the limits"
         )
     return Planned("setpoint", passed)
 

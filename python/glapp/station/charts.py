@@ -468,7 +468,7 @@ def phase(
     --------
     >>> drawn = phase([0.0, 2.0, 4.0], [0.0, 0.0, 4.0], "PV [%]", "%", dark=False, flanks=(2.0, 2.0))
     >>> [one["name"] for one in drawn["series"]]
-    ['recorded', 'flank, OP rising', 'flank, OP falling']
+    ['recorded', 'OP rising', 'OP falling']
     """
     tone = _tone(dark)
     data = [[x, y] for x, y in zip(op, pv, strict=True) if x is not None and y is not None]
@@ -494,7 +494,7 @@ def phase(
         # Through the middle of what is drawn: the load moves PV up and down beside OP.
         middle = _median([y - gain * x for x, y in data])
         bottom, top = (limit(y for _, y in data) for limit in (min, max))
-        for label, side, kind in (("flank, OP rising", 1.0, "solid"), ("flank, OP falling", -1.0, "dashed")):
+        for label, side, kind in (("OP rising", 1.0, "solid"), ("OP falling", -1.0, "dashed")):
             ends = [(x, middle + gain * (x - side * width / 2.0)) for x in (low - width, high + width)]
             ends = _within(ends, bottom, top)
             series.append(

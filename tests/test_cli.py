@@ -645,6 +645,13 @@ def test_identify_prints_what_a_loops_toml_takes(run):
     assert run("analyze", "loops.toml")[0] == 0
 
 
+def test_identify_takes_no_fraction_for_a_percentage(run):
+    lines = rows().splitlines()
+    parts = [line.split(",") for line in lines[1:]]
+    write("fraction.csv", "\n".join([lines[0], *(",".join([*p[:3], str(float(p[3]) / 100)]) for p in parts)]) + "\n")
+    assert "OP unit/PV unit" in run("identify", "fraction.csv")[1]
+
+
 def test_identify_tells_a_direct_acting_controller(run):
     lines = rows().splitlines()
     flipped = [f"{r.rsplit(',', 1)[0]},{100 - float(r.rsplit(',', 1)[1]):.4f}" for r in lines[1:]]

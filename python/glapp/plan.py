@@ -173,6 +173,10 @@ def plan_test(
         raise InputError(f"is {minutes:g}, must be > 0", parameter="minutes", value=minutes, bound="> 0 min")
     if width is not None and not width > 0:
         raise InputError(f"is {width:g}, must be > 0", parameter="width", value=width, bound="> 0")
+    for name, within in (("op_within", op_within), ("pv_within", pv_within)):
+        if within is not None and not within[0] < within[1]:
+            bound = "the first below the second"
+            raise InputError(f"is {within[0]:g} to {within[1]:g}, must be {bound}", parameter=name, bound=bound)
     if unknown := set(kinds) - {"by_hand", "setpoint", "more_hours"}:
         raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
     asked = _width(result) if width is None else width
@@ -254,6 +258,11 @@ def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
     return replace(result, plan=plan)
 
 
+def _op_unit(unit: str) -> str:
+    """The unit of OP as a sentence needs it."""
+    return "%OP" if unit == "%" else unit
+
+
 def _width(result: Result) -> float:
     answer, found = result.answer, result.fit
     likely = found.d if found is not None and answer.confidence in ("likely", "found") else None
@@ -300,7 +309,7 @@ class _Fitted:
     @property
     def op_unit(self) -> str:
         """Unit of OP as a sentence needs it."""
-        return "%OP" if self.fit.unit == "%" else self.fit.unit
+        return _op_unit(self.fit.unit)
 
     @property
     def pv_unit(self) -> str:
@@ -337,7 +346,8 @@ class _Fitted:
         gains = _gains(process.kp, recording.loop.kp(), widened)
         if gains is None:
             raise InputError(
-                f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g}",
+                f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
+                f"{recording.loop.pv_unit or 'PV unit'} per {_op_unit(result.unit)}",
                 **where,
                 hint="record the loop while OP or the setpoint is stepped once or twice",
             )

@@ -68,10 +68,10 @@ const SENTENCES: &[(&str, &str)] = &[
     ("so oscillation", "{name} swings in a smooth wave that its valve does not cause."),
     ("so cannot_tell", "OP and PV of {name} do not show whether the valve has a dead band."),
     ("so cannot_tell contradicts", "The valve position and PV of {name} contradict each other."),
-    ("so cannot_tell open", "{name}: probably {d:about}, but no gap would explain the data too."),
+    ("so cannot_tell open", "{name}: a gap, if there is one, is about {d:about}; no gap explains the data too."),
     (
         "so cannot_tell open bound",
-        "{name}: probably {d:about}, at most {high:about}, but no gap would explain the data too.",
+        "{name}: a gap, if there is one, is about {d:about} and at most {high:about}; no gap explains the data too.",
     ),
     (
         "so cannot_tell open weak",

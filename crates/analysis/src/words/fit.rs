@@ -179,16 +179,10 @@ const SENTENCES: &[(&str, &str)] = &[
     ),
     ("cannot_tell may_be", concat!("probably {d:op}, but ", enough!(), longer!())),
     ("cannot_tell may_be bound", concat!("probably {d:op}, at most {high:.3g}, but ", enough!(), longer!())),
-    (
-        "cannot_tell as_well",
-        concat!("a gap, if there is one, is about {d:op}; no gap explains the data too", longer!()),
-    ),
+    ("cannot_tell as_well", concat!("a valve without a gap explains the data as well as one with {d:op}", longer!())),
     (
         "cannot_tell as_well bound",
-        concat!(
-            "a gap, if there is one, is about {d:op} and at most {high:.3g}; no gap explains the data too",
-            longer!()
-        ),
+        concat!("a valve without a gap explains the data as well as one with {d:op}; at most {high:.3g}", longer!()),
     ),
     ("op_rests", "OP stands still all the time, and only an OP that moves shows a gap"),
     ("sinusoidal", "{finding}"),

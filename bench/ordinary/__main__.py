@@ -3,8 +3,8 @@
 Every answer goes, with all its evidence, to one line of a file as soon as it is there; what the file has is not asked
 again. `--score FILE` counts the lines of files that are there and fits nothing.
 
-Part A is for choosing rules. Part C (`--half C`, its seed is set) is asked and scored once, when they are chosen; part B
-judged before it.
+Part A is for choosing rules. Part C (`--half C`, its seed is set) is asked and scored once, when they are chosen; part
+B judged before it.
 """
 
 from __future__ import annotations

@@ -208,12 +208,19 @@ impl Evidence {
         self.weighed().map_or(0.0, |(factor, _)| probability(factor, USUAL_PRIOR))
     }
 
+    /// Whether several recordings share the width. What their models lack differs from day to day, and each is heard in the family that believes
+    /// least.
+    fn of_recordings(&self) -> bool {
+        self.shows.is_none() && self.agree[1] >= FEWEST_RECORDINGS
+    }
+
     /// Both limits as they are told; `high`: the upper one with what the samples may hide.
     pub(crate) fn limits(&self, judgement: &Judgement, high: Option<f64>) -> (f64, Option<f64>) {
+        let off = if self.of_recordings() { 1.0 } else { WIDTH_OFF };
         match (judgement.confidence, judgement.width_kind) {
-            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / WIDTH_OFF, None),
+            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / off, None),
             (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
-            (Confidence::Found | Confidence::Likely, _) => (self.low / WIDTH_OFF, high.map(|high| high * WIDTH_OFF)),
+            (Confidence::Found | Confidence::Likely, _) => (self.low / off, high.map(|high| high * off)),
             _ => (self.low, high),
         }
     }
@@ -520,6 +527,8 @@ mod tests {
             let (low, high) = told.limits(&judge(&told).0, Some(1.1));
             assert!((low - 0.9 / WIDTH_OFF).abs() < 1e-12 && (high.unwrap() - 1.1 * WIDTH_OFF).abs() < 1e-12);
         }
+        let of_four = Evidence { agree: [4, 4], ..plain() };
+        assert_eq!(of_four.limits(&judge(&of_four).0, Some(1.1)), (0.9, Some(1.1)));
         let silent = Evidence { lr_no_gap: GAP, low: 0.0, ..plain() };
         assert_eq!(silent.limits(&judge(&silent).0, Some(1.1)), (0.0, Some(1.1)));
     }

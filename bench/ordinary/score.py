@@ -218,7 +218,7 @@ def _doubt(j: Judged) -> str:
     if evidence is None:
         return "not fitted"
     doubts = {
-        "a gap is told": j.claimed,
+        "a gap is found or likely": j.claimed,
         f"the bound is above {LIMIT:g} %, or there is none": high is None or high > LIMIT,
         "a gap explains PV better than none": evidence["low"] > 0,
         "a believed model sees a gap": evidence["dissent"],

@@ -115,12 +115,12 @@ def demo(tmp_path_factory):
 
 
 def documented_commands(run):
-    """Every command line in the help, in docs/cli.md and in docs/start.md."""
+    """Every command line in the help, in docs/cli.md, docs/start.md and docs/score.md."""
     helps = "".join(
         run(*command, "--help")[1]
         for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["step-test"], ["demo"], ["thesis"])
     )
-    pages = "".join((ROOT / page).read_text() for page in ("docs/cli.md", "docs/start.md"))
+    pages = "".join((ROOT / page).read_text() for page in ("docs/cli.md", "docs/start.md", "docs/score.md"))
     fences = re.findall(r"^```(\w*)\n(.*?)^```", pages, re.DOTALL | re.MULTILINE)
     blocks = "".join(text for language, text in fences if not language)
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))

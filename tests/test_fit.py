@@ -533,7 +533,9 @@ def test_the_same_valve_three_months_apart() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "reason"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "in one direction only")])
+@pytest.mark.parametrize(
+    ("name", "reason"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "in one direction only")]
+)
 def test_a_single_step_of_op_gives_no_bound(name: str, reason: str) -> None:
     """Each once had a bound: OP went through the gap once, and a step of PV of any size and time explains as much."""
     f = refinery(name)

@@ -643,9 +643,7 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
     assert codes == ["sound", "above", None, "above"]
     assert words.headline(sound).startswith("< 0.5") and sound.width is None and sound.verdict == "sound"
     assert words.headline(may) == "0 to 0.400\xa0%OP"
-    assert words.lead(may) == (
-        f"{may.name}: probably 0.10\xa0%, at most 0.40\xa0%, but no gap would explain the data too."
-    )
+    assert words.lead(may) == f"The dead band of {may.name}, if it has one, is about 0.10\xa0%, at most 0.40\xa0%."
     assert [r.name for r in words.ranked([sound, wide, agrees])] == ["agrees", "wide", "sound"]
     write_report([sound, wide, agrees], file := tmp_path / "report.html")
     text = " ".join(parsed(file).text)

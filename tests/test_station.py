@@ -377,7 +377,7 @@ def test_what_cannot_be_compensated_is_told() -> None:
 
 
 def test_the_half_period_under_way_is_that_of_the_detector() -> None:
-    """The same samples give the same half-periods as the service's detector."""
+    """It has the half-periods of the service's detector."""
     from glapp.estimate import Estimator
 
     loop = loops()[0]

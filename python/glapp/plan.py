@@ -208,19 +208,11 @@ TRIED = 3
 def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> Plan:
     """Plan a test for a loop with one recording or several: from the newest one whose fit tells the process.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        In the order of time; the test begins where the last one ends.
-    result : Result
-        What `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
-    **asked
-        As in `plan_test`.
+    - `recordings`: in the order of time; the test begins where the last one ends.
+    - `result`: what `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
+    - `**asked`: as in `plan_test`.
 
-    Raises
-    ------
-    InputError
-        As `plan_test`, of the newest recording that could be fitted.
+    Raises InputError as `plan_test`, of the newest recording that could be fitted.
     """
     width = asked.pop("width", None) or _width(result)
     refused: list[tuple[bool, InputError]] = []
@@ -236,10 +228,7 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
     """The result with `Result.plan`: what would decide, where a gap is *likely* or the data *cannot tell*.
 
-    Parameters
-    ----------
-    recordings, result, **asked
-        As in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
+    - `recordings`, `result`, `**asked`: as in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
     """
     if result.answer.confidence not in ("likely", "cannot_tell"):
         return result

@@ -23,18 +23,11 @@ _LABELS = {"t": "time", "sp": "SP", "pv": "PV", "op": "OP", "position": "POSITIO
 class Samples(Recording):
     """A recording whose signals are arrays in memory.
 
-    Parameters
-    ----------
-    loop : Loop
-        Settings.
-    signals : dict
-        `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in seconds or as
-        datetime64.
+    - `loop`: settings.
+    - `signals`: `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in seconds
+      or as datetime64.
 
-    Raises
-    ------
-    InputError
-        Where they are not of one length, hold fewer than two samples, or no PV.
+    Raises InputError where they are not of one length, hold fewer than two samples, or no PV.
     """
 
     def __init__(self, loop: Loop, signals: dict[str, ArrayLike]) -> None:
@@ -74,10 +67,7 @@ def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None)
 
     Beside a file or a table a signal may be the name of its column.
 
-    Raises
-    ------
-    InputError
-        Where both are given or neither, or the signals cannot be used.
+    Raises InputError where both are given or neither, or the signals cannot be used.
     """
     given: dict[str, Any] = {name: x for name, x in signals.items() if x is not None}
     if recording is not None:

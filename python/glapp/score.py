@@ -50,22 +50,13 @@ COLUMNS = ("file", "loop", "found", "width", "unit", "date")
 class Label:
     """What is known of one valve.
 
-    Attributes
-    ----------
-    row : int
-        Row of the file of labels; its header is row 1.
-    file : Path
-        Recording, or a loops.toml.
-    loop : str or None
-        Which loop of it; None where it has one.
-    found : Found
-        What the workshop found.
-    width : float or None
-        Measured dead band, in `unit`.
-    unit : str
-        "" for that of OP, "% of span" for per cent of its span.
-    date : date or None
-        When the valve was looked at. A recording that begins later is not counted.
+    - `row`: row of the file of labels; its header is row 1.
+    - `file`: recording, or a loops.toml.
+    - `loop`: which loop of it; None where it has one.
+    - `found`: what the workshop found.
+    - `width`: measured dead band, in `unit`.
+    - `unit`: "" for that of OP, "% of span" for per cent of its span.
+    - `date`: when the valve was looked at. A recording that begins later is not counted.
     """
 
     row: int
@@ -81,15 +72,8 @@ class Label:
 class Scored:
     """One answer beside its label.
 
-    Attributes
-    ----------
-    label : Label
-    result : Result
-    outcome : Outcome
-    why : str
-        In a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
-    width : float or None
-        Measured dead band [OP unit].
+    - `why`: in a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
+    - `width`: measured dead band [OP unit].
     """
 
     label: Label
@@ -185,10 +169,7 @@ def judged(label: Label, result: Result) -> Scored:
     without a fault is answered wrong where a dead band beyond the acceptable limit is found or likely. What cannot be
     told, or was not analysed, is silent.
 
-    Raises
-    ------
-    InputError
-        Where the width's unit is not that of OP, nor "% of span" with a known span.
+    Raises InputError where the width's unit is not that of OP, nor "% of span" with a known span.
     """
     answer, width = result.answer, _in_op(label, result)
     if label.date is not None and result.t0 is not None and result.t0.date() > label.date:
@@ -272,16 +253,10 @@ EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 class Calibrated:
     """Stated probabilities beside how often it was so.
 
-    Attributes
-    ----------
-    of : "p_gap", "p_beyond"
-        Of a dead band, or of one beyond the acceptable limit.
-    low, high : float
-        Probabilities from `low` on and below `high` are counted together; 1 counts in the last.
-    valves, so : int
-        Valves, and those of them where it was so.
-    stated : float
-        Mean of the probabilities.
+    - `of`: of a dead band, or of one beyond the acceptable limit.
+    - `low`, `high`: probabilities from `low` on and below `high` are counted together; 1 counts in the last.
+    - `valves`, `so`: valves, and those of them where it was so.
+    - `stated`: mean of the probabilities.
     """
 
     of: Literal["p_gap", "p_beyond"]

@@ -92,10 +92,7 @@ class Options:
     def settings(self) -> dict[str, Any]:
         """What was given, as keys of `Loop`.
 
-        Raises
-        ------
-        CommandError
-            Where a value is out of its bounds or another is missing beside it.
+        Raises CommandError where a value is out of its bounds or another is missing beside it.
         """
         parts = {"columns": _COLUMNS, "controller": _CONTROLLER, "process": _PROCESS}
         given: dict[str, Any] = {part: values for part, names in parts.items() if (values := self._given(names))}

@@ -29,10 +29,7 @@ _WHOLE = {"gone": "the server is gone", "moved": "the server starts again with i
 def need_opcua() -> None:
     """Say what to install where the extra is missing, and keep asyncua's own words off the screen.
 
-    Raises
-    ------
-    InputError
-        Where it is missing.
+    Raises InputError where it is missing.
     """
     try:
         import asyncua  # noqa: F401

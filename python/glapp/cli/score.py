@@ -93,10 +93,7 @@ def _loops(file: Path) -> list[Recording | Valve | Refused]:
 def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refused]]) -> Recording | Valve | Refused:
     """The one recording of a label.
 
-    Raises
-    ------
-    InputError
-        Where there is none, or several and no loop is named.
+    Raises InputError where there is none, or several and no loop is named.
     """
     if not label.file.exists():
         raise InputError("there is no such file", file=str(label.file), row=label.row, column="file")
@@ -113,10 +110,7 @@ def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refus
 def _require_another(entry: Recording | Valve | Refused, label: Label, seen: dict[bytes, Label]) -> None:
     """Refuse a recording that stands in another row already, under whatever name.
 
-    Raises
-    ------
-    InputError
-        Naming the first row.
+    Raises InputError: naming the first row.
     """
     if isinstance(entry, Refused):
         return

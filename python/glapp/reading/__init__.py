@@ -79,10 +79,7 @@ def open_each(
 ) -> list[Recording | InputError]:
     """Open a file, with the error in the place of a loop that cannot be used: the others can go on.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be used.
+    Raises InputError where the file cannot be used.
     """
     sources = _open(Path(path), str(path))
     if len(sources) == 1:
@@ -106,10 +103,7 @@ def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
 def first_rows(path: str | Path, rows: int) -> tuple[list[str], list[list[str]]]:
     """Names of the columns of a file, and its first rows as text, for a person who says which is which.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be used.
+    Raises InputError where the file cannot be used.
     """
     source = _open(Path(path), str(path))[0]
     columns = [

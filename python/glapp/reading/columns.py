@@ -158,22 +158,13 @@ def is_long(names: Sequence[str]) -> bool:
 class SignalColumns:
     """The columns of a wide table, or the tags of a long one, each name understood once for all loops.
 
-    Parameters
-    ----------
-    names : iterable of str
-        In the order in which they appear; they may repeat.
-    time : str, optional
-        Name of the column that holds times, where its name does not say so.
+    - `names`: in the order in which they appear; they may repeat.
+    - `time`: name of the column that holds times, where its name does not say so.
 
-    Attributes
-    ----------
-    names : list of str
-        The same.
-    groups : list of str
-        Loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. "" stands
-        for names without a prefix.
-    passed_over : list of str
-        Those with PV and OP that are not taken for loops, because others have SP.
+    - `names`: the same.
+    - `groups`: loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. ""
+      stands for names without a prefix.
+    - `passed_over`: those with PV and OP that are not taken for loops, because others have SP.
 
     Examples
     --------
@@ -276,25 +267,15 @@ def choose(
 ) -> dict[str, str]:
     """Column (or tag) for every role of one loop that has one: named by the user, or guessed within `group`.
 
-    Parameters
-    ----------
-    signals : SignalColumns
-        Columns or tags there are.
-    loop : Loop
-        Its `columns` win over guesses; an empty string there means "there is none".
-    group : str or None
-        Prefix of this loop's columns, one of `signals.groups`; None when nothing may be guessed.
-    label : str
-        File as the user wrote it, for messages.
-    tags : bool
-        Whether `signals` are the tags of a long table.
-    kind : str
-        What a person calls them.
+    - `signals`: columns or tags there are.
+    - `loop`: its `columns` win over guesses; an empty string there means "there is none".
+    - `group`: prefix of this loop's columns, one of `signals.groups`; None when nothing may be guessed.
+    - `label`: file as the user wrote it, for messages.
+    - `tags`: whether `signals` are the tags of a long table.
+    - `kind`: what a person calls them.
 
-    Raises
-    ------
-    InputError
-        For a named column that is not there, two columns that fit one role, and where PV is missing, or SP and OP are.
+    Raises InputError for a named column that is not there, two columns that fit one role, and where PV is missing, or
+    SP and OP are.
     """
     wanted: Mapping[str, str | None] = loop.columns.model_dump()
     chosen: dict[str, str] = {}

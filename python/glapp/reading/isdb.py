@@ -71,20 +71,13 @@ _SAYS = (
 class StictionLoop:
     """One loop of the data base.
 
-    Attributes
-    ----------
-    name : str
-        Industry and number, such as "chemicals.loop10".
-    comment : str
-        What its contributor says of it.
-    says : "stiction", "likely stiction", "no stiction" or None
-        The same in a word; None where the comment does not speak of stiction. "no stiction" does not mean that the
-        valve is sound, or that the loop is well tuned.
-    quoted : str or None
-        The verdict in `QUOTED`: "stiction", or "no stiction" with the cause; None for every other loop. Where it
-        differs from `says`, the literature and the contributor disagree.
-    recording : Recording
-        Its samples, the loop's name with them.
+    - `name`: industry and number, such as "chemicals.loop10".
+    - `comment`: what its contributor says of it.
+    - `says`: the same in a word; None where the comment does not speak of stiction. "no stiction" does not mean that
+      the valve is sound, or that the loop is well tuned.
+    - `quoted`: the verdict in `QUOTED`: "stiction", or "no stiction" with the cause; None for every other loop. Where
+      it differs from `says`, the literature and the contributor disagree.
+    - `recording`: its samples, the loop's name with them.
     """
 
     name: str
@@ -97,22 +90,13 @@ class StictionLoop:
 def open_isdb(path: str | Path, *, synthetic: bool = False) -> list[StictionLoop]:
     """The loops of the data base.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, such as `isdb10.mat`.
-    synthetic : bool
-        With the synthetic loops.
+    - `path`: the file, such as `isdb10.mat`.
+    - `synthetic`: with the synthetic loops.
 
-    Returns
-    -------
-    list of StictionLoop
-        In the order of the file. A loop whose OP has another length than its PV has none.
+    Returns: In the order of the file. A loop whose OP has another length than its PV has none.
 
-    Raises
-    ------
-    InputError
-        Where SciPy is not installed, the file cannot be read, has not that layout, or a loop has no usable PV.
+    Raises InputError where SciPy is not installed, the file cannot be read, has not that layout, or a loop has no
+    usable PV.
     """
     path = Path(path)
     try:

@@ -103,10 +103,7 @@ security = "Basic256Sha256"
     def password(self) -> str | None:
         """The user's password.
 
-        Raises
-        ------
-        InputError
-            Where there is a user and no password, or its file cannot be read.
+        Raises InputError where there is a user and no password, or its file cannot be read.
         """
         if self.user is None:
             return None
@@ -121,10 +118,7 @@ security = "Basic256Sha256"
 def password_in(file: Path) -> str:
     """The first line of a file.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be read.
+    Raises InputError where it cannot be read.
     """
     try:
         return file.read_text(encoding="utf-8").partition("\n")[0].rstrip("\r")
@@ -136,10 +130,7 @@ def password_in(file: Path) -> str:
 def read_connection(path: str | Path) -> Connection | None:
     """The table [opcua] of a loops.toml; None where it has none. Paths are relative to the file.
 
-    Raises
-    ------
-    InputError
-        With file, key, value and bound; for an unknown key with the nearest known one.
+    Raises InputError with file, key, value and bound; for an unknown key with the nearest known one.
     """
     table = read_table(path, "opcua")
     if table is None:
@@ -157,10 +148,7 @@ def read_connection(path: str | Path) -> Connection | None:
 def check_tags(connection: Connection, loops: Sequence[Loop]) -> None:
     """Refuse tags that cannot be meant: no PV, a node that is written and is something else too.
 
-    Raises
-    ------
-    InputError
-        With the loop and the key.
+    Raises InputError with the loop and the key.
     """
     names: set[str] = set()
     for loop in loops:

@@ -66,20 +66,11 @@ def _first_login(path: Path | None) -> tuple[str, str]:
 def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login: Path | None = None) -> FastAPI:
     """The window of a station; once in a process, since the library has one set of pages.
 
-    Parameters
-    ----------
-    station : Station
-        What the pages stand on.
-    hosts : sequence of str
-        Names that it may be addressed by.
-    secure : bool
-        Whether it is served by TLS.
-    first_login : Path, optional
-        `first-login.txt` of a demonstration: name and password in it stand on the login page. Never given for a plant.
-
-    Returns
-    -------
-    FastAPI
+    - `station`: what the pages stand on.
+    - `hosts`: names that it may be addressed by.
+    - `secure`: whether it is served by TLS.
+    - `first_login`: `first-login.txt` of a demonstration: name and password in it stand on the login page. Never given
+      for a plant.
     """
     app = FastAPI(title="glapp station", docs_url=None, redoc_url=None, openapi_url=None)
     app.mount("/api", api_of(station))

@@ -42,16 +42,10 @@ PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory")
 class Station:
     """What the pages stand on.
 
-    Attributes
-    ----------
-    view : View
-        The database.
-    api : ApiClient
-        The service.
-    sessions : Sessions
-        Who is logged in.
-    listed : Listed
-        The overview, as of the last look.
+    - `view`: the database.
+    - `api`: the service.
+    - `sessions`: who is logged in.
+    - `listed`: the overview, as of the last look.
     """
 
     view: View
@@ -303,10 +297,7 @@ def overview_page(station: Station, request: Request) -> None:
 def all_events(station: Station, most: int, loop: str | None = None) -> list[dict[str, Any]]:
     """Events and commands together, the newest first.
 
-    Raises
-    ------
-    InputError
-        Where the database cannot be read.
+    Raises InputError where the database cannot be read.
     """
     from .parameters import command_text
 

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 import glapp
+from glapp import palette
 from glapp.fit import Fit, Trend, Window
 from glapp.identify import Identification
 from glapp.loop import Loop
@@ -871,3 +872,22 @@ def test_a_loop_is_printed_on_one_page(worn: Result, tmp_path: Path) -> None:
         return len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "report.pdf").read_bytes()))
 
     assert pages(fitted(worn), worn, replace(fitted(worn), name="FIC2")) - pages(worn) == 2
+
+
+def test_report_station_and_page_have_one_typeface() -> None:
+    root = Path(__file__).parents[1]
+    styles = [
+        "python/glapp/report/report.css",
+        "python/glapp/report/templates/form.html",
+        "python/glapp/station/static/station.css",
+        "page/style.css",
+    ]
+    families = set()
+    for path in styles:
+        text = (root / path).read_text(encoding="utf-8")
+        for shorthand, value in re.findall(r"[\s{;]font(-family)?:\s*([^;}]+)", text):
+            # In the shorthand the family stands behind the size.
+            found = value if shorthand else re.sub(r"^.*?\d+(?:\.\d+)?(?:px|pt|rem|em)(?:/[\d.]+)?\s+", "", value)
+            families |= {found.strip()} - {"inherit", "var(--face)"}
+        families |= set(re.findall(r"--face:\s*([^;}]+)", text))
+    assert families == {palette.FONT}

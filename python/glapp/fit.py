@@ -17,7 +17,7 @@ from .cut import since_repair
 from .errors import InputError
 from .loop import Loop
 from .progress import Progress, shares
-from .recording import Batch, Recording
+from .recording import Batch, Recording, with_op_unit
 from .samples import recording_of
 from .valve import in_order, one_valve, since
 
@@ -324,7 +324,7 @@ def fit(
     [recording] = since_repair([given])
     sign = process_sign(recording.loop, recording.loop.ideal())
     batches, fitting = _read(recording, sign, progress)
-    return fit_batches(batches, recording.loop, sign, progress=fitting)
+    return fit_batches(batches, with_op_unit(recording.loop, *batches), sign, progress=fitting)
 
 
 def _read(recording: Recording, sign: float, progress: Progress | None) -> tuple[list[Batch], Progress | None]:
@@ -371,7 +371,8 @@ def fit_recordings(
     if fitted:
         found = _glapp.fit_valve(fitted, sign, fitting)
     decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement", "weighed")}
-    through_pv = replace(_valve(found["pv"], recordings, known), **decided)
+    loop = with_op_unit(loop, *(batch for parts in batches for batch in parts))
+    through_pv = replace(_valve(found["pv"], recordings, known, loop.op_label), **decided)
     if found["position"] is None:
         return through_pv
     both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
@@ -379,10 +380,12 @@ def fit_recordings(
 
 
 def _valve(
-    answer: dict[str, Any], recordings: Sequence[Recording], known: Sequence[tuple[Verdict, str, str] | None]
+    answer: dict[str, Any],
+    recordings: Sequence[Recording],
+    known: Sequence[tuple[Verdict, str, str] | None],
+    unit: str,
 ) -> Fit:
     """The answer of several recordings, in words."""
-    unit = recordings[0].loop.op_label
     own = iter(answer.get("recordings") or [answer] * len(known))
     each = []
     for recording, why in zip(recordings, known, strict=True):

@@ -46,6 +46,10 @@ class Samples(Recording):
             raise InputError("has fewer than two samples", parameter="t", value=t.size, bound=">= 2")
         if not np.isfinite(values["pv"]).any():
             raise InputError(f"holds no number in {t.size} samples", parameter="pv")
+        steps = np.diff(t)
+        if (back := int(np.count_nonzero(steps < 0))) > t.size // 2:
+            what = f"runs backwards in {back} of {t.size - 1} steps: the newest sample comes first"
+            raise InputError(what, parameter="t", bound="oldest first", hint="reverse all arrays: x[::-1]")
         self.rows: int | None = t.size
         self._whole = finished(t, values, flags)
         self._fraction: float | None = None
@@ -120,6 +124,8 @@ def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:
 
 
 def _floats(name: str, x: ArrayLike) -> NDArray[np.float64]:
+    if np.iscomplexobj(x):
+        raise InputError("holds complex numbers, must be real", parameter=name)
     try:
         values = np.ascontiguousarray(x, dtype=np.float64)
     except (TypeError, ValueError) as error:

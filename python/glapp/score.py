@@ -16,6 +16,7 @@ from pathlib import Path
 from statistics import NormalDist
 from typing import Any, Literal, get_args
 
+from .checked import nearest
 from .errors import InputError
 from .reading.files import check_file
 from .result import Answer, Result, span_of
@@ -106,12 +107,20 @@ def read_labels(path: Path) -> list[Label]:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read: {error}", file=str(path)) from None
-    rows = csv.DictReader(text.splitlines())
+    if not text.strip():
+        raise InputError("is empty", file=str(path), hint=f"write a row a valve, with the columns {', '.join(COLUMNS)}")
+    lines = text.splitlines()
+    # A spreadsheet of a country with decimal commas parts its cells by semicolons.
+    comma = max(",;\t", key=lines[0].count)
+    rows = csv.DictReader(lines, delimiter=comma)
     names = [name.strip().lower() for name in rows.fieldnames or []]
     for name in ("file", "found"):
         if name not in names:
-            known = ", ".join(COLUMNS)
-            raise InputError(f"has no column '{name}'", file=str(path), hint=f"the columns are {known}")
+            hint = f"labels have the columns {', '.join(COLUMNS)}, and this file has {', '.join(names[:20])}"
+            raise InputError(f"has no column '{name}'", file=str(path), hint=hint)
+    for name in names:
+        if name not in COLUMNS and (near := nearest(name, COLUMNS)) is not None and near not in names:
+            raise InputError(f"has a column '{name}': did you mean '{near}'?", file=str(path), row=1, column=name)
     labels: list[Label] = []
     for cells in rows:
         row = {key.strip().lower(): (value or "").strip() for key, value in cells.items() if isinstance(key, str)}
@@ -136,7 +145,7 @@ def _label(row: dict[str, str], number: int, path: Path) -> Label:
     width = None
     if text := row.get("width"):
         try:
-            width = float(text)
+            width = float(text.replace(",", ".") if text.count(",") == 1 else text)
         except ValueError:
             width = math.nan
         if not 0.0 <= width < math.inf:

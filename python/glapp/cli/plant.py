@@ -98,8 +98,9 @@ def plant(
 ) -> None:
     """Serve a simulated plant by OPC UA: loops with gaps, wear, noise, disturbances, history and faults on request.
 
-    The controller of each loop adds what is written to its node U_FF, and takes it away by itself when the node
-    Watchdog stands still. docs/plant.md tells the rest.
+    The controller of each loop adds what is written to U_FF, and takes it away when Watchdog stands still.
+
+    docs/plant.md tells the rest.
     """
     if not 1 <= port <= 65535:
         raise CommandError(f"--port: is {port}, must be 1 to 65535")

@@ -41,10 +41,15 @@ def score(
 ) -> None:
     """Hold the answers against what the workshop found: how many are right, wrong and silent.
 
-    LABELS has a row per valve. FILE is a recording or a loops.toml, from the folder of LABELS; LOOP which of its loops,
-    where there are several. FOUND is gap, stiction, both, sound, or other where the loop swings for another reason.
-    WIDTH is the measured dead band in the UNIT of OP, or in "% of span". DATE is when the valve was looked at: a
-    recording that begins later is not counted.
+    LABELS has a row per valve, with these columns:
+
+    FILE is a recording or a loops.toml, from the folder of LABELS; LOOP which of its loops, where there are several.
+
+    FOUND is gap, stiction, both, sound, or other where the loop swings for another reason.
+
+    WIDTH is the measured dead band in the UNIT of OP, or in "% of span".
+
+    DATE is when the valve was looked at: a recording that begins later is not counted.
     """
     known = read_labels(labels)
     if report is not None:

@@ -106,7 +106,8 @@ def plan_of(
         files += [] if file is None else [file]
         stage("files", len(names), i)
     if not files:
-        raise InputError("holds no file that can be read", file=str(lake), hint=problems[0].what if problems else None)
+        first = f"{problems[0].file}: {problems[0].what}" if problems else None
+        raise InputError("holds no Parquet file that can be read", file=str(lake), hint=first)
     known, wrong = places(files, given, {})
     checksum = digest(
         version("glapp"), FORM, [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]

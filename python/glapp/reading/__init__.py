@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
 from . import apart, bounds
-from .columns import SignalColumns, choose, is_long
+from .columns import SignalColumns, choose, is_long, with_own_qualities
 from .csv import PACKED, CsvSource, encoding_of
 from .each import all_or_none, each
 from .excel import sheets
@@ -216,6 +216,7 @@ def _recordings(
     source = shaped(source, loops or (), defaults or {})
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
+    source.call(with_own_qualities(source.names))
     signals = SignalColumns(source.names, source.time)
     found: dict[str, str] = {}
     if loops is None:

@@ -57,6 +57,11 @@ class Source(ABC):
             places.setdefault(name, []).append(i)
         return places
 
+    def call(self, names: list[str]) -> None:
+        """Give the columns these names."""
+        self.names = names
+        self.__dict__.pop("places", None)
+
     def call_by_numbers(self, row: int) -> None:
         """Name the columns of a table without names: a person may still say which is which."""
         self.names = [f"column {i + 1}" for i in range(len(self.names))]

@@ -595,7 +595,8 @@ class ApiServer:
         try:
             self._socket = socket.create_server((host.strip("[]"), port), family=family, backlog=1024)
         except OSError as error:
-            raise InputError(f"cannot be listened at: {error}", parameter="host and port", value=port) from None
+            what = f"{host}:{port} cannot be listened at: {error.strerror or error}"
+            raise InputError(what, parameter="host and port", value=port, hint="give another --port") from None
         self.port: int = self._socket.getsockname()[1]
         self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
         self._server = Listener(app, limits, ssl_certfile=certificate, ssl_keyfile=key)

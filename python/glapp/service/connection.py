@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from ..checked import Checked
 from ..controller import Positive
@@ -66,7 +67,7 @@ class Connection(Checked):
 security = "Basic256Sha256"
     """
 
-    url: Annotated[str, Field(pattern=r"^opc\.tcp://[^\s/@]+(/\S*)?$")]
+    url: str
     security: Literal["Basic256Sha256", "Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"] | None = None
     mode: Literal["SignAndEncrypt", "Sign"] = "SignAndEncrypt"
     certificate: Path | None = None
@@ -81,6 +82,16 @@ security = "Basic256Sha256"
     history: Annotated[float, Field(ge=0)] = 86_400.0
     ahead: Annotated[float, Field(ge=0)] = 60.0
     watchdog: Node | None = None
+
+    @field_validator("url")
+    @classmethod
+    def _address(cls, url: str) -> str:
+        bound = "an address such as opc.tcp://plant:4840"
+        if "@" in url:  # it is not shown: a password may stand in it
+            raise InputError(f"has an @, must be {bound}", bound=bound, hint="write user and password_file")
+        if re.fullmatch(r"opc\.tcp://[^\s/]+(/\S*)?", url) is None:
+            raise InputError(f"is {url!r}, must be {bound}", value=url, bound=bound)
+        return url
 
     @model_validator(mode="after")
     def _secure(self) -> Connection:

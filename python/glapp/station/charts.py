@@ -8,6 +8,7 @@ from datetime import datetime
 from itertools import pairwise
 from typing import Any
 
+from ..palette import FONT
 from ..report.words import NAMES, REASONS, number
 from ..step_test import StepTest
 
@@ -71,7 +72,7 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     return {
         "animation": False,
         "backgroundColor": "transparent",
-        "textStyle": {"color": tone["ink"], "fontFamily": "Roboto, system-ui, sans-serif"},
+        "textStyle": {"color": tone["ink"], "fontFamily": FONT},
         "tooltip": {"trigger": "axis", "confine": True, "order": "seriesAsc"},
         "legend": {"textStyle": {"color": tone["ink"]}, "top": 0, "itemHeight": 10, "itemWidth": 16},
         "aria": {"enabled": True},
@@ -432,7 +433,7 @@ def phase(
     --------
     >>> drawn = phase([0.0, 2.0, 4.0], [0.0, 0.0, 4.0], "PV [%]", "%", dark=False, flanks=(2.0, 2.0))
     >>> [one["name"] for one in drawn["series"]]
-    ['recorded', 'flank, OP rising', 'flank, OP falling']
+    ['recorded', 'OP rising', 'OP falling']
     """
     tone = _tone(dark)
     data = [[x, y] for x, y in zip(op, pv, strict=True) if x is not None and y is not None]
@@ -458,7 +459,7 @@ def phase(
         # Through the middle of what is drawn: the load moves PV up and down beside OP.
         middle = _median([y - gain * x for x, y in data])
         bottom, top = (limit(y for _, y in data) for limit in (min, max))
-        for label, side, kind in (("flank, OP rising", 1.0, "solid"), ("flank, OP falling", -1.0, "dashed")):
+        for label, side, kind in (("OP rising", 1.0, "solid"), ("OP falling", -1.0, "dashed")):
             ends = [(x, middle + gain * (x - side * width / 2.0)) for x in (low - width, high + width)]
             ends = _within(ends, bottom, top)
             series.append(

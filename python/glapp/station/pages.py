@@ -230,10 +230,10 @@ def _overview_columns() -> list[dict[str, Any]]:
         ),
         column("verdict", "Verdict", 118, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
         column("todo", "What to do", 260, flex=1, minWidth=232),
-        column("trend", "Trend", 128, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
+        column("trend", "Trend", 132, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 118, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
         column("seen", "PV age", 80, headerTooltip="How old the newest PV is", suppressHeaderFilterButton=True),
-        column("compensation", "Compensation", 112, suppressHeaderFilterButton=True),
+        column("compensation", "Compensation", 116, suppressHeaderFilterButton=True),
         column(
             "card", "Answer", 200, flex=1, hide=True, sortable=False, filter=False, **{":cellRenderer": "glapp.card"}
         ),

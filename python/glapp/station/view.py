@@ -271,6 +271,8 @@ class View:
         """
         status = self.shown["loops"].get(loop) or {}
         fit = status.get("fit")
+        if self.behind is not None:
+            return ""  # a service that does not write may not be fitting either
         if fit is None:
             return "Being judged." if status.get("fitting") else ""
         if fit["since"] is None:

@@ -35,7 +35,7 @@ fn faults(signals: &[Vec<f64>; 4]) -> Vec<Fault> {
 }
 
 fn known() -> Known {
-    Known { k: Some(1.0), ti: Some(20.0), td: Some(0.0), law: None }
+    Known { k: Some(1.0), ti: Some(20.0), td: Some(0.0), op_span: Some((0.0, 100.0)), ..Known::default() }
 }
 
 fn number(finding: &Finding, name: &str) -> f64 {
@@ -109,7 +109,7 @@ proptest! {
         counter.run(&rows);
         let seen = Interval { value: k, low, high: ti };
         let law = Law { usable: true, r2: Some(0.95), k: seen, ti: seen, td: seen };
-        for finding in inspect(&rows, &counter.statistics, &Known { k, ti, td: ti, law: Some(law) }) {
+        for finding in inspect(&rows, &counter.statistics, &Known { k, ti, td: ti, law: Some(law), ..Known::default() }) {
             prop_assert!(finding.fault.severities().contains(&finding.severity), "{:?}", finding);
         }
     }
@@ -133,4 +133,50 @@ proptest! {
         }
         prop_assert_eq!(format!("{:?}", whole.statistics), format!("{:?}", parts.statistics));
     }
+}
+
+#[test]
+fn a_signal_beyond_its_span_is_told_and_refused_where_all_of_it_is() {
+    let [t, sp, pv, op] = signals(ordinary);
+    let recorded = [t, sp, pv.clone(), op.clone()];
+    let spans = |pv_span, op_span| {
+        let known = Known { pv_span, op_span, ..known() };
+        look(&recorded, None, &known).into_iter().filter(|finding| finding.fault == Fault::Span).collect::<Vec<_>>()
+    };
+    let (low, high) = pv.iter().fold((f64::MAX, f64::MIN), |(low, high), pv| (low.min(*pv), high.max(*pv)));
+    // A tenth of the span beyond is how far a transmitter reads.
+    let width = (high - low) / 1.09;
+    assert_eq!(spans(Some((low, low + width)), Some((0.0, 100.0))), []);
+    let width = (high - low) / 1.11;
+    let [found] = &spans(Some((low, low + width)), Some((0.0, 100.0)))[..] else { panic!() };
+    assert_eq!((found.severity, number(found, "high")), (Severity::Warning, high));
+    let [found] = &spans(None, Some((0.0, 1.0)))[..] else { panic!() };
+    assert_eq!((found.severity, number(found, "span_high")), (Severity::Refuse, 1.0));
+}
+
+#[test]
+fn an_op_that_no_percentage_would_be_is_told() {
+    let [t, sp, pv, op] = signals(ordinary);
+    let like = |op: Vec<f64>, op_span| {
+        let recorded = [t.clone(), sp.clone(), pv.clone(), op];
+        let found = look(&recorded, None, &Known { op_span, ..known() });
+        found.into_iter().find(|finding| finding.fault == Fault::Span).map(|finding| finding.evidence[5].1.clone())
+    };
+    let scaled = |from: f64, to: f64| op.iter().map(|op| from + op / 100.0 * (to - from)).collect::<Vec<_>>();
+    let percent = Some((0.0, 100.0));
+    assert_eq!(like(scaled(0.0, 1.0), None), Some("fraction".into()));
+    assert_eq!(like(scaled(0.0, 1.0), percent), Some("fraction".into()));
+    assert_eq!(like(scaled(0.0, 1.0), Some((0.0, 1.0))), None);
+    assert_eq!(like(scaled(4.0, 20.0), None), Some("current".into()));
+    assert_eq!(like(scaled(4.0, 20.0), percent), None);
+    assert_eq!(like(op.clone(), None), None);
+}
+
+#[test]
+fn a_process_gain_of_the_other_sign_is_told() {
+    let recorded = signals(ordinary);
+    let told = |kp| look(&recorded, None, &Known { kp: Some(kp), ..known() });
+    assert_eq!(told(1.3), []);
+    let [found] = &told(-1.3)[..] else { panic!() };
+    assert_eq!((found.fault, number(found, "kp"), number(found, "k_seen")), (Fault::Sign, -1.3, 1.0));
 }

@@ -72,6 +72,7 @@ check: setup
 
 quick:
 	cargo test --release --quiet $(TESTED:%=-p glapp-%) --lib --test blocks
+	cargo test --release --quiet -p glapp-plc-check --test twins vectors
 	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow and not verify" tests
 
 # As they are shipped, with the crates that `make run` has compiled: the Python face is among them, since its dependencies choose

@@ -38,10 +38,7 @@ def step(what: str) -> Iterator[None]:
 def found(text: str) -> str:
     """The answer of the loop in what was printed.
 
-    Raises
-    ------
-    SystemExit
-        Where it is no gap of about the true width.
+    Raises SystemExit where it is no gap of about the true width.
     """
     answer = re.search(rf"{LOOP}\D*(\d+\.\d+).*", text)
     if answer is None or not TRUE[0] < float(answer[1]) < TRUE[1]:

@@ -44,21 +44,11 @@ SAMPLES = 750
 class RecordingAnswer:
     """What `glapp.fit` said of so many days of a loop.
 
-    Attributes
-    ----------
-    name : str
-        That of `bench.loads` without the day.
-    days : int
-    d_true : float
-        Width of the gap [% of OP]; 0 for none.
-    up, down : int
-        Traversals of the gap over all days, as in `bench.truth`.
-    verdict, reason : str
-    d, low, high, lr, needed : float or None
-        As in `glapp.fit.Fit`.
-    own : list of tuple
-        Verdict, d, low and high that each recording gives alone, and what it adds to the likelihood ratio.
-    seconds : float
+    - `name`: that of `bench.loads` without the day.
+    - `d_true`: width of the gap [% of OP]; 0 for none.
+    - `up`, `down`: traversals of the gap over all days, as in `bench.truth`.
+    - `d`, `low`, `high`, `lr`, `needed`: as in `glapp.fit.Fit`.
+    - `own`: verdict, d, low and high that each recording gives alone, and what it adds to the likelihood ratio.
     """
 
     name: str

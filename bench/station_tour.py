@@ -1,11 +1,8 @@
-"""A tour of `glapp station --demo` in Chromium: `python -m bench.station_tour FOLDER [story | laboratory | wear]`.
+"""An engineer at `glapp station --demo` in Chromium: `python -m bench.station_tour FOLDER`.
 
-story: an engineer at a plant five times as fast as usual (`--scan 0.2`). The level cycles by its gap. Its width is
-typed, the watchdog tested, Compensate pressed; what the window says of how calm PV is then. After that the valve is
-repaired, which nobody tells the compensation, until it is withdrawn. Then every page and dialog as a picture: laptop,
-tablet held upright, laptop at 200 %, light and dark. laboratory: the loop of 6.5, and every variable of it changed
-while it runs. wear: forty days behind the plant, of a valve that wears. FOLDER gets the pictures; what the window
-says is printed.
+The plant is five times as fast as usual (`--scan 0.2`). The level cycles by its gap. Its width is typed, the watchdog
+tested, Compensate pressed; the window says how calm PV is then. After that the valve is repaired, which nobody tells
+the compensation, until it is withdrawn. FOLDER gets pictures; what the window says is printed.
 """
 
 from __future__ import annotations
@@ -20,7 +17,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from asyncua import Client, ua
 from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
@@ -31,11 +27,6 @@ from glapp.service.plant import NAMESPACE
 
 from .station import logged_in, started
 
-SIZES = {"laptop": (1280, 800), "tablet": (768, 1024), "laptop-200": (640, 400)}
-"""A laptop at 200 % has half as many points each way."""
-
-PAGES = {"overview": "/", "loop": "/loop?name=LIC104", "events": "/events", "laboratory": "/laboratory"}
-DIALOGS = ("Width over time", "Parameters", "Compensate", "PV over OP", "Step test")
 LEVEL = "LIC104"
 CALM = "of SP half of the time"
 TOO_MUCH = [f"It is off. {TEXT_OF_STATE[why]}" for why in ("over_compensated", "worse")]
@@ -44,10 +35,10 @@ LONGEST = 900.0
 
 
 @contextmanager
-def _window(browser: Browser, *words: str) -> Iterator[tuple[Page, str, Path]]:
+def _window(browser: Browser) -> Iterator[tuple[Page, str, Path]]:
     """A demo, and a page of it on which the engineer is logged in."""
     with TemporaryDirectory() as name:
-        window, url = started("station", "--demo", "--port", "0", "--data", name, *words)
+        window, url = started("station", "--demo", "--port", "0", "--data", name, "--scan", "0.2")
         try:
             password = (Path(name) / "first-login.txt").read_text(encoding="utf-8").split("password ")[1].strip()
             page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -149,7 +140,7 @@ def _lines(said: str, *words: str) -> str:
 
 
 def _story(browser: Browser, out: Path) -> None:
-    with _window(browser, "--scan", "0.2") as (page, url, data):
+    with _window(browser) as (page, url, data):
         eve = _Engineer(page, url, out, LEVEL)
         eve.note("logged in")
         time.sleep(200.0)  # 25 Ti: how calm PV was before must have been seen
@@ -184,117 +175,16 @@ def _story(browser: Browser, out: Path) -> None:
         eve.picture("events-story")
         for row in page.locator(".ag-center-cols-container .ag-row").all()[:10]:
             print("  event:", " | ".join(row.inner_text().splitlines()))
-        _pages(page, url, out)
 
 
-def _pages(page: Page, url: str, out: Path) -> None:
-    """Every page and dialog, in every size, light and dark."""
-    for dark in ("light", "dark"):
-        for kind, (width, height) in SIZES.items():
-            page.set_viewport_size({"width": width, "height": height})
-            for name, path in PAGES.items():
-                page.goto(url + path)
-                _settle(page)
-                page.screenshot(path=out / f"{name}-{kind}-{dark}.png", full_page=True)
-            for button in DIALOGS:
-                page.goto(f"{url}/loop?name={LEVEL}")
-                page.get_by_role("button", name=button, exact=True).click()
-                page.wait_for_selector(".wide-dialog")
-                _settle(page)
-                page.screenshot(path=out / f"{button.lower().replace(' ', '-')}-{kind}-{dark}.png")
-        page.get_by_role("button", name="Close").click()
-        page.get_by_role("button", name="Dark" if dark == "light" else "Light").click()
-        page.wait_for_load_state()
-    page.set_viewport_size({"width": 1280, "height": 800})
-    page.get_by_role("button", name="Log out").click()
-    page.wait_for_selector("#user")
-    page.screenshot(path=out / "login.png")
-
-
-def _laboratory(browser: Browser, out: Path) -> None:
-    with _window(browser) as (page, url, _):
-        page.goto(url + "/laboratory")
-        page.get_by_role("button", name="1000 ×", exact=True).click()
-        page.get_by_label("Search").fill("watch.d_hat")
-        first = page.locator(".ag-cell[col-id=value]").first
-        page.wait_for_function("parseFloat(document.querySelector('.ag-cell[col-id=value]')?.innerText) > 1.5")
-        time.sleep(5.0)
-        print(f"  gap.d is 2, watch.d_hat {first.inner_text()} at {page.inner_text('.content .muted.grow')}")
-        page.screenshot(path=out / "laboratory-gap.png", full_page=True)
-        page.get_by_role("button", name="1 ×", exact=True).click()
-        paths = page.evaluate(
-            """() => {
-              const found = [];
-              const id = Number(document.querySelector('.nicegui-aggrid').id.slice(1));
-              getElement(id).api.forEachNode((node) => node.data.editable && found.push(node.data.path));
-              return found;
-            }"""
-        )
-        stays = []
-        for path in paths:
-            page.get_by_label("Search").fill(path)
-            page.wait_for_function(
-                "(path) => document.querySelector('.ag-cell[col-id=path]')?.innerText === path", arg=path
-            )
-            before = first.inner_text()
-            for typed in _others(before):
-                first.dblclick()
-                page.keyboard.press("Control+A")
-                page.keyboard.type(typed)
-                page.keyboard.press("Enter")
-                time.sleep(0.7)
-                if first.inner_text() != before:
-                    break
-            else:
-                stays.append(f"{path}: {before}")
-        print(f"  variables that may be set: {len(paths)}; changed while it runs: {len(paths) - len(stays)}")
-        for one in stays:
-            print(f"  stays: {one}")
-
-
-def _others(before: str) -> list[str]:
-    """What to type for another value than the one there: a tenth more or less, a whole number more or less."""
-    text = before.replace("−", "-").replace(" ", "")
-    if not re.match(r"-?[\d.]", text):
-        return ["1", "0"]
-    number = float(text)
-    tries = (1.1 * number, 0.9 * number, number + 1.0, number - 1.0, number + 2.0, 0.1)
-    return [f"{one:.4g}" for one in tries if f"{one:.4g}" != f"{number:.4g}"]
-
-
-def _wear(browser: Browser, out: Path) -> None:
-    with _window(browser, "--days", "40", "--scan", "60") as (page, url, _):
-        page.goto(f"{url}/loop?name=FIC101")
-        page.get_by_text(re.compile(r"^PV of .* old")).wait_for()  # the plant is at the present
-        page.get_by_role("button", name="Fit now").click()
-        page.get_by_text(re.compile("Fit of .*, asked by engineer")).wait_for()
-        page.goto(url)
-        page.get_by_text("month").first.wait_for()
-        for row in page.locator(".ag-center-cols-container .ag-row").all():
-            print("  ", " | ".join(row.inner_text().splitlines()))
-        page.screenshot(path=out / "wear-overview.png")
-        page.goto(f"{url}/loop?name=FIC101")
-        page.get_by_text(re.compile("Trend: ")).wait_for()
-        _settle(page)
-        page.screenshot(path=out / "wear-loop.png", full_page=True)
-        print("  ", " ".join(page.inner_text(".card").split()))
-        page.get_by_role("button", name="Width over time").click()
-        page.wait_for_selector("[data-drawn]")
-        _settle(page)
-        page.screenshot(path=out / "wear-graph.png")
-
-
-def main(out: Path, parts: list[str]) -> None:
+def main(out: Path) -> None:
     """Make the tour."""
     out.mkdir(parents=True, exist_ok=True)
-    tours: dict[str, Any] = {"story": _story, "laboratory": _laboratory, "wear": _wear}
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        for part in parts or tours:
-            print(f"{part}:", flush=True)
-            tours[part](browser, out)
+        _story(browser, out)
         browser.close()
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])
+    main(Path(sys.argv[1]))

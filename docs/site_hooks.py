@@ -57,10 +57,7 @@ def on_files(files: Any, *, config: Any) -> Any:
 def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Any) -> str:
     """Rewrite what points out of the folder of the documentation.
 
-    Raises
-    ------
-    FileNotFoundError
-        If a link points nowhere.
+    Raises FileNotFoundError if a link points nowhere.
     """
     docs = Path(config.docs_dir).resolve()
     here = docs / Path(page.file.src_uri).parent

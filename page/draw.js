@@ -24,6 +24,9 @@ function thinned(t, columns, most = 4000) {
   return out;
 }
 
+/** The page's typeface; a picture on a canvas inherits none. */
+const font = () => `12px ${getComputedStyle(document.body).fontFamily}`;
+
 const axis = (label, more = {}) => ({
   label,
   stroke: () => colour("muted"),
@@ -31,8 +34,8 @@ const axis = (label, more = {}) => ({
   ticks: { show: false },
   labelSize: 18,
   labelGap: 0,
-  font: "12px system-ui, sans-serif",
-  labelFont: "12px system-ui, sans-serif",
+  font: font(),
+  labelFont: font(),
   ...more,
 });
 

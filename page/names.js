@@ -148,6 +148,10 @@ const Names = (data) => {
       const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix ? [i] : []));
       let found = role === "time" ? meanings.flatMap((m, i) => (m.role === "time" ? [i] : [])) : fits(loop);
       if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
+      if (found.length > 1 && new Set(found.map((i) => names[i])).size === 1) {
+        const what = `${found.length} ${kind}s are called '${names[found[0]]}', and it is open which is ${data.columns.labels[role]}`;
+        throw new InputError(what, { hint: "choose one below" });
+      }
       if (found.length > 1) {
         const both = found.map((i) => `'${names[i]}'`).join(" and ");
         throw new InputError(`the ${kind}s ${both} could both be ${data.columns.labels[role]}`, { hint: "choose one below" });
@@ -155,13 +159,28 @@ const Names = (data) => {
       if (found.length) chosen[role] = found[0];
     }
     if (chosen.pv === undefined || (chosen.sp === undefined && chosen.op === undefined)) {
-      const missing = ["sp", "pv"].filter((role) => chosen[role] === undefined).map((role) => data.columns.labels[role]);
-      const used = Object.entries(chosen).map(([role, at]) => `${data.columns.labels[role]} is ${names[at]}`).join(", ");
-      const left = listed(names.filter((_, i) => !Object.values(chosen).includes(i)));
-      const among = left ? ` among those left: ${left}` : ": all are taken";
-      throw new InputError(`no ${kind} for ${missing.join(" and ")}${among}${used ? ` (${used})` : ""}`, { hint: "choose it below" });
+      throw missing(names, chosen, kind);
     }
     return chosen;
+  }
+
+  /** What is said where PV is missing, or SP and OP are. */
+  function missing(names, chosen, kind) {
+    const taken = Object.entries(chosen).map(([role, at]) => `${data.columns.labels[role]} is ${names[at]}`).join(", ");
+    const also = taken ? ` (${taken})` : "";
+    const left = names.filter((_, i) => !Object.values(chosen).includes(i));
+    const roles = chosen.sp !== undefined || chosen.op !== undefined ? ["pv"] : ["pv", "op"].filter((role) => chosen[role] === undefined);
+    if (left.length >= roles.length) {
+      const what = `no ${kind} for ${roles.map((role) => data.columns.labels[role]).join(" and ")} among those left: ${listed(left)}${also}`;
+      return new InputError(what, { hint: `choose ${roles.length === 1 ? "it" : "them"} below` });
+    }
+    if (roles.length === 1 && roles[0] === "pv") {
+      return new InputError(`no ${kind} for PV: all are taken${also}`, { hint: "export PV as well; where one of these is PV, choose it below" });
+    }
+    const signal = chosen.pv === undefined ? left[0] : names[chosen.pv];
+    return new InputError(`${signal === undefined ? "has no signal" : `has only one signal, ${signal}`}${also}`, {
+      hint: "it takes OP and PV of a loop to tell of its valve, and SP tells more: export them into one file",
+    });
   }
 
   function listed(names) {
@@ -175,5 +194,14 @@ const Names = (data) => {
     return roles.includes("tag") && roles.includes("value") && !roles.includes("pv");
   };
 
-  return { folded, understand, timeOf, settle, groups, choose, isLong };
+  /** Names in which each of several columns called Quality is called after the signal on its left. */
+  function withOwnQualities(names) {
+    const meant = names.map(understand);
+    const at = meant.flatMap((meaning, i) => (meaning.role === "quality" && meaning.loop === "" ? [i] : []));
+    const signals = at.map((i) => (i ? meant[i - 1].role : null));
+    if (at.length < 2 || !signals.includes("pv") || !signals.every((role) => ["sp", "pv", "op", "mode", "position"].includes(role))) return names;
+    return names.map((name, i) => (at.includes(i) ? `${names[i - 1].replace(UNIT, "").trim()} ${name.trim()}` : name));
+  }
+
+  return { folded, understand, timeOf, settle, groups, choose, isLong, withOwnQualities };
 };

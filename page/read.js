@@ -4,7 +4,7 @@
 
 const Reading = (data) => {
   const names_of = Names(data);
-  const { understand, settle, groups, choose } = names_of;
+  const { understand, settle, groups, choose, withOwnQualities } = names_of;
   const cells_of = Cells(data, names_of.folded);
   const { NOT_AUTO, BAD, texts, isEmpty, taken, unitBehind, withoutUnit, numbers, flags, rule, clock } = cells_of;
   const tables_of = Tables(data, names_of, Heads(data, names_of, cells_of), cells_of);
@@ -84,7 +84,7 @@ const Reading = (data) => {
     const tables = (await sources(bytes)).map(shaped);
     const loops = tables.flatMap((source) => {
       const names = source.tags ? [...source.tags.keys()] : source.names;
-      const meanings = settle(names.map(understand));
+      const meanings = settle(withOwnQualities(names).map(understand));
       if (!source.tags && source.time !== null) meanings.forEach((meaning, i) => { if ((meaning.role === "time") !== (i === source.time)) meaning.role = i === source.time ? "time" : null; });
       const of = groups(meanings);
       const plain = tables.length > 1 ? source.sheet : stem;

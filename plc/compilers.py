@@ -191,6 +191,12 @@ def cost(work: Path) -> None:
 
 
 if __name__ == "__main__":
+    commands = {"compare": compare, "cost": cost}
+    if len(sys.argv) < 2 or sys.argv[1] not in commands:
+        sys.exit(f"usage: python3 {sys.argv[0]} {'|'.join(commands)} [FOLDER]")
     os.nice(19 - os.nice(0))
-    command = {"compare": compare, "cost": cost}[sys.argv[1]]
-    command(Path(sys.argv[2] if len(sys.argv) > 2 else ROOT / "target/compiled").resolve())
+    command = commands[sys.argv[1]]
+    try:
+        command(Path(sys.argv[2] if len(sys.argv) > 2 else ROOT / "target/compiled").resolve())
+    except Missing as missing:
+        sys.exit(f"missing: {missing}")

@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, time, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,14 +64,19 @@ class Export:
 FORMS: dict[str, tuple[str, Callable[[], Export]]] = {}
 
 
-def form(about: str) -> Callable[[Callable[[], Export]], Callable[[], Export]]:
-    """Adds a form by its function's name; `about` says what is special about it."""
+def add(name: str, about: str, make: Callable[..., Export], *given: Any, **more: Any) -> None:
+    """Adds a form by its name; `about` says what is special about it."""
+    FORMS[name] = about, partial(make, *given, **more)
 
-    def add(make: Callable[[], Export]) -> Callable[[], Export]:
-        FORMS[make.__name__] = about, make
+
+def form(about: str) -> Callable[[Callable[[], Export]], Callable[[], Export]]:
+    """Adds a form by the name of the function that makes it."""
+
+    def add_made(make: Callable[[], Export]) -> Callable[[], Export]:
+        add(make.__name__, about, make)
         return make
 
-    return add
+    return add_made
 
 
 def moments(at: Sequence[int] | np.ndarray = K) -> list[datetime]:
@@ -120,56 +126,35 @@ HEAD = ["Timestamp", *TAGS]
 # --- text
 
 
-@form("commas, points, seconds from 0")
-def plain_csv() -> Export:
-    return plain(body(["t", *TAGS], [str(int(t)) for t in T]), t0=None)
-
-
-@form("semicolons and decimal commas")
-def semicolons() -> Export:
-    return plain(body(HEAD, stamps(), comma), ";")
-
-
-@form("tabs")
-def tabs() -> Export:
-    return plain(body(HEAD, stamps()), "\t")
-
-
-@form("bars")
-def bars() -> Export:
-    return plain(body(HEAD, stamps()), "|")
-
-
-@form("every cell in quotes, lines end with CR LF")
-def quoted() -> Export:
-    return Export(".csv", text(body(HEAD, stamps()), ",", "\r\n", csv.QUOTE_ALL).encode())
-
-
-@form("UTF-16, as Excel's Unicode text")
-def unicode_text() -> Export:
-    return Export(".txt", text(body(HEAD, stamps(), comma), "\t", "\r\n").encode("utf-16"))
-
-
-@form("UTF-8 with a byte order mark")
-def byte_order_mark() -> Export:
-    return plain(body(HEAD, stamps()), encoding="utf-8-sig")
-
-
-@form("Windows-1252, with umlauts in the names")
-def windows_1252() -> Export:
-    return plain(
-        body(["Zeit", "FIC101 Führungsgröße", "FIC101 Regelgröße", "FIC101 Stellgröße"], stamps()), ";", "cp1252"
-    )
-
-
-@form("compressed by gzip")
-def gzipped() -> Export:
-    return Export(".csv.gz", gzip.compress(text(body(HEAD, stamps())).encode()))
-
-
-@form("compressed by bzip2")
-def bzipped() -> Export:
-    return Export(".csv.bz2", bz2.compress(text(body(HEAD, stamps())).encode()))
+add("plain_csv", "commas, points, seconds from 0", plain, body(["t", *TAGS], [str(int(t)) for t in T]), t0=None)
+add("semicolons", "semicolons and decimal commas", plain, body(HEAD, stamps(), comma), ";")
+add("tabs", "tabs", plain, body(HEAD, stamps()), "\t")
+add("bars", "bars", plain, body(HEAD, stamps()), "|")
+add(
+    "quoted",
+    "every cell in quotes, lines end with CR LF",
+    Export,
+    ".csv",
+    text(body(HEAD, stamps()), ",", "\r\n", csv.QUOTE_ALL).encode(),
+)
+add(
+    "unicode_text",
+    "UTF-16, as Excel's Unicode text",
+    Export,
+    ".txt",
+    text(body(HEAD, stamps(), comma), "\t", "\r\n").encode("utf-16"),
+)
+add("byte_order_mark", "UTF-8 with a byte order mark", plain, body(HEAD, stamps()), encoding="utf-8-sig")
+add(
+    "windows_1252",
+    "Windows-1252, with umlauts in the names",
+    plain,
+    body(["Zeit", "FIC101 Führungsgröße", "FIC101 Regelgröße", "FIC101 Stellgröße"], stamps()),
+    ";",
+    "cp1252",
+)
+add("gzipped", "compressed by gzip", Export, ".csv.gz", gzip.compress(text(body(HEAD, stamps())).encode()))
+add("bzipped", "compressed by bzip2", Export, ".csv.bz2", bz2.compress(text(body(HEAD, stamps())).encode()))
 
 
 @form("compressed by Zstandard")
@@ -181,29 +166,17 @@ def zstandard() -> Export:
 # --- numbers
 
 
-@form("9.700,00")
-def german_thousands() -> Export:
-    return plain(body(HEAD, stamps(), thousands(".", ",")), ";")
-
-
-@form("9,700.00")
-def english_thousands() -> Export:
-    return plain(body(HEAD, stamps(), thousands(",", ".")))
-
-
-@form("9 700,00, with a space that does not break")
-def swedish_thousands() -> Export:
-    return plain(body(HEAD, stamps(), thousands("\u00a0", ",")), ";")
-
-
-@form("9 700,00, with a narrow space")
-def french_thousands() -> Export:
-    return plain(body(HEAD, stamps(), thousands("\u202f", ",")), ";")
-
-
-@form("9'700.00")
-def swiss_thousands() -> Export:
-    return plain(body(HEAD, stamps(), thousands("'", ".")), ";")
+add("german_thousands", "9.700,00", plain, body(HEAD, stamps(), thousands(".", ",")), ";")
+add("english_thousands", "9,700.00", plain, body(HEAD, stamps(), thousands(",", ".")))
+add(
+    "swedish_thousands",
+    "9 700,00, with a space that does not break",
+    plain,
+    body(HEAD, stamps(), thousands("\u00a0", ",")),
+    ";",
+)
+add("french_thousands", "9 700,00, with a narrow space", plain, body(HEAD, stamps(), thousands("\u202f", ",")), ";")
+add("swiss_thousands", "9'700.00", plain, body(HEAD, stamps(), thousands("'", ".")), ";")
 
 
 @form("9.700 without decimals next to 45,50")
@@ -214,9 +187,7 @@ def whole_thousands() -> Export:
     return plain(rows, ";")
 
 
-@form("9.70000E+03")
-def exponents() -> Export:
-    return plain(body(HEAD, stamps(), lambda x: f"{x:.5E}"))
+add("exponents", "9.70000E+03", plain, body(HEAD, stamps(), lambda x: f"{x:.5E}"))
 
 
 # --- times
@@ -233,34 +204,20 @@ def _two(date_name: str, time_name: str, day: str, clock: str) -> Export:
     return plain([[date_name, time_name, *TAGS], *([d, t, point(a), point(b), point(c)] for d, t, a, b, c in rows)])
 
 
-@form("Date and Time in two columns, month first, AM and PM")
-def date_time_am_pm() -> Export:
-    return _two("Date", "Time", "%m/%d/%Y", "%I:%M:%S %p")
-
-
-@form("Datum and Tid in two columns, 10.00.05")
-def datum_tid() -> Export:
-    return _two("Datum", "Tid", "%Y-%m-%d", "%H.%M.%S")
-
-
-@form("Date and Heure in two columns")
-def date_heure() -> Export:
-    return _two("Date", "Heure", "%d/%m/%Y", "%H:%M:%S")
-
-
-@form("Fecha and Hora in two columns")
-def fecha_hora() -> Export:
-    return _two("Fecha", "Hora", "%d/%m/%Y", "%H:%M:%S")
-
-
-@form("time of day first, then the date")
-def time_before_date() -> Export:
-    return _two("Time", "Date", "%H:%M:%S", "%d-%b-%Y")
-
-
-@form("2026-03-21T10:00:00Z")
-def iso_utc() -> Export:
-    return plain(body(HEAD, stamps("%Y-%m-%dT%H:%M:%SZ")))
+add(
+    "date_time_am_pm",
+    "Date and Time in two columns, month first, AM and PM",
+    _two,
+    "Date",
+    "Time",
+    "%m/%d/%Y",
+    "%I:%M:%S %p",
+)
+add("datum_tid", "Datum and Tid in two columns, 10.00.05", _two, "Datum", "Tid", "%Y-%m-%d", "%H.%M.%S")
+add("date_heure", "Date and Heure in two columns", _two, "Date", "Heure", "%d/%m/%Y", "%H:%M:%S")
+add("fecha_hora", "Fecha and Hora in two columns", _two, "Fecha", "Hora", "%d/%m/%Y", "%H:%M:%S")
+add("time_before_date", "time of day first, then the date", _two, "Time", "Date", "%H:%M:%S", "%d-%b-%Y")
+add("iso_utc", "2026-03-21T10:00:00Z", plain, body(HEAD, stamps("%Y-%m-%dT%H:%M:%SZ")))
 
 
 @form("2026-03-21 11:00:00+01:00")
@@ -269,59 +226,40 @@ def iso_offset() -> Export:
     return plain(body(HEAD, [(m + hour).strftime("%Y-%m-%d %H:%M:%S+01:00") for m in moments()]))
 
 
-@form("21.03.2026 10:00:00")
-def german_dates() -> Export:
-    return plain(body(HEAD, stamps("%d.%m.%Y %H:%M:%S")))
-
-
-@form("3/21/2026 10:00:00 AM")
-def american_dates() -> Export:
-    return plain(body(HEAD, stamps("%m/%d/%Y %I:%M:%S %p")))
-
-
-@form("21-Mar-26 10:00:00")
-def pi_dates() -> Export:
-    return plain(body(HEAD, stamps("%d-%b-%y %H:%M:%S")))
-
-
-@form("21-Mrz-26 10:00:00")
-def german_months() -> Export:
-    return plain(body(HEAD, [s.replace("Mar", "Mrz") for s in stamps("%d-%b-%y %H:%M:%S")]))
-
-
-@form("21.03.2026 10:00:00:000, milliseconds behind a colon")
-def colon_milliseconds() -> Export:
-    return plain(body(HEAD, stamps("%d.%m.%Y %H:%M:%S:000")))
-
-
-@form("seconds since 1970")
-def epoch_seconds() -> Export:
-    return plain(body(HEAD, [str(1774087200 + int(t)) for t in T]))
-
-
-@form("milliseconds since 1970")
-def epoch_milliseconds() -> Export:
-    return plain(body(HEAD, [str(1774087200000 + 1000 * int(t)) for t in T]))
-
-
-@form("a spreadsheet's day numbers")
-def day_numbers() -> Export:
-    return plain(body(HEAD, [f"{46102 + (36000 + t) / 86400:.9f}" for t in T]), told="time_assumed")
-
-
-@form("minutes, by the unit in the header")
-def minutes() -> Export:
-    return plain(body(["t [min]", *TAGS], [f"{t / 60:.9f}" for t in T]), t0=None, units={"time": "min"})
-
-
-@form("the column of times has no name")
-def unnamed_times() -> Export:
-    return plain(body(["", *TAGS], stamps()))
-
-
-@form("the column of times has a name that says nothing")
-def unknown_times() -> Export:
-    return plain(body(["Axis", *TAGS], stamps()))
+add("german_dates", "21.03.2026 10:00:00", plain, body(HEAD, stamps("%d.%m.%Y %H:%M:%S")))
+add("american_dates", "3/21/2026 10:00:00 AM", plain, body(HEAD, stamps("%m/%d/%Y %I:%M:%S %p")))
+add("pi_dates", "21-Mar-26 10:00:00", plain, body(HEAD, stamps("%d-%b-%y %H:%M:%S")))
+add(
+    "german_months",
+    "21-Mrz-26 10:00:00",
+    plain,
+    body(HEAD, [s.replace("Mar", "Mrz") for s in stamps("%d-%b-%y %H:%M:%S")]),
+)
+add(
+    "colon_milliseconds",
+    "21.03.2026 10:00:00:000, milliseconds behind a colon",
+    plain,
+    body(HEAD, stamps("%d.%m.%Y %H:%M:%S:000")),
+)
+add("epoch_seconds", "seconds since 1970", plain, body(HEAD, [str(1774087200 + int(t)) for t in T]))
+add("epoch_milliseconds", "milliseconds since 1970", plain, body(HEAD, [str(1774087200000 + 1000 * int(t)) for t in T]))
+add(
+    "day_numbers",
+    "a spreadsheet's day numbers",
+    plain,
+    body(HEAD, [f"{46102 + (36000 + t) / 86400:.9f}" for t in T]),
+    told="time_assumed",
+)
+add(
+    "minutes",
+    "minutes, by the unit in the header",
+    plain,
+    body(["t [min]", *TAGS], [f"{t / 60:.9f}" for t in T]),
+    t0=None,
+    units={"time": "min"},
+)
+add("unnamed_times", "the column of times has no name", plain, body(["", *TAGS], stamps()))
+add("unknown_times", "the column of times has a name that says nothing", plain, body(["Axis", *TAGS], stamps()))
 
 
 # --- heads and feet
@@ -358,14 +296,14 @@ def descriptions() -> Export:
     return plain([*above, *rows[1:]], units={"SP": "m3/h", "PV": "m3/h", "OP": "%"})
 
 
-@form("a remark below the rows")
-def remark_below() -> Export:
-    return plain([*body(HEAD, stamps()), [], ["End of export"]])
-
-
-@form("a remark below the rows, filled up with empty cells")
-def padded_remark() -> Export:
-    return plain([*body(HEAD, stamps()), ["End of export", "", "", ""], ["", "", "", ""]], ";")
+add("remark_below", "a remark below the rows", plain, [*body(HEAD, stamps()), [], ["End of export"]])
+add(
+    "padded_remark",
+    "a remark below the rows, filled up with empty cells",
+    plain,
+    [*body(HEAD, stamps()), ["End of export", "", "", ""], ["", "", "", ""]],
+    ";",
+)
 
 
 @form("totals below the rows")
@@ -525,29 +463,27 @@ def spanish_rows() -> Export:
 # --- names of control systems
 
 
-@form("DeltaV: FIC101/PID1/PV.CV")
-def deltav() -> Export:
-    return wide("FIC101/PID1/SP.CV", "FIC101/PID1/PV.CV", "FIC101/PID1/OUT.CV", loop="FIC101/PID1")
-
-
-@form("PCS 7 (APL): FIC101/PID.PV_Out#Value")
-def pcs7_apl() -> Export:
-    return wide("FIC101/PID.SP#Value", "FIC101/PID.PV_Out#Value", "FIC101/PID.MV#Value", loop="FIC101/PID")
-
-
-@form("PCS 7 (CTRL_PID): PV_IN, LMN")
-def pcs7_ctrl_pid() -> Export:
-    return wide("FIC101.SP", "FIC101.PV_IN", "FIC101.LMN")
-
-
-@form("800xA: FIC101.Pv.Value")
-def abb_800xa() -> Export:
-    return wide("FIC101.Sp.Value", "FIC101.Pv.Value", "FIC101.Out.Value")
-
-
-@form("800xA history: FIC101:PV,Log-1s")
-def abb_history() -> Export:
-    return wide("FIC101:SP,Log-1s", "FIC101:PV,Log-1s", "FIC101:OUT,Log-1s")
+add(
+    "deltav",
+    "DeltaV: FIC101/PID1/PV.CV",
+    wide,
+    "FIC101/PID1/SP.CV",
+    "FIC101/PID1/PV.CV",
+    "FIC101/PID1/OUT.CV",
+    loop="FIC101/PID1",
+)
+add(
+    "pcs7_apl",
+    "PCS 7 (APL): FIC101/PID.PV_Out#Value",
+    wide,
+    "FIC101/PID.SP#Value",
+    "FIC101/PID.PV_Out#Value",
+    "FIC101/PID.MV#Value",
+    loop="FIC101/PID",
+)
+add("pcs7_ctrl_pid", "PCS 7 (CTRL_PID): PV_IN, LMN", wide, "FIC101.SP", "FIC101.PV_IN", "FIC101.LMN")
+add("abb_800xa", "800xA: FIC101.Pv.Value", wide, "FIC101.Sp.Value", "FIC101.Pv.Value", "FIC101.Out.Value")
+add("abb_history", "800xA history: FIC101:PV,Log-1s", wide, "FIC101:SP,Log-1s", "FIC101:PV,Log-1s", "FIC101:OUT,Log-1s")
 
 
 @form("Experion: FIC101.PIDA.PV, with MODE")
@@ -565,110 +501,117 @@ def centum() -> Export:
     return plain([[*row, mode] for row, mode in zip(rows, modes, strict=True)], manual=range(3))
 
 
-@form("PI with its server: \\\\HIST01\\FIC101.PV")
-def pi_paths() -> Export:
-    return wide("\\\\HIST01\\FIC101.SP", "\\\\HIST01\\FIC101.PV", "\\\\HIST01\\FIC101.OP", loop="\\\\HIST01\\FIC101")
-
-
-@form("Wonderware: DateTime, FIC101.PV")
-def wonderware() -> Export:
-    return wide("FIC101.SP", "FIC101.PV", "FIC101.OP", first="DateTime")
-
-
-@form("Foxboro: SPT, MEAS, OUT")
-def foxboro() -> Export:
-    return wide("PLANT:FIC101.SPT", "PLANT:FIC101.MEAS", "PLANT:FIC101.OUT", loop="PLANT:FIC101")
-
-
-@form("names without a separator: FIC101PV")
-def joined_names() -> Export:
-    return wide("FIC101SP", "FIC101PV", "FIC101OP")
-
-
-@form("the signal before the tag: PV_FIC101")
-def signal_first() -> Export:
-    return wide("SP_FIC101", "PV_FIC101", "OP_FIC101")
-
-
-@form("the signal within the name: FIC101 PV Reflux")
-def signal_inside() -> Export:
-    return wide("FIC101 SP Reflux", "FIC101 PV Reflux", "FIC101 OP Reflux", loop="FIC101 Reflux")
-
-
-@form("CV as the output, next to PV")
-def cv_is_output() -> Export:
-    return wide("FIC101.SP", "FIC101.PV", "FIC101.CV")
-
-
-@form("CV as the controlled variable, next to MV")
-def cv_is_controlled() -> Export:
-    return wide("FIC101.SP", "FIC101.CV", "FIC101.MV")
-
-
-@form("VP as the output")
-def vp_is_output() -> Export:
-    return wide("SP", "PV", "VP", loop=None)
-
-
-@form("W, X and Y of German standards")
-def w_x_y() -> Export:
-    return wide("FIC101.W", "FIC101.X", "FIC101.Y")
-
-
-@form("r, y and u of textbooks")
-def r_y_u() -> Export:
-    return wide("r", "y", "u", loop=None, first="t")
+add(
+    "pi_paths",
+    "PI with its server: \\\\HIST01\\FIC101.PV",
+    wide,
+    "\\\\HIST01\\FIC101.SP",
+    "\\\\HIST01\\FIC101.PV",
+    "\\\\HIST01\\FIC101.OP",
+    loop="\\\\HIST01\\FIC101",
+)
+add("wonderware", "Wonderware: DateTime, FIC101.PV", wide, "FIC101.SP", "FIC101.PV", "FIC101.OP", first="DateTime")
+add(
+    "foxboro",
+    "Foxboro: SPT, MEAS, OUT",
+    wide,
+    "PLANT:FIC101.SPT",
+    "PLANT:FIC101.MEAS",
+    "PLANT:FIC101.OUT",
+    loop="PLANT:FIC101",
+)
+add("joined_names", "names without a separator: FIC101PV", wide, "FIC101SP", "FIC101PV", "FIC101OP")
+add("signal_first", "the signal before the tag: PV_FIC101", wide, "SP_FIC101", "PV_FIC101", "OP_FIC101")
+add(
+    "signal_inside",
+    "the signal within the name: FIC101 PV Reflux",
+    wide,
+    "FIC101 SP Reflux",
+    "FIC101 PV Reflux",
+    "FIC101 OP Reflux",
+    loop="FIC101 Reflux",
+)
+add("cv_is_output", "CV as the output, next to PV", wide, "FIC101.SP", "FIC101.PV", "FIC101.CV")
+add("cv_is_controlled", "CV as the controlled variable, next to MV", wide, "FIC101.SP", "FIC101.CV", "FIC101.MV")
+add("vp_is_output", "VP as the output", wide, "SP", "PV", "VP", loop=None)
+add("w_x_y", "W, X and Y of German standards", wide, "FIC101.W", "FIC101.X", "FIC101.Y")
+add("r_y_u", "r, y and u of textbooks", wide, "r", "y", "u", loop=None, first="t")
 
 
 # --- languages
 
 
-@form("English: Set Point, Process Value, Controller Output")
-def english() -> Export:
-    return wide("FIC101 Set Point", "FIC101 Process Value", "FIC101 Controller Output", first="Date/Time")
-
-
-@form("German: Sollwert, Istwert, Stellgrad")
-def german() -> Export:
-    return wide("FIC101 Sollwert", "FIC101 Istwert", "FIC101 Stellgrad", first="Zeitstempel")
-
-
-@form("German: Sollwert, Messwert, Stellwert")
-def german_messwert() -> Export:
-    return wide("Sollwert", "Messwert", "Stellwert", loop=None, first="Datum/Zeit")
-
-
-@form("Swedish: Börvärde, Ärvärde, Utsignal")
-def swedish() -> Export:
-    return wide("FIC101 Börvärde", "FIC101 Ärvärde", "FIC101 Utsignal", first="Tidpunkt")
-
-
-@form("Swedish without its letters: Borvarde, Arvarde, Styrsignal")
-def swedish_ascii() -> Export:
-    return wide("FIC101_Borvarde", "FIC101_Arvarde", "FIC101_Styrsignal", first="Tid")
-
-
-@form("French: Consigne, Mesure, Sortie régulateur")
-def french() -> Export:
-    return wide("FIC101 Consigne", "FIC101 Mesure", "FIC101 Sortie régulateur", first="Horodatage")
-
-
-@form("Spanish: Punto de consigna, Variable de proceso, Salida")
-def spanish() -> Export:
-    return wide("FIC101 Punto de consigna", "FIC101 Variable de proceso", "FIC101 Salida", first="Fecha y hora")
+add(
+    "english",
+    "English: Set Point, Process Value, Controller Output",
+    wide,
+    "FIC101 Set Point",
+    "FIC101 Process Value",
+    "FIC101 Controller Output",
+    first="Date/Time",
+)
+add(
+    "german",
+    "German: Sollwert, Istwert, Stellgrad",
+    wide,
+    "FIC101 Sollwert",
+    "FIC101 Istwert",
+    "FIC101 Stellgrad",
+    first="Zeitstempel",
+)
+add(
+    "german_messwert",
+    "German: Sollwert, Messwert, Stellwert",
+    wide,
+    "Sollwert",
+    "Messwert",
+    "Stellwert",
+    loop=None,
+    first="Datum/Zeit",
+)
+add(
+    "swedish",
+    "Swedish: Börvärde, Ärvärde, Utsignal",
+    wide,
+    "FIC101 Börvärde",
+    "FIC101 Ärvärde",
+    "FIC101 Utsignal",
+    first="Tidpunkt",
+)
+add(
+    "swedish_ascii",
+    "Swedish without its letters: Borvarde, Arvarde, Styrsignal",
+    wide,
+    "FIC101_Borvarde",
+    "FIC101_Arvarde",
+    "FIC101_Styrsignal",
+    first="Tid",
+)
+add(
+    "french",
+    "French: Consigne, Mesure, Sortie régulateur",
+    wide,
+    "FIC101 Consigne",
+    "FIC101 Mesure",
+    "FIC101 Sortie régulateur",
+    first="Horodatage",
+)
+add(
+    "spanish",
+    "Spanish: Punto de consigna, Variable de proceso, Salida",
+    wide,
+    "FIC101 Punto de consigna",
+    "FIC101 Variable de proceso",
+    "FIC101 Salida",
+    first="Fecha y hora",
+)
 
 
 # --- what is missing or bad
 
 
-@form("no SP")
-def no_sp() -> Export:
-    return plain([[row[0], *row[2:]] for row in body(HEAD, stamps())], sp=None)
-
-
-@form("no OP")
-def no_op() -> Export:
-    return plain([row[:3] for row in body(HEAD, stamps())], op=None)
+add("no_sp", "no SP", plain, [[row[0], *row[2:]] for row in body(HEAD, stamps())], sp=None)
+add("no_op", "no OP", plain, [row[:3] for row in body(HEAD, stamps())], op=None)
 
 
 def with_bad(words: Sequence[str]) -> Export:
@@ -678,14 +621,18 @@ def with_bad(words: Sequence[str]) -> Export:
     return plain(rows, pv=pv)
 
 
-@form("Bad, No Data, I/O Timeout and others in the place of values")
-def bad_words() -> Export:
-    return with_bad(["Bad", "No Data", "I/O Timeout", "Pt Created", "#N/A", "Bad Input", "NaN", "Scan Off", "-", ""])
-
-
-@form("words for bad values in German, Swedish, French and Spanish")
-def bad_words_elsewhere() -> Export:
-    return with_bad(["Ungültig", "Schlecht", "Kein Wert", "Ogiltigt", "Saknas", "Invalide", "Mauvais", "Sin datos"])
+add(
+    "bad_words",
+    "Bad, No Data, I/O Timeout and others in the place of values",
+    with_bad,
+    ["Bad", "No Data", "I/O Timeout", "Pt Created", "#N/A", "Bad Input", "NaN", "Scan Off", "-", ""],
+)
+add(
+    "bad_words_elsewhere",
+    "words for bad values in German, Swedish, French and Spanish",
+    with_bad,
+    ["Ungültig", "Schlecht", "Kein Wert", "Ogiltigt", "Saknas", "Invalide", "Mauvais", "Sin datos"],
+)
 
 
 @form("a column of quality by numbers of OPC")
@@ -725,9 +672,7 @@ def typed(names: Sequence[str] = HEAD, first: Sequence[Any] | None = None) -> li
     return [list(names), *(list(row) for row in rows)]
 
 
-@form("Excel: dates and numbers")
-def excel() -> Export:
-    return Export(".xlsx", workbook(("Trend", typed())))
+add("excel", "Excel: dates and numbers", Export, ".xlsx", workbook(("Trend", typed())))
 
 
 @form("Excel: Datum and Uhrzeit in two columns")
@@ -766,14 +711,14 @@ def excel_datalink() -> Export:
     return Export(".xlsx", workbook(("PI", rows)), **APART)
 
 
-@form("Excel: a note on the first sheet, the table on the second")
-def excel_second_sheet() -> Export:
-    return Export(".xlsx", workbook(("Read me", [["Trend of", "FIC101"], ["for", "maintenance"]]), ("Data", typed())))
-
-
-@form("Excel: the calendar from 1904")
-def excel_1904() -> Export:
-    return Export(".xlsx", workbook(("Trend", typed()), mac=True))
+add(
+    "excel_second_sheet",
+    "Excel: a note on the first sheet, the table on the second",
+    Export,
+    ".xlsx",
+    workbook(("Read me", [["Trend of", "FIC101"], ["for", "maintenance"]]), ("Data", typed())),
+)
+add("excel_1904", "Excel: the calendar from 1904", Export, ".xlsx", workbook(("Trend", typed()), mac=True))
 
 
 # --- tables

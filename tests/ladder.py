@@ -126,7 +126,7 @@ FORMS: dict[str, Callable[[Floats], Floats]] = {
 
 
 def driven(loop: dict[str, float], like: Simulation, form: str, seed: int) -> Simulation:
-    """The same loop without a gap, driven by a load so that OP swings with the period and as far as in `like`."""
+    """The loop without its gap, driven by a load so that OP swings with the period and as far as in `like`."""
     op = like.op[like.op.size // 3 :]
     signs = np.sign(op - np.median(op))
     ups = np.flatnonzero((signs[1:] > 0) & (signs[:-1] <= 0))

@@ -1,6 +1,7 @@
 """The command line as a person types it: what it prints, how it ends, and that one wrong loop stops no other."""
 
 import csv
+import inspect
 import io
 import json
 import os
@@ -15,10 +16,11 @@ from zoneinfo import ZoneInfo
 import jsonschema_rs
 import numpy as np
 import pytest
+import typer
 from rich.cells import cell_len
 
 import glapp.cli.work
-from glapp.cli import screen
+from glapp.cli import app, screen
 from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema
@@ -47,7 +49,7 @@ def answering(monkeypatch, *lines):
 def test_a_person_chooses_the_columns_and_they_are_written(run, monkeypatch):
     write("plant.csv", rows(header="a,b,c,d"))
     code, _, printed = run("analyze", "plant.csv", "--no-fit")
-    assert code == 1 and "name it: --pv NAME, or in loops.toml columns = { pv =" in printed
+    assert code == 1 and "name them: --pv NAME --op NAME, or in loops.toml columns = { pv =" in printed
     answering(monkeypatch, "1", "7", "3", "4", "2")
     code, shown, printed = run("analyze", "plant.csv", "--no-fit")
     assert code == 0 and "plant" in shown
@@ -81,7 +83,7 @@ def test_nobody_answers(run, monkeypatch):
     write("plant.csv", rows(header="a,b,c,d"))
     answering(monkeypatch)
     code, _, printed = run("analyze", "plant.csv", "--no-fit")
-    assert code == 1 and "name it: --pv NAME" in printed and not Path("loops.toml").exists()
+    assert code == 1 and "name them: --pv NAME --op NAME" in printed and not Path("loops.toml").exists()
 
 
 def test_init_is_told_of_columns_as_analyze_is(run):
@@ -115,12 +117,12 @@ def demo(tmp_path_factory):
 
 
 def documented_commands(run):
-    """Every command line in the help, in docs/cli.md and in docs/start.md."""
+    """Every command line in the help, in docs/cli.md, docs/start.md and docs/score.md."""
     helps = "".join(
         run(*command, "--help")[1]
         for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["step-test"], ["demo"], ["thesis"])
     )
-    pages = "".join((ROOT / page).read_text() for page in ("docs/cli.md", "docs/start.md"))
+    pages = "".join((ROOT / page).read_text() for page in ("docs/cli.md", "docs/start.md", "docs/score.md"))
     fences = re.findall(r"^```(\w*)\n(.*?)^```", pages, re.DOTALL | re.MULTILINE)
     blocks = "".join(text for language, text in fences if not language)
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))
@@ -208,6 +210,18 @@ def test_step_test_refuses_with_the_reason_and_what_to_do(run, by_hand):
     code, _, err = run("step-test", "test.csv", "--manual")
     assert (code, "column MODE, manual: is for recordings without a mode column" in err) == (1, True)
     assert run("step-test", "test.csv", "--plot", "none/x.html")[0] == 2
+
+
+def test_no_help_is_torn():
+    """Line breaks of a second paragraph are kept: at another width they stand in the middle of a line."""
+
+    def torn(command, path):
+        paragraphs = inspect.cleandoc(command.help or "").split("\n\n")[1:]
+        found = [path for text in paragraphs if "\n" in text and not text.startswith("[cyan]")]
+        below = getattr(command, "commands", {})
+        return found + [one for name, sub in below.items() for one in torn(sub, f"{path} {name}")]
+
+    assert torn(typer.main.get_command(app), "glapp") == []
 
 
 def test_help_tells_the_exit_codes(run):
@@ -340,7 +354,10 @@ WRONG = {
     "empty": ("", "empty.csv: is empty"),
     "header": ("t,SP,PV,OP\n", "header.csv: has a header but no rows"),
     "onerow": ("t,SP,PV,OP\n0,1,2,3\n", "onerow.csv: has only one row"),
-    "columns": ("a,b\n1,2\n3,4\n", "columns.csv: no column for SP and PV among those left: a, b"),
+    "columns": (
+        "a,b\n1,2\n3,4\n",
+        "columns.csv: no column for PV and OP among those left: a, b; name them: --pv NAME --op NAME",
+    ),
     "text": (rows(pv=lambda k, y: "abc" if k == 18 else y), "text.csv, row 20, column PV: 'abc' is not a number"),
     "nan": (rows(pv=lambda k, y: "NaN"), "nan.csv, column PV: holds no number"),
     "zones": (
@@ -376,6 +393,45 @@ def test_a_wrong_recording_is_one_line_and_the_others_are_done(run):
     assert loops[-2]["controller"] is None and loops[-2]["reasons"] == {} and loops[-2]["half_periods"] == 0
 
 
+def test_what_the_columns_were_taken_for_is_shown(run):
+    write("plant.csv", rows(header="Zeit,Sollwert,Istwert,Stellgröße"))
+    _, shown, _ = run("analyze", "plant.csv", "--no-fit")
+    assert "SP = Sollwert, PV = Istwert, OP = Stellgröße" in " ".join(shown.split()) and "time = Zeit" in shown
+    # In a loops.toml somebody can see them and change them.
+    run("init", "plant.csv", "-o", "loops.toml")
+    assert "SP = Sollwert" not in run("analyze", "loops.toml", "--no-fit")[1]
+
+
+def test_a_table_of_loops_says_why_some_were_not_analysed(run):
+    lines = rows().splitlines()
+    tags = [f"F{k}.{signal}" for k in range(7) for signal in ("SP", "PV", "OP")]
+    sound, still = lines[1].split(",")[1:], ["5", "5", "50"]
+    body = [
+        ",".join([cells[0], *cells[1:], *cells[1:], *5 * still]) for cells in (line.split(",") for line in lines[1:])
+    ]
+    write("wide.csv", "\n".join([",".join(["t", *tags]), *body]) + "\n")
+    assert len(sound) == 3
+    code, shown, _ = run("analyze", "wide.csv", "--no-fit")
+    shown = " ".join(shown.split())
+    assert code == 1
+    assert "F2 was not analysed: OP stays at 50 % over the whole recording" in shown
+    assert "F4 was not analysed" in shown and "F5 was not analysed" not in shown and "Reasons: add --why" in shown
+
+
+def test_the_zone_of_a_recording_over_the_end_of_summer_time(run):
+    zone, began = ZoneInfo("Europe/Stockholm"), datetime(2026, 10, 25, 0, 55, tzinfo=UTC).timestamp()
+    write(
+        "october.csv",
+        rows(time=lambda k: datetime.fromtimestamp(began + int(k), zone).strftime("%Y-%m-%d %H:%M:%S")),
+    )
+    code, shown, _ = run("analyze", "october.csv", "--no-fit")
+    assert code == 1 and "name the time zone (--time-zone, time_zone)" in " ".join(shown.split())
+    code, shown, printed = run("analyze", "october.csv", "--no-fit", "--time-zone", "Europe/Stockholm")
+    assert "runs backwards" not in shown + printed
+    code, _, printed = run("analyze", "october.csv", "--time-zone", "Europe/Stokholm")
+    assert code == 2 and printed.startswith("error: --time-zone: is 'Europe/Stokholm', must be an IANA time zone")
+
+
 def test_time_that_runs_backwards_is_refused_with_its_row(run):
     write("back.csv", rows(time=lambda k: "100" if k == 300 else str(k)))
     code, out, err = run("analyze", "back.csv", "--json")
@@ -408,7 +464,7 @@ SETTINGS = {
     ),
     "UNIT": (
         "pv_span = [0, 50]\nop_span = [0, 100]\ncontroller = { k = 1, ti = 9 }",
-        "loop UNIT, gain_unit: is required, since the spans of PV and OP differ in width",
+        "good.csv, loop UNIT, gain_unit: is required, since the spans of PV and OP differ in width",
     ),
     "GOOD": ("", None),
 }
@@ -587,6 +643,13 @@ def test_identify_prints_what_a_loops_toml_takes(run):
     [loop] = read_settings("loops.toml")
     assert loop.ideal().k == pytest.approx(0.8, rel=0.02) and loop.ideal().ti == pytest.approx(25, rel=0.05)
     assert run("analyze", "loops.toml")[0] == 0
+
+
+def test_identify_takes_no_fraction_for_a_percentage(run):
+    lines = rows().splitlines()
+    parts = [line.split(",") for line in lines[1:]]
+    write("fraction.csv", "\n".join([lines[0], *(",".join([*p[:3], str(float(p[3]) / 100)]) for p in parts)]) + "\n")
+    assert "OP unit/PV unit" in run("identify", "fraction.csv")[1]
 
 
 def test_identify_tells_a_direct_acting_controller(run):

@@ -12,7 +12,7 @@ from glapp import Loop
 from glapp.errors import InputError
 from glapp.fit import Fit
 from glapp.modules import Flag
-from glapp.recording import BAD, NOT_AUTO
+from glapp.recording import BAD
 from glapp.result import decide
 from glapp.simulate import COMPENSATION_STATES, Compensation, Scenario, Simulation, Walk, run, run_many
 
@@ -85,18 +85,6 @@ def test_adds_to_the_output_before_its_limits() -> None:
     assert np.abs(np.diff(s.op - ff(s)))[jumps].max() < 0.05, "what is left without u_FF has no jumps"
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_manual_takes_it_away_and_leaves_the_output(way: str) -> None:
-    s = run(loop(manual=[(300.0, 320.0)], compensation=compensated(way)))
-    manual = (s.flags & NOT_AUTO) != 0
-    first, last = np.flatnonzero(manual)[[0, -1]]
-    # In its first scan the controller is still handed what the scan before has made, and does not use it.
-    assert ff(s)[first - 1] != 0.0 and not ff(s)[manual][1:].any() and (standing(s)[manual] == MANUAL).all()
-    assert (s.op[manual] == s.op[first - 1]).all(), "OP stays where it stood, with what was added to it"
-    own = s.op[last + 1] - ff(s)[last + 1]
-    assert abs(own - s.op[last]) < 0.002, "back to automatic without a bump; u_FF waits for a reversal"
-
-
 def test_a_lost_signal_takes_it_away_and_leaves_the_output() -> None:
     s = run(loop(bad=[(300.0, 320.0)], compensation=compensated("inverse", release=5.0)))
     bad = (s.flags & BAD) != 0
@@ -115,12 +103,6 @@ def test_withdraws_where_it_drives_the_loop() -> None:
     withdrawn = run(loop(compensation=compensated("error", size=0.1, withdraw=True)))
     assert COMPENSATION_STATES[int(standing(withdrawn)[-1])] == "over_compensated" and ff(withdrawn)[-1] == 0.0
     assert (standing(kept)[-1000:] == ACTIVE).all()
-
-
-def test_a_budget_withdraws() -> None:
-    s = run(loop(compensation=compensated("derivative", reversals=100)))
-    assert COMPENSATION_STATES[int(standing(s)[-1])] == "too_many_reversals"
-    assert np.sum(np.abs(np.diff(np.sign(ff(s)))) == 2) <= 100
 
 
 def test_comes_in_with_a_reversal() -> None:
@@ -175,13 +157,6 @@ def test_what_counts_as_withdrawn_in_time(force: int | None, shown: int | None, 
     assert (one.in_time, one.at_once) == (in_time, at_once)
 
 
-def test_too_wide_a_compensation_is_withdrawn() -> None:
-    """1.2 d drives the loop."""
-    s = run(loop(compensation=compensated("inverse", size=0.08, begin=300.0, watch=300.0, withdraw=True), t_end=1500))
-    assert np.abs(ff(s)).max() == pytest.approx(0.08 * 0.8 / 2)
-    assert COMPENSATION_STATES[int(standing(s)[-1])] in ("worse", "over_compensated") and ff(s)[-1] == 0.0
-
-
 def test_reversals_are_turns_beyond_the_band() -> None:
     zigzag = np.array([0.0, 1.0, 0.8, 1.2, 1.2, 0.0, 0.3, -1.0, 0.5])
     assert [reversals(zigzag, band) for band in (0.1, 0.25, 0.5, 3.0)] == [6, 4, 2, 0]
@@ -194,24 +169,6 @@ def test_our_warning_is_right_where_that_of_the_thesis_is_wrong(plant: str, rati
     _, equal, relay = found
     assert equal > 0, "equal half-periods there are in all of these"
     assert relay > 0.5 if ratio > 1 else relay == 0
-
-
-@pytest.mark.parametrize("filtered", [True, False])
-@pytest.mark.parametrize(("size", "in_force"), [(0.025, (0.025, 0.025)), (0.05, (0.045, 0.05)), (0.1, (0.045, 0.056))])
-def test_the_online_estimate_may_lower_the_size_and_never_raises_it(
-    size: float, in_force: tuple[float, float], filtered: bool
-) -> None:
-    """P3 with a gap of 0.05, for which somebody typed half of it, all of it, twice as much."""
-    swinging: dict[str, Any] = {"plant": "P3", "controller": (0.48, 0.3117, 0, 0), "h": 0.02, "t_end": 900}
-    swinging |= {"filter_in_loop": filtered, "load": [Walk(rate=0.002)]}
-    given = {"size": size, "band": 0.0, "begin": 300.0}
-    known, blind = (run(loop(**swinging, compensation=compensated(**given, estimate=on))) for on in (True, False))
-    late = known.t > 600
-    assert (standing(known)[late] == ACTIVE).all()
-    assert in_force[0] <= 2 * np.abs(ff(known)[late]).max() <= in_force[1] + 1e-12
-    assert 2 * np.abs(ff(blind)[late]).max() == pytest.approx(size), "without the estimate the size stays"
-    if size > 0.05:
-        assert known.pv[late].std() < 0.6 * blind.pv[late].std(), "twice the gap drives the valve back and forth"
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -1,6 +1,6 @@
 """What the documentation tells to type exists.
 
-Examples with `>>>` are doctests. `test_cli.py` runs the commands of `docs/cli.md` and `docs/start.md`.
+Examples with `>>>` are doctests. `test_cli.py` runs the commands of `docs/cli.md`, `start.md` and `score.md`.
 `test_settings.py`, `test_scenario.py` and `test_service_opcua.py` read the settings. `plc/check` runs the Structured
 Text, and `test_c.py` compiles the C.
 Here stands what is left: every command of every page, with its options, and the programs that are no doctest.
@@ -129,14 +129,16 @@ def test_the_program_of_the_fleet_has_functions_that_are_there() -> None:
 def test_every_test_that_a_table_names_is_there() -> None:
     """What was tried stands in tables, each row with its test."""
     there = {name for path in (ROOT / "tests").glob("*.py") for name in re.findall(r"def test_(\w+)", path.read_text())}
-    there |= {path.stem.removeprefix("test_") for path in (ROOT / "tests").glob("test_*.py")}
+    files = {path.name for path in (ROOT / "tests").glob("test_*.py")}
+    there |= {name.removesuffix(".py").removeprefix("test_") for name in files}
     found = []
-    for page in (ROOT / "SECURITY.md", *PAGES):
+    for page in (ROOT / "SECURITY.md", *PAGES, *sorted((ROOT / "bench/results").glob("*.md"))):
         heads: list[str] = []
         for line in page.read_text(encoding="utf-8").splitlines():
             cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
             for head, cell in zip(heads, cells, strict=False):
                 if head in ("test", "tried in"):
                     found += [(page.name, name.removeprefix("test_")) for name in re.findall(r"`(\w+)`", cell)]
+                    assert set(re.findall(r"`tests/([^`]+)`", cell)) <= files, f"{page.name}: {cell}"
             heads = heads or cells if line.startswith("|") else []
-    assert len(found) > 100 and [one for one in found if one[1] not in there] == []
+    assert len(found) > 150 and [one for one in found if one[1] not in there] == []

@@ -83,7 +83,7 @@ def decided(recording: glapp.Recording) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """As JSON has it."""
+    """A value in JSON's types."""
     return json.loads(json.dumps(value))
 
 
@@ -98,7 +98,7 @@ def differences(core: Any, face: Any, at: str) -> list[str]:
 
 
 def columns_of(core: dict[str, Any], face: dict[str, Any], names: dict[str, str], at: str) -> list[str]:
-    """The same of a flat face: its column for each field of the core."""
+    """The column of a flat face for each field of the core."""
     return [found for key, name in names.items() for found in differences(core[key], face[name], f"{at} {name}")]
 
 

@@ -511,7 +511,7 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
     put(tmp_path / "lake", "notes.parquet", pa.table({"note": ["-"]}))
     with pytest.raises(InputError, match="lies within the lake"):
         fleet.analyze(tmp_path / "lake", tmp_path / "lake" / "out")
-    with pytest.raises(InputError, match="no file that can be read"):
+    with pytest.raises(InputError, match="no Parquet file that can be read"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out")
     with pytest.raises(InputError, match="fits: is 0, must be 1 to 64"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=0)

@@ -5,7 +5,7 @@ import pytest
 
 import glapp
 from glapp import InputError
-from glapp.reading.isdb import open_isdb
+from glapp.reading.isdb import QUOTED, open_isdb
 
 io = pytest.importorskip("scipy.io")
 
@@ -41,6 +41,7 @@ def test_each_loop_has_its_signals_its_times_and_what_is_said_of_it(file):
     loops = open_isdb(file)
     assert [one.name for one in loops] == [f"chemicals.loop{n}" for n in (10, 12, 23, 40)]
     assert [one.says for one in loops] == ["stiction", "no stiction", "likely stiction", None]
+    assert [one.quoted for one in loops] == ["stiction", "stiction", "stiction", None]
     assert loops[3].comment == "first line second line"
     first = loops[0].recording.beginning(10)
     assert list(first.t) == [2.0 * k for k in range(10)]
@@ -49,6 +50,12 @@ def test_each_loop_has_its_signals_its_times_and_what_is_said_of_it(file):
     assert loops[1].recording.beginning(3).op is None, "an OP of another length is none"
     assert list(loops[3].recording.beginning(2).sp) == [5.0, 5.0]
     assert len(open_isdb(file, synthetic=True)) == 5
+
+
+def test_of_the_twenty_quoted_loops_thirteen_stick():
+    assert len(QUOTED) == 20
+    assert sum(verdict == "stiction" for verdict in QUOTED.values()) == 13
+    assert all(verdict == "stiction" or verdict.startswith("no stiction: ") for verdict in QUOTED.values())
 
 
 def test_a_loop_is_analysed_like_any_other(file):

@@ -8,7 +8,6 @@ import pytest
 from bench import modules as bench
 
 from glapp import _glapp
-from glapp.blocks import Correction
 from glapp.errors import InputError
 from glapp.modules import Backlash, BacklashDetection, Graph, Input, Noise, Output, Pid, PidAdvanced, ProcessSim
 
@@ -51,26 +50,6 @@ def test_a_kp_by_default_has_the_sign_of_k_and_is_marked() -> None:
 
 def test_kp_by_default_is_that_of_analyze() -> None:
     assert loop_with(**SPANS)["pid.kp_used"] == _glapp.KP_DEFAULT == _glapp.process_gain(None, (100.0, 100.0), False)
-
-
-def test_the_estimate_by_default_lies_near_that_with_the_true_kp_and_is_never_compensated_by() -> None:
-    """Thesis 6.5 with the process of this page: 2.0 shown with Kp, a little more with 1.5, more without."""
-    compensation = {"comp_size": 4.0, "comp_band": 0.0, "comp_withdraw": False}
-    loops = {
-        name: loop_with(**settings, **compensation)
-        for name, settings in (("kp", {"kp": 1.0}), ("spans", SPANS), ("no", {}))
-    }
-    for loop in loops.values():
-        loop.run(1000, load=LOAD)
-    shown = {name: loop["pid.d_hat"] for name, loop in loops.items()}
-    assert shown["kp"] < shown["spans"] < shown["no"] and shown["spans"] == pytest.approx(shown["kp"], rel=0.2)
-    widest = {}
-    for name, loop in loops.items():
-        loop["pid.compensate"] = 1
-        loop.run(1000, load=LOAD)
-        widest[name] = 2 * np.max(np.abs(loop.run(500, load=LOAD[:5000], record=["pid.u_ff"])["pid.u_ff"]))
-    assert [loops[name]["pid.whole_fit"] for name in loops] == [1.0, 0.0, 1.0]
-    assert widest["kp"] < 2.5 and widest["spans"] == pytest.approx(4.0)
 
 
 def test_wrong_settings_are_named() -> None:
@@ -134,24 +113,6 @@ def test_a_filter_of_the_detectors_own_hears_pv_before_the_controllers_filter() 
     for name in ("d_hat", "noise_floor", "corrected_d", "corrected_doubt", "last_mask", "delta_y"):
         assert loop[f"pid.{name}"] == beside[f"watch.{name}"], name
     assert loop.window("pid") == beside.window("watch")
-
-
-def test_the_corrected_width_is_that_of_the_block_and_right() -> None:
-    loop, block = loop_with(kp=1.0), Correction(2.0, 2.0, kp=1.0)
-    names = ["pid.ysp", "pid.yf", "pid", "pid.last_delta_t", "pid.last_mask", "pid.last_delta_y", "pid.corrected_d"]
-    seen = loop.run(1000, load=LOAD, record=names)
-    before, sign = (math.nan, math.nan), 0
-    for sp, yf, op, delta_t, mask, delta_y, _ in zip(*(seen[name] for name in names), strict=True):
-        block.conclude()
-        if delta_t == delta_t and (delta_t, delta_y) != before:
-            block.end(sign, delta_y, int(mask))
-            before = (delta_t, delta_y)
-        sign = int(np.sign(sp - yf)) or sign
-        block.add(sp, yf, 0.1, op)
-    width = block.width()
-    assert isinstance(width, tuple) and width[0] == loop["pid.corrected_d"] == pytest.approx(2.0, rel=0.03)
-    assert width[1:] == tuple(loop[f"pid.corrected_{name}"] for name in ("low", "high", "kp"))
-    assert loop["pid.corrected_low"] <= width[0] <= loop["pid.corrected_high"]
 
 
 def test_the_corrected_width_is_the_whole_gap_while_half_of_it_is_compensated() -> None:

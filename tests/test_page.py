@@ -206,7 +206,7 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
     drop(page, tmp_path / "odd.csv")
     page.wait_for_selector("#wrong:not([hidden])")
     assert page.locator("#wrong").inner_text() == (
-        "odd.csv: no column for SP and PV among those left: A, B (time is t): choose it below"
+        "odd.csv: no column for PV and OP among those left: A, B (time is t): choose them below"
     )
     # And it is mended there, beside the first rows.
     cells = page.locator("#first-rows tr").evaluate_all(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -119,6 +120,16 @@ def test_op_moves_to_the_side_that_has_room():
     stands = by_hand().moves[0]
     assert np.diff(by_hand(op_within=(stands - 10, stands + 1)).moves)[0] < 0
     assert np.diff(by_hand(op_within=(stands - 1, stands + 10)).moves)[0] > 0
+
+
+@pytest.mark.slow
+def test_a_loop_that_runs_away_in_the_simulation_gets_no_infinite_limits(monkeypatch):
+    recording, result = analysed()
+    loop = glapp.plan._Fitted.of(recording, result, TRUE_GAP, *LIMITS.values(), recording)
+    endless = (-math.inf, math.inf)
+    monkeypatch.setattr(glapp.plan, "_reached", lambda *_: (endless, endless))
+    told = glapp.plan._setpoint(loop, 60.0)
+    assert told.power is None and "runs away by itself" in told.reason and "inf" not in told.reason
 
 
 @pytest.mark.slow
@@ -363,8 +374,8 @@ def test_the_command_tells_why_nothing_fits(tmp_path):
     told = asked_of(tmp_path, "--op-within", "45", "65", "--minutes", "2")
     assert told.exit_code == 1
     text = " ".join(told.stdout.split())
-    assert "OP within 45 to 65, PV within 34 to 52, at most 2 min" in text
+    assert "OP within 45 to 65 %OP, PV within 34 to 52 PV unit, at most 2 min" in text
     assert "No: the shortest test takes" in text
     refused = asked_of(tmp_path, "--op-within", "65", "45")
     assert refused.exit_code == 1
-    assert "op_within" in refused.stderr
+    assert "op_within: is 65 to 45, must be the first below the second" in refused.stderr

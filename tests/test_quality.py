@@ -97,6 +97,24 @@ def test_a_healthy_recording_has_no_finding(name: str) -> None:
         assert not found, found
 
 
+def test_signals_against_their_spans() -> None:
+    t, sp, pv, op = loop(n=2500)[:4]
+    k = {"k": 1.0, "ti": 20.0}
+    low, high = pv.min(), pv.max()
+    assert not look(t, sp, pv, op, **k, pv_span=(low + 0.1, high + 1), op_span=(0, 100))
+    [found] = look(t, sp, pv, op, **k, pv_span=(high - 0.5, high + 1)).values()
+    assert (found.code, found.severity, found.evidence["signal"]) == ("span", "warning", "PV")
+    assert found.text.startswith(f"PV goes from {low:.4g} to {high:.4g}, beyond its span of {high - 0.5:.4g}")
+    # As a fraction and as a current, whatever the settings say or do not say of it.
+    for span in (None, (0.0, 100.0)):
+        found = look(t, sp, pv, op / 100, op_span=span)["span"]
+        assert found.evidence["looks_like"] == "fraction" and "--op-span 0 1" in found.text
+    assert "span" not in look(t, sp, pv, op / 100, op_span=(0.0, 1.0))
+    current = 4 + 0.16 * op
+    assert look(t, sp, pv, current)["span"].evidence["looks_like"] == "current"
+    assert "span" not in look(t, sp, pv, current, op_span=(0.0, 100.0))
+
+
 def test_sampling_against_ti() -> None:
     signals = loop(n=500, h=3.0)
     assert "sampling" not in look(*signals, ti=15.0)

@@ -303,6 +303,18 @@ def test_qualities(tmp_path, words, flags):
     assert np.isnan(got["pv"]).tolist() == [f == BAD for f in flags]
 
 
+def test_a_quality_beside_each_signal(tmp_path):
+    rows = "".join(f"{i},1,Good,2,{'Bad' if i == 1 else 'Good'},3,Bad\n" for i in range(3))
+    path = write(tmp_path, "t,F1.SP,Quality,F1.PV,Quality,F1.OP,Quality\n" + rows)
+    [recording], got = open_recordings(path), read(path)[1]
+    assert recording.columns["quality"] == "F1.PV Quality"
+    assert got["flags"].tolist() == [0, BAD, 0]
+    # One before all signals and one behind: it is open whose they are.
+    path = write(tmp_path, "Quality,t,F1.SP,F1.PV,Quality\nGood,0,1,2,Good\nGood,1,1,2,Good\n")
+    with pytest.raises(InputError, match="2 columns are called 'Quality', and it is open which is quality"):
+        open_recordings(path)
+
+
 def test_wide_file_with_several_loops(tmp_path):
     head = "Timestamp,FIC1.SP,FIC1.PV,FIC1.OUT,LIC2/PID1/SP.CV,LIC2/PID1/PV.CV,TI9.PV"
     path = write(tmp_path, head + "\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n")
@@ -327,12 +339,17 @@ WRONG = {
     "all NaN": ("t,SP,PV\n0,1,NaN\n1,1,Bad\n", ", column PV: holds no number in 2 rows"),
     "no pv": (
         "t,SP,OP\n0,1,2\n1,1,2\n",
-        ": no column for PV: all are taken (time is t, SP is SP, OP is OP); name it: --pv NAME, or in loops.toml",
+        ": no column for PV: all are taken (time is t, SP is SP, OP is OP); export PV as well; where one of these",
     ),
     "unknown pv": (
         "t,SP,Flow,Valve\n0,1,2,3\n1,1,2,3\n",
         ": no column for PV among those left: Flow, Valve (time is t, SP is SP); name it: --pv NAME",
     ),
+    "one signal": (
+        "Time,FIC101\n0,1\n1,2\n",
+        ": has only one signal, FIC101 (time is Time); it takes OP and PV of a loop to tell of its valve",
+    ),
+    "one signal, known": ("Time,FIC101.PV\n0,1\n1,2\n", ": has only one signal, FIC101.PV (time is Time"),
     "no header": ("0,1,2\n1,1,2\n", ", row 1: has no header: the first row holds data"),
     "ragged": ("t,SP,PV\n0,1,2\n1,1\n2,1,2\n", ", row 3: has 2 cells where the header has 3"),
     "cut off": (
@@ -341,7 +358,10 @@ WRONG = {
     ),
     "all short": ("t,SP,PV,OP\n0,1,2\n1,1,2\n", ", row 2: has 3 cells where the header has 4"),
     "too many": ("t,SP,PV\n0,1,2\n1,1,2,3\n2,1,2\n", ", row 3: has 4 cells where the header has 3"),
-    "two PV": ("t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n", ": the columns 'PV' and 'PV' could both be PV"),
+    "two PV": (
+        "t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n",
+        ": 2 columns are called 'PV', and it is open which is PV; give them different names in the file",
+    ),
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
     "ambiguous day": (
         "t,SP,PV\n01/02/2024 00:00,1,2\n01/02/2024 00:01,1,2\n",

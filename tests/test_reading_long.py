@@ -96,7 +96,7 @@ def test_named_tags_and_columns():
     [
         (
             [("F1.SP", 0, "1", "Good"), ("F1.OP", 1, "1", "Good")],
-            ": no tag for SP and PV among those left: F1.SP, F1.OP",
+            ": no tag for PV among those left: F1.SP, F1.OP; name it: --pv NAME",
         ),
         ([("F1.PV", 0, "1", "Good")], ": has only one row"),
         ([*ROWS, ("F1.PV", 7, "abc", "Good")], ", row 14, column Value, tag F1.PV: 'abc' is not a number"),

@@ -136,7 +136,7 @@ def test_wrong_tables_are_one_line(data, line):
 def test_a_loop_is_chosen_by_its_name():
     data = {"A.SP": [1, 1], "A.PV": [1, 1], "B.SP": [2, 2], "B.PV": [2, 2], "t": [0, 1]}
     assert joined(recording_from(data, Loop(name="b")).batches())["sp"].tolist() == [2, 2]
-    with pytest.raises(InputError, match="loop C: no column for SP and PV among"):
+    with pytest.raises(InputError, match="loop C: no column for PV and OP among"):
         recording_from(data, Loop(name="C"))
 
 

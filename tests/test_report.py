@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 import glapp
+from glapp import palette
 from glapp.fit import Fit, Trend, Window
 from glapp.identify import Identification
 from glapp.loop import Loop
@@ -643,9 +644,7 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
     assert codes == ["sound", "above", None, "above"]
     assert words.headline(sound).startswith("< 0.5") and sound.width is None and sound.verdict == "sound"
     assert words.headline(may) == "0 to 0.400\xa0%OP"
-    assert words.lead(may) == (
-        f"{may.name}: probably 0.10\xa0%, at most 0.40\xa0%, but no gap would explain the data too."
-    )
+    assert words.lead(may) == f"The dead band of {may.name}, if it has one, is about 0.10\xa0%, at most 0.40\xa0%."
     assert [r.name for r in words.ranked([sound, wide, agrees])] == ["agrees", "wide", "sound"]
     write_report([sound, wide, agrees], file := tmp_path / "report.html")
     text = " ".join(parsed(file).text)
@@ -873,3 +872,22 @@ def test_a_loop_is_printed_on_one_page(worn: Result, tmp_path: Path) -> None:
         return len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "report.pdf").read_bytes()))
 
     assert pages(fitted(worn), worn, replace(fitted(worn), name="FIC2")) - pages(worn) == 2
+
+
+def test_report_station_and_page_have_one_typeface() -> None:
+    root = Path(__file__).parents[1]
+    styles = [
+        "python/glapp/report/report.css",
+        "python/glapp/report/templates/form.html",
+        "python/glapp/station/static/station.css",
+        "page/style.css",
+    ]
+    families = set()
+    for path in styles:
+        text = (root / path).read_text(encoding="utf-8")
+        for shorthand, value in re.findall(r"[\s{;]font(-family)?:\s*([^;}]+)", text):
+            # In the shorthand the family stands behind the size.
+            found = value if shorthand else re.sub(r"^.*?\d+(?:\.\d+)?(?:px|pt|rem|em)(?:/[\d.]+)?\s+", "", value)
+            families |= {found.strip()} - {"inherit", "var(--face)"}
+        families |= set(re.findall(r"--face:\s*([^;}]+)", text))
+    assert families == {palette.FONT}

@@ -100,6 +100,11 @@ def test_rows_without_pv_are_bad_and_an_sp_that_is_not_recorded_is_not_missing()
         ({"t": [0, 1], "pv": [np.nan, np.nan]}, "pv: holds no number in 2 samples"),
         ({"t": [0, 1], "pv": ["a", "b"]}, "pv: is not numbers"),
         ({"t": [[0, 1]], "pv": [1, 2]}, "t: has 2 dimensions, must have one"),
+        ({"t": [0, 1], "pv": np.array([1, 2j])}, "pv: holds complex numbers, must be real"),
+        (
+            {"t": [3, 2, 1], "pv": [1, 2, 3]},
+            "t: runs backwards in 2 of 2 steps: the newest sample comes first; reverse",
+        ),
         ({"t": [0, 1], "pv": [1, 2], "flags": [0, 16]}, "flags: is no sum of 1 (not in automatic), 2 (bad)"),
         ({"t": np.full(2, "NaT", "datetime64[s]"), "pv": [1, 2]}, "t: holds no time"),
     ],
@@ -108,6 +113,19 @@ def test_wrong_arrays_are_one_line(signals: dict[str, Any], line: str) -> None:
     with pytest.raises(glapp.InputError) as caught:
         glapp.fit(**signals)
     assert str(caught.value).startswith(line)
+
+
+def test_an_op_that_looks_like_a_fraction_is_no_percentage(worn: Simulation) -> None:
+    """Whatever is asked, and of one recording or two."""
+    op = 0.5 + (worn.op - worn.op.mean()) / np.ptp(worn.op) / 2.1
+    signals = {"t": worn.t, "pv": worn.pv, "op": op}
+    assert glapp.fit(**signals).unit == "OP unit"
+    assert glapp.fit([{"t": worn.t, "SP": worn.sp, "PV": worn.pv, "OP": op}] * 2).unit == "OP unit"
+    result = glapp.analyze(sp=worn.sp, loop=LOOP.model_copy(update={"op_span": None, "op_unit": "%"}), **signals)
+    assert result.unit == "OP unit" and result.answer.acceptable is None
+    assert "span" in {finding.code for finding in result.quality}
+    fraction = glapp.analyze(sp=worn.sp, loop=LOOP.model_copy(update={"op_span": (0.0, 1.0)}), **signals)
+    assert "span" not in {finding.code for finding in fraction.quality} and fraction.answer.acceptable is not None
 
 
 def test_a_recording_has_its_own_signals(worn: Simulation) -> None:

@@ -19,8 +19,6 @@ from glapp.controller import Controller
 from glapp.errors import InputError
 from glapp.plant import PLANTS, Plant
 from glapp.simulate import (
-    AT_HIGH,
-    NOT_AUTO,
     Coloured,
     Compensation,
     File,
@@ -249,22 +247,6 @@ def test_filter_out_of_the_loop_is_a_controller_without_one() -> None:
         "t_end": 50,
     }
     assert same(run(Scenario(**common, tf=0.4, filter_in_loop=False)), run(Scenario(**common, tf=0)))
-
-
-def test_limits_flag_the_output_and_manual_flags_the_mode() -> None:
-    s = run(
-        Scenario(
-            plant="P2",
-            controller=(*P2_PI, 0, 0),
-            limits=(-1, 0.5),
-            setpoint=[(1, 1.0)],
-            manual=[(30, 35)],
-            t_end=60,
-            filter_in_loop=True,
-        )
-    )
-    assert np.array_equal((s.flags & AT_HIGH) != 0, s.op == 0.5)
-    assert np.array_equal((s.flags & NOT_AUTO) != 0, (s.t >= 30) & (s.t < 35))
 
 
 def test_cascade_against_the_blocks_and_lsim() -> None:

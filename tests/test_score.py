@@ -82,10 +82,19 @@ def test_a_share_has_an_interval() -> None:
     assert found is not None and found == pytest.approx((0.8389, 1.0, 1.0), abs=1e-4)
 
 
+def test_labels_of_a_spreadsheet_with_decimal_commas(tmp_path: Path) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_text("file;found;width;comment\na.csv;gap;2,5;play in the linkage, bolt lost\n")
+    [label] = read_labels(path)
+    assert (label.found, label.width) == ("gap", 2.5)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("found\ngap\n", "has no column 'file'; the columns are file, loop, found"),
+        ("", "is empty; write a row a valve, with the columns file, loop, found"),
+        ("found,Tag\ngap,x\n", "unit, date, and this file has found, tag"),
+        ("file,found,widht\na.csv,gap,2\n", "row 1, column widht: has a column 'widht': did you mean 'width'?"),
         ("file,found\n", "has no row"),
         ("file,found\na.csv,worn\n", "row 2, column found: 'worn' is not one of gap, stiction, both, sound, other"),
         ("file,found,width\na.csv,gap,wide\n", "row 2, column width: 'wide' is no width"),

@@ -993,8 +993,9 @@ def test_tags_that_are_wrong(text, expected):
     ("text", "expected"),
     [
         ("", "opcua.url: is required"),
-        ("url = 'http://plant'", "opcua.url: string should match pattern"),
-        ("url = 'opc.tcp://user:word@plant'", "opcua.url: string should match pattern"),
+        ("url = 'http://plant'", "opcua.url: is 'http://plant', must be an address such as opc.tcp://plant:4840"),
+        ("url = 'opc.tcp://user:word@plant'", "opcua.url: has an @, must be an address such as opc.tcp://plant:4840;"),
+        ("ulr = 'opc.tcp://p:1'", "opcua.ulr: no such key; did you mean url?"),
         ("url = 'opc.tcp://p:1'\nsecurty = 'None'", "opcua.securty: no such key; did you mean security?"),
         ("url = 'opc.tcp://p:1'\nsecurity = 'Basic128'", "opcua.security: is 'Basic128', must be one of"),
         ("url = 'opc.tcp://p:1'\nsecurity = 'Basic256Sha256'", "opcua.certificate: is required with security"),

@@ -401,7 +401,7 @@ def test_what_is_no_backup_is_not_restored(tmp_path: Path, content: bytes) -> No
 
 
 def limited(store: Store, pages: int) -> None:
-    """As if the disk had no more room: SQLite answers as it does when a write fails for lack of space."""
+    """A full disk: SQLite answers as it does when a write fails for lack of space."""
     size = store._db.execute("PRAGMA page_count").fetchone()[0]
     store._db.execute(f"PRAGMA max_page_count = {size + pages}")
 

@@ -172,6 +172,12 @@ def test_a_service_that_stopped_is_told_with_its_age(view: View) -> None:
         assert view.behind == (None if behind is None else pytest.approx(behind))
     view._clock = lambda: time.time() + 130.0
     assert view.behind is not None and 129.0 < view.behind < 140.0
+    # Nor is it said for ever that a loop is being judged: the fit ended with the service.
+    name = next(iter(view.shown["loops"]))
+    view.shown["loops"][name] |= {"fitting": True, "fit": {"since": shown, "after": None, "about": 40.0}}
+    assert view.progress(name) == ""
+    view._clock = lambda: shown + 12.0
+    assert view.progress(name) == "Being judged: 12 s of about 40 s."
 
 
 def test_no_database_is_told_and_taken_up_when_it_comes(tmp_path: Path) -> None:
@@ -377,7 +383,7 @@ def test_what_cannot_be_compensated_is_told() -> None:
 
 
 def test_the_half_period_under_way_is_that_of_the_detector() -> None:
-    """The same samples give the same half-periods as the service's detector."""
+    """It has the half-periods of the service's detector."""
     from glapp.estimate import Estimator
 
     loop = loops()[0]
@@ -456,7 +462,7 @@ def test_a_step_test_is_read_from_a_file_of_the_persons_own(tmp_path: Path) -> N
     drawn = charts.step_test(found, dark=True)
     assert drawn is not None and drawn["xAxis"][1]["type"] == "time"
     assert drawn["series"][0]["data"][0][0] == 1000.0 * found.t0.timestamp()
-    with pytest.raises(InputError, match=r"^test\.csv: no column for SP and PV") as refused:
+    with pytest.raises(InputError, match=r"^test\.csv: no column for PV and OP") as refused:
         step_test.read_file(plain, loops()[0], {}, manual=True)
     assert str(tmp_path) not in str(refused.value)
     named = step_test.read_file(plain, loops()[0], {"time": "s", "pv": "flow", "op": "valve", "mode": ""}, manual=True)

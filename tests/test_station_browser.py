@@ -52,6 +52,20 @@ def test_overview_loop_and_events(browser: Any, window: Window) -> None:
     assert page.wrong == [] and {url.split("/")[2] for url in page.asked if "//" in url} == {window.url.split("/")[2]}
 
 
+def test_one_typeface_and_a_page_that_does_not_exist(browser: Any, window: Window) -> None:
+    page = logged_in(browser, window, "vera")
+    page.locator(".ag-row").first.wait_for()
+    families = "(all) => [...new Set(all.map((one) => getComputedStyle(one).fontFamily))]"
+    assert len(page.locator("body, .ag-cell, .ag-header-cell-text, .q-btn").evaluate_all(families)) == 1
+    page.set_viewport_size({"width": 1280, "height": 800})
+    cut = "(all) => all.filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent)"
+    assert page.locator(".ag-header-cell-text").evaluate_all(cut) == []
+    found = page.goto(f"{window.url}/loops/FIC0")
+    assert found.status == 404 and page.locator("h1").inner_text() == "There is no such page"
+    page.get_by_role("link", name="Overview").click()
+    page.locator(".ag-row").first.wait_for()
+
+
 HARMLESS = r"() => !/[\p{Cf}\p{Zl}\p{Zp}]|(?![\t\n\r])\p{Cc}/u.test(document.body.innerText + document.title)"
 
 

@@ -136,7 +136,6 @@ BESIDE_ON_THE_PAGE = {
         "Filter of the detector",
         "PV and SP over time",
         "likelihood over the width",
-        "12px system-ui",
         "(prefers-color-scheme",
         "http://www.w3.org/2000/svg",
         "<!doctype",

@@ -39,17 +39,9 @@ def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
 class LoadsAnswer:
     """What `glapp.analyze` said of a record, through its fit.
 
-    Attributes
-    ----------
-    truth : Truth
-    verdict, reason : str
-    d, low, high, lr : float or None
-        As in `glapp.fit.Fit`; lr is `lr_no_gap`.
-    lowest : float
-        The least number among width and limits, of the whole and of each window [% of OP].
-    sinusoidal : bool
-        Whether there is a finding that the loop swings in a clean sinusoid, so that it is not backlash.
-    seconds : float
+    - `d`, `low`, `high`, `lr`: as in `glapp.fit.Fit`; lr is `lr_no_gap`.
+    - `lowest`: the least number among width and limits, of the whole and of each window [% of OP].
+    - `sinusoidal`: whether there is a finding that the loop swings in a clean sinusoid, so that it is not backlash.
     """
 
     truth: Truth

@@ -42,24 +42,14 @@ SAMPLES = 1500
 class Truth:
     """What is true of a record.
 
-    Attributes
-    ----------
-    name : str
-        The record's, from which it is made again.
-    samples : int
-        So many of it, from its beginning.
-    h : float
-        Time between them [s].
-    d : float
-        Width of the gap [% of OP]; 0 for none.
-    up, down : int
-        Traversals of the gap, as in `bench.truth`.
-    op_range : float
-        OP, peak to peak [%].
-    size : float
-        The load's size, of which a gap is a share [%].
-    identifiable : bool
-        By the rule of `bench.truth`: 5 traversals each way, OP ≥ 1.5·d, d·Kp ≥ 3σ, h ≤ T/5.
+    - `name`: the record's, from which it is made again.
+    - `samples`: so many of it, from its beginning.
+    - `h`: time between them [s].
+    - `d`: width of the gap [% of OP]; 0 for none.
+    - `up`, `down`: traversals of the gap, as in `bench.truth`.
+    - `op_range`: OP, peak to peak [%].
+    - `size`: the load's size, of which a gap is a share [%].
+    - `identifiable`: by the rule of `bench.truth`: 5 traversals each way, OP ≥ 1.5·d, d·Kp ≥ 3σ, h ≤ T/5.
     """
 
     name: str
@@ -82,18 +72,11 @@ class Truth:
 class Record:
     """A recording with its truth, of which any beginning is a record as well.
 
-    Attributes
-    ----------
-    table : pyarrow.Table
-        Columns t [s], SP, PV, OP, and POSITION where the record is about it.
-    loop : glapp.Loop
-        Name, spans, controller.
-    op, position : float64[n]
-        What the controller sent, and where the valve was [%].
-    d, size : float
-        As in `Truth`.
-    gain, lag, sigma : float
-        Kp [PV unit/%], T [s], standard deviation of the noise [PV unit].
+    - `table`: columns t [s], SP, PV, OP, and POSITION where the record is about it.
+    - `loop`: name, spans, controller.
+    - `op`, `position` (float64[n]): what the controller sent, and where the valve was [%].
+    - `d`, `size`: as in `Truth`.
+    - `gain`, `lag`, `sigma`: Kp [PV unit/%], T [s], standard deviation of the noise [PV unit].
     """
 
     table: pa.Table

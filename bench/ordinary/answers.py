@@ -69,20 +69,12 @@ class Said:
 class Line:
     """A record, or several of one valve, and all that was said.
 
-    Attributes
-    ----------
-    truth : Truth
-        Of the first, where there are several.
-    recordings : int
-        How many days of one valve were asked about together.
-    document : dict
-        `Result.to_dict()` of one recording; of several only `fit`.
-    evidence : dict
-        `Fit.best`, everything that the core has to tell of the window, without the columns of a picture.
-    error : str or None
-        What an input error said.
-    seconds : float
-        Of the processor.
+    - `truth`: of the first, where there are several.
+    - `recordings`: how many days of one valve were asked about together.
+    - `document`: `Result.to_dict()` of one recording; of several only `fit`.
+    - `evidence`: `Fit.best`, everything that the core has to tell of the window, without the columns of a picture.
+    - `error`: what an input error said.
+    - `seconds`: of the processor.
     """
 
     truth: Truth

@@ -140,41 +140,21 @@ class Drive(NamedTuple):
 class Drawn:
     """A loop before it has run.
 
-    Attributes
-    ----------
-    name, row : str
-    fault : Fault
-    number, seed : int
-    service : str
-        Of `SERVICES`, or "cycle" for rows of limit cycles that are made to be one.
-    outside : tuple of str
-        Which of `OUTSIDE`; none inside the fit's family.
-    scenario : Scenario
-        Runs at a step shorter than that of the recording.
-    every : int
-        Of so many samples of the simulation one is recorded.
-    kind : str
-        What the load does; of `LOADS`, or "swing" for a driven twin's.
-    changes : float64
-        Times at which a load that steps or bends does [s].
-    size : float
-        The load's size, peak to peak or, of one that drifts, about twice its standard deviation [% of OP].
-    clearance, sticks : float
-        Width of the clearance, and of the dead band that Coulomb friction makes alone [% of OP].
-    lags : tuple of float
-        Of process and sensor, as they were drawn [s].
-    sigma : float
-        Standard deviation of the noise of PV as recorded [PV unit].
-    ms : float
-        Greatest magnitude of the loop's sensitivity.
-    sensor : float
-        Lag of a filter through which the recorded PV goes alone [s]; 0: none.
-    recorder : str
-        "", "held", "events" or "swinging door": how the historian keeps values.
-    pv_band, op_band : float
-        Its bands [PV unit, % of OP].
-    decimals : float
-        Steps that the recorded PV and OP are rounded to; 0: none.
+    - `service`: of `SERVICES`, or "cycle" for rows of limit cycles that are made to be one.
+    - `outside`: which of `OUTSIDE`; none inside the fit's family.
+    - `scenario`: runs at a step shorter than that of the recording.
+    - `every`: of so many samples of the simulation one is recorded.
+    - `kind`: what the load does; of `LOADS`, or "swing" for a driven twin's.
+    - `changes`: times at which a load that steps or bends does [s].
+    - `size`: the load's size, peak to peak or, of one that drifts, about twice its standard deviation [% of OP].
+    - `clearance`, `sticks`: width of the clearance, and of the dead band that Coulomb friction makes alone [% of OP].
+    - `lags`: of process and sensor, as they were drawn [s].
+    - `sigma`: standard deviation of the noise of PV as recorded [PV unit].
+    - `ms`: greatest magnitude of the loop's sensitivity.
+    - `sensor`: lag of a filter through which the recorded PV goes alone [s]; 0: none.
+    - `recorder`: "", "held", "events" or "swinging door": how the historian keeps values.
+    - `pv_band`, `op_band`: its bands [PV unit, % of OP].
+    - `decimals`: steps that the recorded PV and OP are rounded to; 0: none.
     """
 
     name: str

@@ -21,15 +21,10 @@ DENIAL = ("oscillation", "sound", "not valve")
 class MethodAnswer:
     """The answer.
 
-    Attributes
-    ----------
-    verdict : Verdict
-    d, low, high : float or None
-        Dead band, and its 95 % interval where the method gives one; `high` alone is an upper limit [% of OP].
-    at_least : float or None
-        Lower bound [% of OP].
-    reason : str
-        Why there is no more, for a person.
+    - `d`, `low`, `high`: dead band, and its 95 % interval where the method gives one; `high` alone is an upper limit [%
+      of OP].
+    - `at_least`: lower bound [% of OP].
+    - `reason`: why there is no more, for a person.
     """
 
     verdict: Verdict

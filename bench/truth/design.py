@@ -115,30 +115,18 @@ CELLS = [Cell(cause, load, family) for cause in CAUSES[:-1] for load in LOADS fo
 class Drawn:
     """A loop before it has run.
 
-    Attributes
-    ----------
-    scenario : Scenario
-        OP in % of its span; runs at a step much shorter than that of the recording.
-    every : int
-        Of so many samples of the simulation the historian keeps one.
-    band : float
-        The historian holds PV until it has moved by this much [PV unit]; 0: it keeps every value.
-    process, rule : str
-        Of `INSIDE` or `OUTSIDE`; of `RULES`, with PI or PID.
-    departure : str
-        One of `DEPARTURES`, or "" inside the family.
-    lag : float
-        T of the process [s]; for an integrating one the sum of its lags and dead time.
-    gain : float
-        Kp [PV unit/%]; for an integrating process what a change of OP by 1 % makes of PV within Ti.
-    noise : float
-        Standard deviation of the measurement noise [PV unit].
-    d, jump : float
-        Whole dead band, gap and stick band together, and slip jump [% of OP].
-    load_size : float
-        Largest step or ramp of the load; standard deviation of a walk over the time between two steps [% of OP].
-    setpoint : str
-        "constant", "steps" or "cascade", that is moving at every sample.
+    - `scenario`: OP in % of its span; runs at a step much shorter than that of the recording.
+    - `every`: of so many samples of the simulation the historian keeps one.
+    - `band`: the historian holds PV until it has moved by this much [PV unit]; 0: it keeps every value.
+    - `process`, `rule`: of `INSIDE` or `OUTSIDE`; of `RULES`, with PI or PID.
+    - `departure`: one of `DEPARTURES`, or "" inside the family.
+    - `lag`: T of the process [s]; for an integrating one the sum of its lags and dead time.
+    - `gain`: Kp [PV unit/%]; for an integrating process what a change of OP by 1 % makes of PV within Ti.
+    - `noise`: standard deviation of the measurement noise [PV unit].
+    - `d`, `jump`: whole dead band, gap and stick band together, and slip jump [% of OP].
+    - `load_size`: largest step or ramp of the load; standard deviation of a walk over the time between two steps [% of
+      OP].
+    - `setpoint`: "constant", "steps" or "cascade", that is moving at every sample.
     """
 
     scenario: Scenario

@@ -398,22 +398,13 @@ LEAST_LOW, DENSE = (_glapp.fit_thresholds()[name][0] for name in ("LEAST_LOW", "
 class Rungs:
     """What the oracle sees of a record.
 
-    Attributes
-    ----------
-    name : str
-    lr_no_gap : list of float
-        −2·Δln L of no gap on each of `RUNGS`, against the true valve or a mere gap of nearly its width; of a record
-        without a gap against the best of `WIDTHS`. Below 0 no gap explains the record better.
-    lr_no_jump : list of float
-        The same of the best mere gap against the true valve that sticks; empty where it does not stick.
-    d, low, high : float or None
-        Most likely width and its limits by the fit, told or not [% of OP].
-    ratio, asked : float or None
-        Likelihood ratio of no gap by the fit, and what it must exceed.
-    marks : int or None
-        Steps and bends of the load that the fit believes in.
-    changes : int
-        How many there are.
+    - `lr_no_gap`: −2·Δln L of no gap on each of `RUNGS`, against the true valve or a mere gap of nearly its width; of a
+      record without a gap against the best of `WIDTHS`. Below 0 no gap explains the record better.
+    - `lr_no_jump`: the same of the best mere gap against the true valve that sticks; empty where it does not stick.
+    - `d`, `low`, `high`: most likely width and its limits by the fit, told or not [% of OP].
+    - `ratio`, `asked`: likelihood ratio of no gap by the fit, and what it must exceed.
+    - `marks`: steps and bends of the load that the fit believes in.
+    - `changes`: how many there are.
     """
 
     name: str

@@ -32,33 +32,20 @@ CANDIDATES = 300
 class Truth:
     """What is true of a record, known to no method.
 
-    Attributes
-    ----------
-    name : str
-        "cause/load/family/number"; `record(name)` makes the record again.
-    cause, load, family, departure, process, rule, setpoint : str
-        As in `design`.
-    op_resolution, load_size : float
-        Steps that OP is rounded to, 0 for none; as in `design` [%].
-    d, jump : float
-        Whole dead band and slip jump [% of OP].
-    up, down : int
-        Traversals of the whole gap that a sample of the recording tells from one another: reversals of the valve.
-    op_range, op_unseen : float
-        OP, peak to peak; and how far it goes, between two recorded samples, from the line through them (99 % of the
-        time it is less) [%].
-    sigma : float
-        Standard deviation of all that lies between the process and the recorded PV [PV unit].
-    gain, lag, h : float
-        Kp (see `Drawn.gain`), T and time between recorded samples [PV unit/%, s, s].
-    samples : int
-        Length of the recording.
-    identifiable : bool
-        `identifiable` of these numbers; with d = 0 the question does not arise, and it is False.
-    cause_told : bool
-        The slip jump can be seen: J ≥ 3σ/Kp, and the cycles are enough.
-    regular : bool
-        The error of the recording oscillates regularly, which most methods for the cause ask for.
+    - `name`: "cause/load/family/number"; `record(name)` makes the record again.
+    - `cause`, `load`, `family`, `departure`, `process`, `rule`, `setpoint`: as in `design`.
+    - `op_resolution`, `load_size`: steps that OP is rounded to, 0 for none; as in `design` [%].
+    - `d`, `jump`: whole dead band and slip jump [% of OP].
+    - `up`, `down`: traversals of the whole gap that a sample of the recording tells from one another: reversals of the
+      valve.
+    - `op_range`, `op_unseen`: OP, peak to peak; and how far it goes, between two recorded samples, from the line
+      through them (99 % of the time it is less) [%].
+    - `sigma`: standard deviation of all that lies between the process and the recorded PV [PV unit].
+    - `gain`, `lag`, `h`: Kp (see `Drawn.gain`), T and time between recorded samples [PV unit/%, s, s].
+    - `samples`: length of the recording.
+    - `identifiable`: `identifiable` of these numbers; with d = 0 the question does not arise, and it is False.
+    - `cause_told`: the slip jump can be seen: J ≥ 3σ/Kp, and the cycles are enough.
+    - `regular`: the error of the recording oscillates regularly, which most methods for the cause ask for.
     """
 
     name: str
@@ -96,14 +83,9 @@ class Truth:
 class Record:
     """What a method may see.
 
-    Attributes
-    ----------
-    table : pyarrow.Table
-        Columns t [s], SP, PV, OP, OP_LOW, OP_HIGH: no valve position and no load.
-    loop : glapp.Loop
-        Name, spans, controller, and whether the process integrates.
-    kp : float or None
-        The true static gain [PV unit/%], for the methods that ask for it; None for an integrating process.
+    - `table`: columns t [s], SP, PV, OP, OP_LOW, OP_HIGH: no valve position and no load.
+    - `loop`: name, spans, controller, and whether the process integrates.
+    - `kp`: the true static gain [PV unit/%], for the methods that ask for it; None for an integrating process.
     """
 
     table: pa.Table

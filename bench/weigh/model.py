@@ -33,12 +33,8 @@ STEEPER = (0.5, 3.0)
 class Lines:
     """The model: log-odds of a record are `base` + the sum of its lines' heights.
 
-    Attributes
-    ----------
-    base : float
-        The log-odds of a usual record, where one of two has a dead band.
-    x, y : list of float64[n]
-        Corners of each line, in rising order.
+    - `base`: the log-odds of a usual record, where one of two has a dead band.
+    - `x`, `y` (list of float64[n]): corners of each line, in rising order.
     """
 
     base: float

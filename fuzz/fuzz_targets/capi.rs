@@ -58,27 +58,8 @@ fn of(settings: &[(CString, f64)]) -> Vec<GlappSetting> {
 }
 
 const DETECTOR: [&str; 21] = [
-    "k",
-    "ti",
-    "h",
-    "td",
-    "b",
-    "kp",
-    "pv_span",
-    "op_span",
-    "integrating",
-    "tf",
-    "n",
-    "max_h",
-    "op_low",
-    "op_high",
-    "limits",
-    "too_short",
-    "not_square",
-    "decaying",
-    "growing",
-    "sp_moved",
-    "too_small",
+    "k", "ti", "h", "td", "b", "kp", "pv_span", "op_span", "integrating", "tf", "n", "max_h", "op_low", "op_high",
+    "limits", "too_short", "not_square", "decaying", "growing", "sp_moved", "too_small",
 ];
 const PARAMETERS: [&str; 12] =
     ["k", "ti", "td", "value", "d", "gain", "t1", "t2", "low", "high", "comp_size", "tune_amplitude"];

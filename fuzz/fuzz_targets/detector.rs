@@ -8,7 +8,8 @@ mod bytes;
 
 use bytes::Bytes;
 use glapp_core::{
-    Columns, Detector, DetectorState, MedianMean, ParameterError, HalfPeriodResult, SafetyNet, Sample, SecondOrderFilter, Width,
+    Columns, Detector, DetectorState, HalfPeriodResult, MedianMean, ParameterError, SafetyNet, Sample,
+    SecondOrderFilter, Width,
 };
 use libfuzzer_sys::fuzz_target;
 

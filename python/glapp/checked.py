@@ -47,8 +47,10 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
-    """Turn the first of pydantic's findings into our line: key, value, bound."""
-    first = error.errors(include_url=False)[0]
+    """Turn one of pydantic's findings into our line: key, value, bound."""
+    found = error.errors(include_url=False)
+    # A key that is misspelt is not the one that is missing: the misspelling is told.
+    first = next((one for one in found if one["type"] == "extra_forbidden"), found[0])
     path = [str(p) for p in first["loc"] if not (isinstance(p, str) and ("[" in p or p in {"str", "int", "float"}))]
     inner = first.get("ctx", {}).get("error")
     if isinstance(inner, InputError):
@@ -70,6 +72,10 @@ def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
         bound = f"one of {first['ctx']['expected']}"
     elif kind == "finite_number":
         bound = "a finite number"
+    elif kind in ("tuple_type", "list_type", "set_type", "frozen_set_type"):
+        bound = "a list in brackets: [..., ...]"
+    elif kind in ("model_type", "dict_type", "model_attributes_type"):
+        bound = "a table in braces: { key = value }"
     else:
         message = first["msg"].removeprefix("Value error, ")
         bound = message[0].lower() + message[1:]

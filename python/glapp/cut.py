@@ -17,12 +17,8 @@ __all__ = ["Cut", "moment_in", "since_repair", "until_repair"]
 class Cut(Recording):
     """The rows of a recording from one time on and before another.
 
-    Parameters
-    ----------
-    whole : Recording
-        The recording.
-    begin, end : float
-        From when to before when, as `Batch.t` counts [s].
+    - `whole`: the recording.
+    - `begin`, `end`: from when to before when, as `Batch.t` counts [s].
     """
 
     def __init__(self, whole: Recording, begin: float = -math.inf, end: float = math.inf) -> None:
@@ -51,10 +47,7 @@ class Cut(Recording):
 def since_repair(recordings: Sequence[Recording]) -> list[Recording]:
     """What was recorded after the repair of the valve; all of it where none is noted.
 
-    Raises
-    ------
-    InputError
-        Where nothing was, or a recording has no date to compare with.
+    Raises InputError where nothing was, or a recording has no date to compare with.
     """
     found = []
     for recording in recordings:
@@ -90,10 +83,7 @@ def until_repair(recordings: Sequence[Recording]) -> list[Recording]:
 def moment_in(recording: Recording, at: datetime) -> float:
     """A moment as the times of a recording count [s]; without a zone it is by the recording's own clocks.
 
-    Raises
-    ------
-    InputError
-        Where the recording has no date, or has no zone and the moment has one.
+    Raises InputError where the recording has no date, or has no zone and the moment has one.
     """
     t0 = recording.t0
     if t0 is None or (t0.tzinfo is None and at.tzinfo is not None):

@@ -99,22 +99,12 @@ def write_recordings(folder: str | Path, *, force: bool = False) -> list[Path]:
 
     Every signal comes from the simulator, with one sample a second; the same files every time.
 
-    Parameters
-    ----------
-    folder : str or Path
-        The folder.
-    force : bool
-        Whether files of these names that hold something else are overwritten.
+    - `folder`: the folder.
+    - `force`: whether files of these names that hold something else are overwritten.
 
-    Raises
-    ------
-    FileExistsError
-        Where there is such a file, by its name, before anything is written.
+    Raises FileExistsError where there is such a file, by its name, before anything is written.
 
-    Returns
-    -------
-    list of Path
-        The CSV files, then `loops.toml`.
+    Returns the CSV files, then `loops.toml`.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from .cut import since_repair
 from .errors import InputError
 from .loop import Loop
 from .progress import Progress, shares
-from .recording import Batch, Recording
+from .recording import Batch, Recording, with_op_unit
 from .samples import recording_of
 from .valve import in_order, one_valve, since
 
@@ -43,16 +43,10 @@ JUDGED = ("confidence", "cause", "width_kind", "oscillates", "evidence")
 class Process:
     """What the best model says of the process between valve and PV: each value with its lower and upper 95 % limit.
 
-    Attributes
-    ----------
-    kp : (float, float, float)
-        Static gain [PV unit/OP unit]; of an integrating process its velocity gain [PV unit/(OP unit·s)].
-    dead_time : (float, float, float)
-        Dead time [s].
-    lag : (float, float, float)
-        Lags together [s].
-    integrating : bool
-        Whether it integrates.
+    - `kp`: static gain [PV unit/OP unit]; of an integrating process its velocity gain [PV unit/(OP unit·s)].
+    - `dead_time`: dead time [s].
+    - `lag`: lags together [s].
+    - `integrating`: whether it integrates.
     """
 
     kp: tuple[float, float, float]
@@ -83,22 +77,13 @@ class Window:
 class OneOfMany:
     """One of several recordings of a valve.
 
-    Attributes
-    ----------
-    source : str
-        File name as the user wrote it, or "memory".
-    t0 : datetime or None
-        Time of its first row.
-    fit : Fit
-        What it says alone.
-    repeated : float
-        Share of its rows that an earlier recording holds already: their PV counts there and not here.
-    left_out : str or None
-        Why it does not count in the joint answer; None where it does.
-    adds : float
-        Likelihood ratio of no gap that it adds to the joint one.
-    shown : bool
-        Whether it is the one that shows best what all say.
+    - `source`: file name as the user wrote it, or "memory".
+    - `t0`: time of its first row.
+    - `fit`: what it says alone.
+    - `repeated`: share of its rows that an earlier recording holds already: their PV counts there and not here.
+    - `left_out`: why it does not count in the joint answer; None where it does.
+    - `adds`: likelihood ratio of no gap that it adds to the joint one.
+    - `shown`: whether it is the one that shows best what all say.
     """
 
     source: str
@@ -114,16 +99,10 @@ class OneOfMany:
 class Trend:
     """How the width changed from window to window.
 
-    Attributes
-    ----------
-    slope, error : float
-        Change of the width and its standard error [OP unit/day].
-    windows : int
-        Windows with a width that it stands on.
-    t, d : (float, float)
-        From when to when [s since the recording's first row], and the line's widths there [OP unit].
-    changes : bool
-        Whether it is plain that the width changes: five windows or more, and three standard errors.
+    - `slope`, `error`: change of the width and its standard error [OP unit/day].
+    - `windows`: Windows with a width that it stands on.
+    - `t`, `d`: from when to when [s since the recording's first row], and the line's widths there [OP unit].
+    - `changes`: whether it is plain that the width changes: five windows or more, and three standard errors.
     """
 
     slope: float
@@ -345,7 +324,7 @@ def fit(
     [recording] = since_repair([given])
     sign = process_sign(recording.loop, recording.loop.ideal())
     batches, fitting = _read(recording, sign, progress)
-    return fit_batches(batches, recording.loop, sign, progress=fitting)
+    return fit_batches(batches, with_op_unit(recording.loop, *batches), sign, progress=fitting)
 
 
 def _read(recording: Recording, sign: float, progress: Progress | None) -> tuple[list[Batch], Progress | None]:
@@ -373,10 +352,7 @@ def fit_recordings(
     `unfit` is what a look at the quality of each found: a verdict, a finding's code and its sentence. Such a recording
     is not fitted.
 
-    Raises
-    ------
-    InputError
-        Where they differ in unit, span, controller, process or positioner: which file, and which value.
+    Raises InputError where they differ in unit, span, controller, process or positioner: which file, and which value.
     """
     one_valve(recordings)
     place = {id(recording): i for i, recording in enumerate(recordings)}
@@ -395,7 +371,8 @@ def fit_recordings(
     if fitted:
         found = _glapp.fit_valve(fitted, sign, fitting)
     decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement", "weighed")}
-    through_pv = replace(_valve(found["pv"], recordings, known), **decided)
+    loop = with_op_unit(loop, *(batch for parts in batches for batch in parts))
+    through_pv = replace(_valve(found["pv"], recordings, known, loop.op_label), **decided)
     if found["position"] is None:
         return through_pv
     both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
@@ -403,10 +380,12 @@ def fit_recordings(
 
 
 def _valve(
-    answer: dict[str, Any], recordings: Sequence[Recording], known: Sequence[tuple[Verdict, str, str] | None]
+    answer: dict[str, Any],
+    recordings: Sequence[Recording],
+    known: Sequence[tuple[Verdict, str, str] | None],
+    unit: str,
 ) -> Fit:
     """The answer of several recordings, in words."""
-    unit = recordings[0].loop.op_label
     own = iter(answer.get("recordings") or [answer] * len(known))
     each = []
     for recording, why in zip(recordings, known, strict=True):

@@ -18,10 +18,7 @@ __all__ = ["FolderLock"]
 class FolderLock:
     """The right to write a data folder: one process has it, and it ends with that process, however that ends.
 
-    Raises
-    ------
-    InputError
-        Where another process has it: which one, on which computer and since when.
+    Raises InputError where another process has it: which one, on which computer and since when.
 
     Examples
     --------

@@ -75,16 +75,11 @@ Node = Annotated[str, AfterValidator(_node)]
 class Tags(Checked):
     """Nodes of an OPC UA server that are the loop's signals; what a loop has not stays out.
 
-    Parameters
-    ----------
-    sp, pv, op, mode, low, high, position : str, optional
-        `low` and `high` are limit flags, `position` what the valve says of itself.
-    u_ff : str, optional
-        The feed-forward that the controller adds to OP, the one node of the loop that may be written.
-    u_ff_limit : float, optional
-        Greatest |u_FF| that is ever written, > 0 [OP unit]; needed beside `u_ff`.
-    u_ff_rate : float, optional
-        Its greatest rate, > 0 [OP unit per second]; needed beside `u_ff`.
+    - `sp`, `pv`, `op`, `mode`, `low`, `high`, `position`: `low` and `high` are limit flags, `position` what the valve
+      says of itself.
+    - `u_ff`: the feed-forward that the controller adds to OP, the one node of the loop that may be written.
+    - `u_ff_limit`: greatest |u_FF| that is ever written, > 0 [OP unit]; needed beside `u_ff`.
+    - `u_ff_rate`: its greatest rate, > 0 [OP unit per second]; needed beside `u_ff`.
     """
 
     sp: Node | None = None
@@ -121,14 +116,9 @@ _SIGNALS = ("sp", "pv", "op", "mode", "low", "high", "position", "u_ff")
 class Process(Checked):
     """What is known about the process.
 
-    Parameters
-    ----------
-    type : {"self-regulating", "integrating"}
-        Flow, pressure and temperature mostly regulate themselves; level mostly integrates.
-    kp : float, optional
-        Static gain Kp of a self-regulating process (not of the controller), not 0.
-    kp_unit : {"%/%", "PV/OP"}
-        Unit of `kp`.
+    - `type`: flow, pressure and temperature mostly regulate themselves; level mostly integrates.
+    - `kp`: static gain Kp of a self-regulating process (not of the controller), not 0.
+    - `kp_unit`: unit of `kp`.
     """
 
     type: Literal["self-regulating", "integrating"] = "self-regulating"

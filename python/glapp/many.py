@@ -26,17 +26,10 @@ def analyze_recordings(
     Zero crossings, quality and signals are those of the recording that shows best what all say; `fit` is that of all
     (`glapp.fit`). A recording whose data allow no answer, or that swings in a clean sinusoid, does not count in it.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Two or more.
-    trust, fit, progress
-        As in `glapp.analyze`.
+    - `recordings`: two or more.
+    - `trust`, `fit`, `progress`: as in `glapp.analyze`.
 
-    Raises
-    ------
-    InputError
-        Where they differ in unit, span, controller, process or positioner, or one cannot be read.
+    Raises InputError where they differ in unit, span, controller, process or positioner, or one cannot be read.
     """
     one_valve(recordings)
     recordings = in_order(since_repair(recordings))

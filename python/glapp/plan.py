@@ -173,6 +173,10 @@ def plan_test(
         raise InputError(f"is {minutes:g}, must be > 0", parameter="minutes", value=minutes, bound="> 0 min")
     if width is not None and not width > 0:
         raise InputError(f"is {width:g}, must be > 0", parameter="width", value=width, bound="> 0")
+    for name, within in (("op_within", op_within), ("pv_within", pv_within)):
+        if within is not None and not within[0] < within[1]:
+            bound = "the first below the second"
+            raise InputError(f"is {within[0]:g} to {within[1]:g}, must be {bound}", parameter=name, bound=bound)
     if unknown := set(kinds) - {"by_hand", "setpoint", "more_hours"}:
         raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
     asked = _width(result) if width is None else width
@@ -209,19 +213,11 @@ TRIED = 3
 def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> Plan:
     """Plan a test for a loop with one recording or several: from the newest one whose fit tells the process.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        In the order of time; the test begins where the last one ends.
-    result : Result
-        What `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
-    **asked
-        As in `plan_test`.
+    - `recordings`: in the order of time; the test begins where the last one ends.
+    - `result`: what `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
+    - `**asked`: as in `plan_test`.
 
-    Raises
-    ------
-    InputError
-        As `plan_test`, of the newest recording that could be fitted.
+    Raises InputError as `plan_test`, of the newest recording that could be fitted.
     """
     width = asked.pop("width", None) or _width(result)
     refused: list[tuple[bool, InputError]] = []
@@ -237,10 +233,7 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
     """The result with `Result.plan`: what would decide, where a gap is *likely* or the data *cannot tell*.
 
-    Parameters
-    ----------
-    recordings, result, **asked
-        As in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
+    - `recordings`, `result`, `**asked`: as in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
     """
     if result.answer.confidence not in ("likely", "cannot_tell"):
         return result
@@ -252,6 +245,11 @@ def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
         unit, pv_unit = result.unit, result.loop.pv_unit or "PV unit"
         plan = Plan(result.name, result.source, unit, pv_unit, math.nan, none, none, within, (), str(error))
     return replace(result, plan=plan)
+
+
+def _op_unit(unit: str) -> str:
+    """The unit of OP as a sentence needs it."""
+    return "%OP" if unit == "%" else unit
 
 
 def _width(result: Result) -> float:
@@ -297,6 +295,16 @@ class _Fitted:
     op_within: Limits
     pv_within: Limits
 
+    @property
+    def op_unit(self) -> str:
+        """Unit of OP as a sentence needs it."""
+        return _op_unit(self.fit.unit)
+
+    @property
+    def pv_unit(self) -> str:
+        """Unit of PV."""
+        return self.loop.pv_unit or "PV unit"
+
     @classmethod
     def of(
         cls,
@@ -312,9 +320,7 @@ class _Fitted:
             found = found.through_pv
         if found is None or found.process is None:
             said = result.reason if found is None else found.reason
-            raise InputError(
-                f"OP and PV were not fitted: {said}", file=result.source, loop=result.name, hint="record OP and PV"
-            )
+            raise InputError(f"OP and PV were not fitted: {said}", file=result.source, loop=result.name)
         best, process = found.best, found.process
         where: dict[str, Any] = {"file": result.source, "loop": result.name}
         if process.integrating != (recording.loop.process.type == "integrating"):
@@ -329,7 +335,8 @@ class _Fitted:
         gains = _gains(process.kp, recording.loop.kp(), widened)
         if gains is None:
             raise InputError(
-                f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g}",
+                f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
+                f"{recording.loop.pv_unit or 'PV unit'} per {_op_unit(result.unit)}",
                 **where,
                 hint="record the loop while OP or the setpoint is stepped once or twice",
             )
@@ -555,8 +562,9 @@ def _by_hand(loop: _Fitted, minutes: float) -> Planned:
     if STEPS[0] * loop.width > reach:
         return Planned(
             "by_hand",
-            f"two steps of OP beyond a gap of {loop.width:.3g} take {2 * STEPS[0] * loop.width:.3g}, and OP may move "
-            f"from {loop.op:.4g} by {room[side]:.3g} at most",
+            f"two steps of OP beyond a gap of {loop.width:.3g} {loop.op_unit} take "
+            f"{2 * STEPS[0] * loop.width:.3g} {loop.op_unit}, and OP may move from {loop.op:.4g} by {room[side]:.3g} "
+            f"{loop.op_unit} at most",
         )
     refused: set[str] = set()
     best: Planned | None = None
@@ -570,8 +578,9 @@ def _by_hand(loop: _Fitted, minutes: float) -> Planned:
             pv = _goes(loop, loop.strong, levels, hold, (low, high))
             if not _within(pv, loop.pv_within):
                 refused.add(
-                    f"PV may go from {pv[0]:.4g} to {pv[1]:.4g} in two steps of OP by {size * loop.width:.3g}, and its "
-                    f"limits are {loop.pv_within[0]:.4g} and {loop.pv_within[1]:.4g}"
+                    f"PV may go from {pv[0]:.4g} to {pv[1]:.4g} {loop.pv_unit} in two steps of OP by "
+                    f"{size * loop.width:.3g} {loop.op_unit}, and its limits are {loop.pv_within[0]:.4g} and "
+                    f"{loop.pv_within[1]:.4g} {loop.pv_unit}"
                 )
                 break
             pilot = _tried(loop, levels, hold, range(PILOTS))
@@ -728,12 +737,18 @@ def _setpoint(loop: _Fitted, minutes: float) -> Planned:
                 return found
             return Planned(
                 "setpoint",
-                f"{n} setpoint steps of {abs(step):.3g}, {apart / 60:.1f} min apart, decide in "
+                f"{n} setpoint steps of {abs(step):.3g} {loop.pv_unit}, {apart / 60:.1f} min apart, decide in "
                 f"{100 * (found.power or 0.0):.0f} % only",
             )
+        if not math.isfinite(pv[1]):
+            return Planned(
+                "setpoint",
+                "with the largest process gain that the recording allows the loop runs away by itself: what setpoint "
+                "steps would do cannot be promised",
+            )
         passed = (
-            f"setpoint steps of {abs(step):.3g} take PV from {pv[0]:.4g} to {pv[1]:.4g} and OP from {op[0]:.4g} to "
-            f"{op[1]:.4g}, beyond the limits"
+            f"setpoint steps of {abs(step):.3g} {loop.pv_unit} take PV from {pv[0]:.4g} to {pv[1]:.4g} {loop.pv_unit} "
+            f"and OP from {op[0]:.4g} to {op[1]:.4g} {loop.op_unit}, beyond the limits"
         )
     return Planned("setpoint", passed)
 

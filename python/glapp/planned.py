@@ -20,32 +20,20 @@ def _pair(of: Sequence[float] | None) -> Limits | None:
 class Planned:
     """One kind of test.
 
-    Attributes
-    ----------
-    kind : "by_hand", "setpoint", "more_hours"
-        OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs.
-    reason : str or None
-        Why no such test can be proposed; None where it can, and all that follows is known.
-    moves : tuple of float
-        OP [OP unit], or SP [PV unit], one after the other, the first where the loop stood at the end of the recording.
-        Empty for more hours.
-    hold : float or None
-        Time at each of them [s].
-    minutes : float or None
-        Time for all of it, without that at the beginning that is recorded before the first move.
-    op, pv : (float, float) or None
-        Least and greatest OP and PV in any of the simulations, with the process gain 1.5 times its upper limit. None
-        for more hours.
-    power : float or None
-        Probability that it decides: the smaller of the next two.
-    with_gap, without : float or None
-        Share of the simulations with the gap that end in *gap*, and of those without it that end in *no gap* of that
-        width. Setpoint steps are simulated a few times only: k of n that show the gap count as (k + 1)/(n + 2).
-        `without` is None for more hours.
-    false : float or None
-        Share of all simulations that end in the wrong answer.
-    simulations : int
-        Simulations of either kind; of more hours those with the gap, the only ones.
+    - `kind`: OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs.
+    - `reason`: why no such test can be proposed; None where it can, and all that follows is known.
+    - `moves`: OP [OP unit], or SP [PV unit], one after the other, the first where the loop stood at the end of the
+      recording. Empty for more hours.
+    - `hold`: time at each of them [s].
+    - `minutes`: time for all of it, without that at the beginning that is recorded before the first move.
+    - `op`, `pv`: least and greatest OP and PV in any of the simulations, with the process gain 1.5 times its upper
+      limit. None for more hours.
+    - `power`: probability that it decides: the smaller of the next two.
+    - `with_gap`, `without`: share of the simulations with the gap that end in *gap*, and of those without it that end
+      in *no gap* of that width. Setpoint steps are simulated a few times only: k of n that show the gap count as (k +
+      1)/(n + 2). `without` is None for more hours.
+    - `false`: share of all simulations that end in the wrong answer.
+    - `simulations`: simulations of either kind; of more hours those with the gap, the only ones.
     """
 
     kind: Kind
@@ -119,5 +107,5 @@ class Plan:
         return next(one for one in self.tests if one.kind == kind)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp plan-test --json` writes it."""
+        """The plan in plain types, as `glapp plan-test --json` writes it."""
         return asdict(self)

@@ -158,6 +158,8 @@ def inspect(
     ti: float | None = None,
     td: float | None = None,
     identification: Identification | None = None,
+    pv_span: tuple[float, float] | None = None,
+    op_span: tuple[float, float] | None = None,
     pv_unit: str = "PV units",
     op_unit: str = "OP units",
     t0: datetime | None = None,
@@ -180,6 +182,8 @@ def inspect(
         Derivative time used [s], 0 for a PI controller.
     identification : Identification | None
         What the recording itself says of K, Ti and Td; compared with `k`, `ti` and `td` when usable.
+    pv_span, op_span : tuple[float, float] | None
+        Ranges of the instruments, where they are known [PV unit, OP unit].
     pv_unit, op_unit : str
         Units for the texts.
     t0 : datetime | None
@@ -215,6 +219,8 @@ def inspect(
         statistics,
         (k, ti, td),
         identification,
+        pv_span,
+        op_span,
     )
     return findings_from_core(found, known, pv_unit=pv_unit, op_unit=op_unit, t0=t0, first_row=first_row)
 

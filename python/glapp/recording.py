@@ -178,9 +178,16 @@ class Recording(ABC):
         return None
 
 
-def with_op_unit(loop: Loop, batch: Batch) -> Loop:
-    """The loop without the assumption that OP is a percentage, where nothing says so and the batch contradicts it."""
-    assumed = loop.op_span is None and loop.op_unit is None
-    if assumed and batch.op is not None and not _glapp.within_percent(batch.op):
+def with_op_unit(loop: Loop, *batches: Batch) -> Loop:
+    """The loop without the assumption that OP is a percentage, where nothing says so and the batches contradict it.
+
+    A spreadsheet may show a fraction of 1 as a percentage: the sign % alone does not make 0.57 one.
+    """
+    ops = [batch.op for batch in batches if batch.op is not None]
+    if not ops or loop.op_span is not None:
+        return loop
+    op = ops[0] if len(ops) == 1 else np.concatenate(ops)
+    assumed = loop.op_unit is None and not _glapp.within_percent(op)
+    if assumed or (loop.op_unit == "%" and _glapp.looks_like_fraction(op)):
         return loop.model_copy(update={"op_unit": "OP unit"})
     return loop

@@ -12,8 +12,6 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-import numpy as np
-
 from . import _glapp
 from .cut import moment_in, until_repair
 from .estimate import analyze
@@ -23,7 +21,7 @@ from .recording import Batch, Recording, joined
 from .repaired import Repair, Side
 from .result import Result
 
-__all__ = ["DAYS", "compared", "fall_of", "with_repair"]
+__all__ = ["DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
 
 DAYS = 7.0
 """So many days before the repair and after it are compared."""
@@ -42,14 +40,9 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
     of the single recordings, or of the windows of one, are looked at: where they fall at once, the two sides are what
     was recorded before and after the fall, and the widths are the means of either.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        All recordings of the loop.
-    result : Result
-        What `glapp.analyze` says of them.
-    trust, fit
-        As in `glapp.analyze`.
+    - `recordings`: all recordings of the loop.
+    - `result`: what `glapp.analyze` says of them.
+    - `trust`, `fit`: as in `glapp.analyze`.
 
     Examples
     --------
@@ -82,7 +75,7 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
 
 
 def _seen(recordings: Sequence[Recording], result: Result) -> Result:
-    """The same by a fall of the width that nobody has noted."""
+    """The result with the repair that a fall of the width shows, which nobody has noted."""
     if result.fit is None:
         return result
     each: list[tuple[float, float, Fit | Window]]
@@ -106,15 +99,9 @@ def _seen(recordings: Sequence[Recording], result: Result) -> Result:
 def fall_of(widths: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Whether the width has fallen from one recording, or window, to the next.
 
-    Parameters
-    ----------
-    widths : sequence of mapping
-        Of each its time `t` [s], `verdict`, `d`, `low` and `high` [OP unit].
+    - `widths`: of each its time `t` [s], `verdict`, `d`, `low` and `high` [OP unit].
 
-    Returns
-    -------
-    dict or None
-        `t` of the last before and the first after; `before` and `after`, the mean widths with their 95 % limits.
+    Returns: `t` of the last before and the first after; `before` and `after`, the mean widths with their 95 % limits.
 
     Examples
     --------
@@ -137,14 +124,9 @@ def _for_core(width: Mapping[str, Any]) -> dict[str, Any]:
 def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch | None, Batch | None]) -> Repair:
     """Both sides with what the loop gained.
 
-    Parameters
-    ----------
-    noted : datetime or None
-        As in `Repair`.
-    sides : (Side, Side)
-        Before and after, with their widths.
-    rows : (Batch or None, Batch or None)
-        What was recorded on either side.
+    - `noted`: as in `Repair`.
+    - `sides`: before and after, with their widths.
+    - `rows`: what was recorded on either side.
     """
     widths = [
         _for_core({"t": 0.0} | {name: getattr(side, name) for name in _WIDTH}) if side.verdict in _VERDICTS else None
@@ -170,17 +152,16 @@ def _compared(
 ) -> Repair:
     """Both sides by the rows of the recordings in `DAYS` days before the first cut and after the second one [s]."""
     first, last = (cuts[0] - DAYS * DAY, cuts[0]), (cuts[1], cuts[1] + DAYS * DAY)
-    rows = [_rows(recordings, begin, end) for begin, end in (first, last)]
+    rows = [rows_between(recordings, begin, end) for begin, end in (first, last)]
     timed = []
     for side, part in zip(sides, rows, strict=True):
-        ends = (None, None) if part is None else (float(np.nanmin(part.t)), float(np.nanmax(part.t)))
-        begin, end = (None if t is None else _moment(recordings[0], t) for t in ends)
+        begin, end = (None, None) if part is None else (_moment(recordings[0], t) for t in ends_of(part))
         timed.append(replace(side, begin=begin, end=end))
     return compared(noted, (timed[0], timed[1]), (rows[0], rows[1]))
 
 
-def _rows(recordings: Sequence[Recording], begin: float, end: float) -> Batch | None:
-    """The rows from `begin` on and before `end`, with times since 1970 where they have a date."""
+def rows_between(recordings: Sequence[Recording], begin: float = -math.inf, end: float = math.inf) -> Batch | None:
+    """The rows from `begin` on and before `end` [s], with times since 1970 where they have a date; None for none."""
     parts = []
     for recording in recordings:
         zero = _since_1970(recording)
@@ -191,6 +172,11 @@ def _rows(recordings: Sequence[Recording], begin: float, end: float) -> Batch | 
                 parts.append(replace(part, t=part.t + zero))
     parts.sort(key=lambda part: float(part.t[0]))
     return joined(parts) if parts else None
+
+
+def ends_of(rows: Batch) -> tuple[float, float]:
+    """The first and the last time among rows [s]."""
+    return float(rows.t.min()), float(rows.t.max())
 
 
 def _since_1970(recording: Recording | OneOfMany) -> float:

@@ -17,20 +17,13 @@ Between = tuple[float, float, float]
 class Side:
     """The valve and its loop on one side of a repair.
 
-    Attributes
-    ----------
-    begin, end : datetime, float or None
-        First and last row that was looked at; seconds where the recording has no date, None where there are no rows.
-    verdict, confidence : str or None
-        What the answer of that side says; None where there is none.
-    d, low, high : float or None
-        Its width and limits [OP unit].
-    days : float or None
-        Time in automatic that was looked at [d]; None, as all that follows, where too little was.
-    deviation : (float, float, float) or None
-        Standard deviation of PV about SP with its 95 % limits [PV unit].
-    travel, reversals : (float, float, float) or None
-        Travel [OP unit] and reversals of OP in a day.
+    - `begin`, `end`: first and last row that was looked at; seconds where the recording has no date, None where there
+      are no rows.
+    - `verdict`, `confidence`: what the answer of that side says; None where there is none.
+    - `d`, `low`, `high`: its width and limits [OP unit].
+    - `days`: time in automatic that was looked at [d]; None, as all that follows, where too little was.
+    - `deviation`: standard deviation of PV about SP with its 95 % limits [PV unit].
+    - `travel`, `reversals`: travel [OP unit] and reversals of OP in a day.
     """
 
     begin: datetime | float | None = None
@@ -50,12 +43,8 @@ class Side:
 class Difference:
     """What lies between before and after.
 
-    Attributes
-    ----------
-    code : "less", "more", "open"
-        Whether the 95 % interval of the difference lies below 0, above 0, or holds 0.
-    by : (float, float, float)
-        After − before with its 95 % limits.
+    - `code`: whether the 95 % interval of the difference lies below 0, above 0, or holds 0.
+    - `by`: after − before with its 95 % limits.
     """
 
     code: Literal["less", "more", "open"]
@@ -66,13 +55,8 @@ class Difference:
 class Repair:
     """Before and after.
 
-    Attributes
-    ----------
-    noted : datetime or None
-        When a person says that the valve was repaired; None where the width was seen to fall and nobody said so.
-    before, after : Side
-    width, deviation, travel, reversals : Difference or None
-        What lies between; None where it is not known on both sides.
+    - `noted`: when a person says that the valve was repaired; None where the width was seen to fall and nobody said so.
+    - `width`, `deviation`, `travel`, `reversals`: what lies between; None where it is not known on both sides.
     """
 
     noted: datetime | None
@@ -92,7 +76,7 @@ class Repair:
         return cls(noted, before, after, **lie)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same in plain types, as `glapp analyze --json` writes it."""
+        """Before and after in plain types, as `glapp analyze --json` writes it."""
         document = asdict(self)
         document["noted"] = _text(self.noted)
         for name, side in (("before", self.before), ("after", self.after)):

@@ -281,18 +281,12 @@ class Harm:
 class Moves:
     """How the width changes in time.
 
-    Attributes
-    ----------
-    code : "grows", "shrinks", "steady", "too_few"
-        Whether a change is plain: five widths or more, and three standard errors.
-    widths, widths_needed : int
-        Widths that it rests on, and that a change must rest on.
-    per_day, low, high, least_plain : float or None
-        Change of the width with its 95 % limits; a change so fast would be plain [OP unit/day].
-    t, d : (float, float) or None
-        First and last of the widths [s], and the line's widths there [OP unit].
-    days_to_limit : float or None
-        Days from the last width on until it has grown to what is acceptable.
+    - `code`: whether a change is plain: five widths or more, and three standard errors.
+    - `widths`, `widths_needed`: widths that it rests on, and that a change must rest on.
+    - `per_day`, `low`, `high`, `least_plain`: change of the width with its 95 % limits; a change so fast would be plain
+      [OP unit/day].
+    - `t`, `d`: first and last of the widths [s], and the line's widths there [OP unit].
+    - `days_to_limit`: days from the last width on until it has grown to what is acceptable.
     """
 
     code: Literal["grows", "shrinks", "steady", "too_few"]
@@ -435,14 +429,9 @@ def decide(
 ) -> Answer:
     """The one answer of what is known of a valve, as the core decides it.
 
-    Parameters
-    ----------
-    crossings, d_hat, detections, reasons, fit, step_test
-        As in `Result`.
-    loop : Loop
-        Whose OP span and acceptable dead band count.
-    harm : sequence of Harm
-        What the gap does to the loop, in each window where that was worked out; the mean of each share counts.
+    - `crossings`, `d_hat`, `detections`, `reasons`, `fit`, `step_test`: as in `Result`.
+    - `loop`: whose OP span and acceptable dead band count.
+    - `harm`: what the gap does to the loop, in each window where that was worked out; the mean of each share counts.
 
     Examples
     --------
@@ -475,14 +464,9 @@ def decide(
 def harm_of(fit: Fit, law: tuple[float | None, float | None], rows: Batch) -> Harm:
     """Harm of the fitted gap to its loop, as far as it can be said.
 
-    Parameters
-    ----------
-    fit : Fit
-        Through PV; its `best` window has the cells, and its `process` what a load at the valve does to PV.
-    law : tuple of float or None
-        The controller's K [OP unit/PV unit] and Ti [s].
-    rows : Batch
-        The rows in which the cells lie.
+    - `fit`: through PV; its `best` window has the cells, and its `process` what a load at the valve does to PV.
+    - `law`: the controller's K [OP unit/PV unit] and Ti [s].
+    - `rows`: the rows in which the cells lie.
     """
     best, p = fit.best, fit.process
     if p is None or rows.op is None or best.get("signal") != "PV":

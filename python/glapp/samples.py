@@ -23,18 +23,11 @@ _LABELS = {"t": "time", "sp": "SP", "pv": "PV", "op": "OP", "position": "POSITIO
 class Samples(Recording):
     """A recording whose signals are arrays in memory.
 
-    Parameters
-    ----------
-    loop : Loop
-        Settings.
-    signals : dict
-        `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in seconds or as
-        datetime64.
+    - `loop`: settings.
+    - `signals`: `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in seconds
+      or as datetime64.
 
-    Raises
-    ------
-    InputError
-        Where they are not of one length, hold fewer than two samples, or no PV.
+    Raises InputError where they are not of one length, hold fewer than two samples, or no PV.
     """
 
     def __init__(self, loop: Loop, signals: dict[str, ArrayLike]) -> None:
@@ -53,6 +46,10 @@ class Samples(Recording):
             raise InputError("has fewer than two samples", parameter="t", value=t.size, bound=">= 2")
         if not np.isfinite(values["pv"]).any():
             raise InputError(f"holds no number in {t.size} samples", parameter="pv")
+        steps = np.diff(t)
+        if (back := int(np.count_nonzero(steps < 0))) > t.size // 2:
+            what = f"runs backwards in {back} of {t.size - 1} steps: the newest sample comes first"
+            raise InputError(what, parameter="t", bound="oldest first", hint="reverse all arrays: x[::-1]")
         self.rows: int | None = t.size
         self._whole = finished(t, values, flags)
         self._fraction: float | None = None
@@ -74,10 +71,7 @@ def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None)
 
     Beside a file or a table a signal may be the name of its column.
 
-    Raises
-    ------
-    InputError
-        Where both are given or neither, or the signals cannot be used.
+    Raises InputError where both are given or neither, or the signals cannot be used.
     """
     given: dict[str, Any] = {name: x for name, x in signals.items() if x is not None}
     if recording is not None:
@@ -130,6 +124,8 @@ def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:
 
 
 def _floats(name: str, x: ArrayLike) -> NDArray[np.float64]:
+    if np.iscomplexobj(x):
+        raise InputError("holds complex numbers, must be real", parameter=name)
     try:
         values = np.ascontiguousarray(x, dtype=np.float64)
     except (TypeError, ValueError) as error:

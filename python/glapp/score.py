@@ -16,6 +16,7 @@ from pathlib import Path
 from statistics import NormalDist
 from typing import Any, Literal, get_args
 
+from .checked import nearest
 from .errors import InputError
 from .reading.files import check_file
 from .result import Answer, Result, span_of
@@ -50,22 +51,13 @@ COLUMNS = ("file", "loop", "found", "width", "unit", "date")
 class Label:
     """What is known of one valve.
 
-    Attributes
-    ----------
-    row : int
-        Row of the file of labels; its header is row 1.
-    file : Path
-        Recording, or a loops.toml.
-    loop : str or None
-        Which loop of it; None where it has one.
-    found : Found
-        What the workshop found.
-    width : float or None
-        Measured dead band, in `unit`.
-    unit : str
-        "" for that of OP, "% of span" for per cent of its span.
-    date : date or None
-        When the valve was looked at. A recording that begins later is not counted.
+    - `row`: row of the file of labels; its header is row 1.
+    - `file`: recording, or a loops.toml.
+    - `loop`: which loop of it; None where it has one.
+    - `found`: what the workshop found.
+    - `width`: measured dead band, in `unit`.
+    - `unit`: "" for that of OP, "% of span" for per cent of its span.
+    - `date`: when the valve was looked at. A recording that begins later is not counted.
     """
 
     row: int
@@ -81,15 +73,8 @@ class Label:
 class Scored:
     """One answer beside its label.
 
-    Attributes
-    ----------
-    label : Label
-    result : Result
-    outcome : Outcome
-    why : str
-        In a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
-    width : float or None
-        Measured dead band [OP unit].
+    - `why`: in a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
+    - `width`: measured dead band [OP unit].
     """
 
     label: Label
@@ -122,12 +107,20 @@ def read_labels(path: Path) -> list[Label]:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read: {error}", file=str(path)) from None
-    rows = csv.DictReader(text.splitlines())
+    if not text.strip():
+        raise InputError("is empty", file=str(path), hint=f"write a row a valve, with the columns {', '.join(COLUMNS)}")
+    lines = text.splitlines()
+    # A spreadsheet of a country with decimal commas parts its cells by semicolons.
+    comma = max(",;\t", key=lines[0].count)
+    rows = csv.DictReader(lines, delimiter=comma)
     names = [name.strip().lower() for name in rows.fieldnames or []]
     for name in ("file", "found"):
         if name not in names:
-            known = ", ".join(COLUMNS)
-            raise InputError(f"has no column '{name}'", file=str(path), hint=f"the columns are {known}")
+            hint = f"labels have the columns {', '.join(COLUMNS)}, and this file has {', '.join(names[:20])}"
+            raise InputError(f"has no column '{name}'", file=str(path), hint=hint)
+    for name in names:
+        if name not in COLUMNS and (near := nearest(name, COLUMNS)) is not None and near not in names:
+            raise InputError(f"has a column '{name}': did you mean '{near}'?", file=str(path), row=1, column=name)
     labels: list[Label] = []
     for cells in rows:
         row = {key.strip().lower(): (value or "").strip() for key, value in cells.items() if isinstance(key, str)}
@@ -152,7 +145,7 @@ def _label(row: dict[str, str], number: int, path: Path) -> Label:
     width = None
     if text := row.get("width"):
         try:
-            width = float(text)
+            width = float(text.replace(",", ".") if text.count(",") == 1 else text)
         except ValueError:
             width = math.nan
         if not 0.0 <= width < math.inf:
@@ -185,10 +178,7 @@ def judged(label: Label, result: Result) -> Scored:
     without a fault is answered wrong where a dead band beyond the acceptable limit is found or likely. What cannot be
     told, or was not analysed, is silent.
 
-    Raises
-    ------
-    InputError
-        Where the width's unit is not that of OP, nor "% of span" with a known span.
+    Raises InputError where the width's unit is not that of OP, nor "% of span" with a known span.
     """
     answer, width = result.answer, _in_op(label, result)
     if label.date is not None and result.t0 is not None and result.t0.date() > label.date:
@@ -272,16 +262,10 @@ EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 class Calibrated:
     """Stated probabilities beside how often it was so.
 
-    Attributes
-    ----------
-    of : "p_gap", "p_beyond"
-        Of a dead band, or of one beyond the acceptable limit.
-    low, high : float
-        Probabilities from `low` on and below `high` are counted together; 1 counts in the last.
-    valves, so : int
-        Valves, and those of them where it was so.
-    stated : float
-        Mean of the probabilities.
+    - `of`: of a dead band, or of one beyond the acceptable limit.
+    - `low`, `high`: probabilities from `low` on and below `high` are counted together; 1 counts in the last.
+    - `valves`, `so`: valves, and those of them where it was so.
+    - `stated`: mean of the probabilities.
     """
 
     of: Literal["p_gap", "p_beyond"]

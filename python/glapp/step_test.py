@@ -27,18 +27,12 @@ __all__ = ["Asked", "Hold", "Reading", "StepTest", "step_test"]
 class Asked:
     """Whether the test has decided a width in question.
 
-    Attributes
-    ----------
-    width : float
-        The width [`StepTest.unit`].
-    narrower, wider : float | None
-        Probability that the gap is narrower than a fifth of it, and that it is wider than four fifths; None where the
-        test gives no width.
-    found : {"gap", "no_gap"} | None
-        What the test decides if it is over: one of the two probabilities is below 2.5 %. None: it is open.
-    early : {"gap", "no_gap"} | None
-        What it decides while it goes on, at 0.1 %: then it may be ended. Who looks many times would otherwise decide
-        wrongly more often than in 2.5 %.
+    - `width`: the width [`StepTest.unit`].
+    - `narrower`, `wider`: probability that the gap is narrower than a fifth of it, and that it is wider than four
+      fifths; None where the test gives no width.
+    - `found`: what the test decides if it is over: one of the two probabilities is below 2.5 %. None: it is open.
+    - `early`: what it decides while it goes on, at 0.1 %: then it may be ended. Who looks many times would otherwise
+      decide wrongly more often than in 2.5 %.
     """
 
     width: float
@@ -52,18 +46,12 @@ class Asked:
 class Hold:
     """One stretch in which OP was held.
 
-    Attributes
-    ----------
-    start, end : float
-        Its time [s since the first row].
-    settled : float | None
-        Time from which PV is taken as settled; None where the hold ended before that.
-    op : float
-        OP [its unit].
-    level : float | None
-        Mean of PV when settled (of an integrating process: its slope [PV unit/s]); None where not settled.
-    side : int
-        +1 where OP then pressed the valve upwards, -1 downwards, 0 where that is not known or the hold is not used.
+    - `start`, `end`: its time [s since the first row].
+    - `settled`: time from which PV is taken as settled; None where the hold ended before that.
+    - `op`: OP [its unit].
+    - `level`: mean of PV when settled (of an integrating process: its slope [PV unit/s]); None where not settled.
+    - `side`: +1 where OP then pressed the valve upwards, -1 downwards, 0 where that is not known or the hold is not
+      used.
     """
 
     start: float
@@ -78,27 +66,16 @@ class Hold:
 class Reading:
     """What one move from hold to hold gives.
 
-    Attributes
-    ----------
-    kind : {"gain", "gap", "none"}
-        A move in the same direction as the last (Kp), a reversal (d), or one that gives nothing.
-    start, end : float
-        From the end of the hold before to the end of the hold after [s since the first row].
-    op : (float, float)
-        OP before and after.
-    pv : (float, float)
-        Settled PV (or slope) before and after.
-    value, low, high : float | None
-        Kp [PV unit per OP unit] or d [OP unit] with its 95 % interval.
-    t86 : float | None
-        Time from OP's step until 86.5 % of PV's way is gone [s]; None where OP was not stepped at once, where the
-        process integrates, or where noise hides it.
-    overshoot : float | None
-        How far PV went beyond its new level, part of its way; 0 where that is not beyond the noise.
-    evidence : str
-        The numbers it was read from, or why it gives nothing.
-    evidence_code : dict | None
-        The same as a `code` with its numbers; None where the gain was not known.
+    - `kind`: a move in the same direction as the last (Kp), a reversal (d), or one that gives nothing.
+    - `start`, `end`: from the end of the hold before to the end of the hold after [s since the first row].
+    - `op`: OP before and after.
+    - `pv`: settled PV (or slope) before and after.
+    - `value`, `low`, `high`: Kp [PV unit per OP unit] or d [OP unit] with its 95 % interval.
+    - `t86`: time from OP's step until 86.5 % of PV's way is gone [s]; None where OP was not stepped at once, where the
+      process integrates, or where noise hides it.
+    - `overshoot`: how far PV went beyond its new level, part of its way; 0 where that is not beyond the noise.
+    - `evidence`: the numbers it was read from, or why it gives nothing.
+    - `evidence_code`: the same as a `code` with its numbers; None where the gain was not known.
     """
 
     kind: Literal["gain", "gap", "none"]

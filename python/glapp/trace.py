@@ -27,14 +27,9 @@ class Band(NamedTuple):
 class Trace:
     """A recording in buckets of equally many rows.
 
-    Attributes
-    ----------
-    t : float64[n]
-        First row of each bucket [s since t0].
-    sp, pv, pv_filtered : Band
-        Setpoint, process value, filtered process value [PV unit].
-    op, position : Band or None
-        Controller output [OP unit] and valve position, where recorded.
+    - `t` (float64[n]): first row of each bucket [s since t0].
+    - `sp`, `pv`, `pv_filtered`: setpoint, process value, filtered process value [PV unit].
+    - `op`, `position`: controller output [OP unit] and valve position, where recorded.
     """
 
     t: Floats

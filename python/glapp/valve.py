@@ -17,10 +17,8 @@ _SHARED = ("pv_span", "op_span", "pv_unit", "op_unit", "controller", "process", 
 def one_valve(recordings: Sequence[Recording]) -> None:
     """Refuse recordings that cannot be of one valve.
 
-    Raises
-    ------
-    InputError
-        Naming the first file whose unit, span, controller, process or positioner is not that of the first one.
+    Raises InputError: naming the first file whose unit, span, controller, process or positioner is not that of the
+    first one.
     """
     first = recordings[0]
     for other in recordings[1:]:

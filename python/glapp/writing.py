@@ -26,10 +26,7 @@ def write_file(path: Path, content: str | bytes) -> None:
     permissions, a replaced one keeps its own; a link stays a link, to the new content. What is no regular file, such as
     /dev/stdout or a pipe, is written to directly.
 
-    Raises
-    ------
-    OSError
-        Where it cannot be written.
+    Raises OSError where it cannot be written.
 
     Examples
     --------
@@ -69,10 +66,7 @@ def write_parquet(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> 
 
     Folders are made where they are missing. What a killed process leaves of a file is written over by the next.
 
-    Raises
-    ------
-    OSError
-        Where it cannot be written; the old file, if there is one, is as it was.
+    Raises OSError where it cannot be written; the old file, if there is one, is as it was.
 
     Examples
     --------

@@ -37,15 +37,9 @@ FIGURES: dict[str, Callable[[], Shown]] = {
 def find(number: str) -> str:
     """The key in `FIGURES` that a person means.
 
-    Parameters
-    ----------
-    number : str
-        "8.1" or "Figure 8.1" for a figure, "Table 8.1" for a table; in capitals or not.
+    - `number`: "8.1" or "Figure 8.1" for a figure, "Table 8.1" for a table; in capitals or not.
 
-    Raises
-    ------
-    InputError
-        For a figure that is not here.
+    Raises InputError for a figure that is not here.
 
     Examples
     --------

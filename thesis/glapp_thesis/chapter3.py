@@ -80,7 +80,7 @@ def figure_3_1() -> Shown:
 
 
 def figure_3_2() -> Shown:
-    """The same loop with a gap on the input of the process."""
+    """The loop of figure 3.1 with a gap on the input of the process."""
     seen, without = loop(("gap", Backlash(GAP))), loop(None)
     return Shown(
         number="3.2",

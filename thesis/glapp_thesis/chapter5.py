@@ -151,7 +151,7 @@ def figure_5_3() -> Shown:
         number="5.3",
         title="What backlash looks like",
         section="5.2",
-        sentence="OP drifts to and fro like a triangle as high as the gap is wide; the valve position hardly moves.",
+        sentence="OP moves up and down like a triangle as high as the gap is wide; the valve position hardly moves.",
         numbers=(
             Number("swing of OP, 160 to 300 s", "%", 5.0, swing),
             Number("swing of the position, 160 to 300 s", "%", None, _swing(signals.position, signals.t)),
@@ -310,7 +310,7 @@ def figure_5_8() -> Shown:
             Number("wrong detections left", "", 2.0, float(_wrong(seen).sum())),
             Number("true detections left", "", None, float((~_wrong(seen))[seen.t < 150].sum())),
         ),
-        difference="Which ones of the true detections are left hangs on the ratio of successive half-periods, 1.45 "
+        difference="Which ones of the true detections are left depends on the ratio of successive half-periods, 1.45 "
         "here, near the limit of 1.5.",
     )
 

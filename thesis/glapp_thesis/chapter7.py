@@ -657,7 +657,7 @@ def figure_7_11() -> Shown:
                 )
             ),
         ),
-        difference="Figure 7.11 is a block diagram and has no data; this is the test of what stands beside it, code "
+        difference="Figure 7.11 is a block diagram and has no data; this is the test of what belongs to it, code "
         "block 7.1. It asks whether the loop swings evenly, which a gap in an integrating process does as well as a "
         "relay. The thesis lets it speak only while compensation is active, which does not help where it is active and "
         "too small. Compensation by sign(e), enabled half way, not withdrawn; the shares count from 100 s later on.",

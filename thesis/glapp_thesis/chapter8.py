@@ -1316,7 +1316,7 @@ def figure_8_15() -> Shown:
         perstorp(20.0),
         PERSTORP,
         lambda found: _site_numbers(None, "about 22")(found) + others,
-        "The lag of 20 s is chosen so that the estimate comes out as in the thesis: with K·Kp = 3.9 it hangs on it. "
+        "The lag of 20 s is chosen so that the estimate comes out as in the thesis: with K·Kp = 3.9 it depends on it. "
         "Below every seed: the detector reads a tenth low, the answer from OP and PV together holds the gap of the "
         "manual test.",
         manual=25.0,

@@ -13,16 +13,10 @@ __all__ = ["DIFFERENCES", "Difference", "shown_by"]
 class Difference(NamedTuple):
     """A statement, its section, and where it is put to the test.
 
-    Attributes
-    ----------
-    section : str
-        Of the thesis.
-    statement : str
-        In our words.
-    number : str
-        Figure or table, a key of `FIGURES`.
-    what : str
-        Which of its numbers.
+    - `section`: of the thesis.
+    - `statement`: in our words.
+    - `number`: figure or table, a key of `FIGURES`.
+    - `what`: which of its numbers.
     """
 
     section: str

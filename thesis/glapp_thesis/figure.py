@@ -32,21 +32,13 @@ _WORDS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
 class Number:
     """A number that a figure or a table shows.
 
-    Attributes
-    ----------
-    what : str
-        What it is; a figure has each of them once.
-    unit : str
-        "" for a pure number.
-    thesis : float, str or None
-        What the thesis says: a number, words such as "over 100", or None where it gives nothing.
-    ours : float or None
-        What glapp computes; None where there is nothing to show, such as an estimate without a detection.
-    tolerance : float
-        Relative difference that a run on another machine may have. Simulations give the same bits everywhere; a larger
-        one has its reason beside it.
-    holds : bool or None
-        Whether the thesis' words hold, where other numbers than this one decide it.
+    - `what`: what it is; a figure has each of them once.
+    - `unit`: "" for a pure number.
+    - `thesis`: what the thesis says: a number, words such as "over 100", or None where it gives nothing.
+    - `ours`: what glapp computes; None where there is nothing to show, such as an estimate without a detection.
+    - `tolerance`: relative difference that a run on another machine may have. Simulations give the same bits
+      everywhere; a larger one has its reason beside it.
+    - `holds`: whether the thesis' words hold, where other numbers than this one decide it.
 
     Examples
     --------
@@ -72,10 +64,7 @@ class Number:
         words mean what they say: below, above, over, within (either sign), some (more than none), several (more than
         one), or more, none.
 
-        Raises
-        ------
-        ValueError
-            For words that are none of these, where `holds` does not decide.
+        Raises ValueError for words that are none of these, where `holds` does not decide.
         """
         if self.holds is not None or self.thesis is None:
             return self.holds
@@ -101,24 +90,14 @@ class Number:
 class Shown:
     """A figure or table of the thesis, computed anew.
 
-    Attributes
-    ----------
-    number : str
-        As in the thesis: "8.1", "Table 8.1".
-    title : str
-        What it is about, in a few words.
-    section : str
-        Section of the thesis.
-    sentence : str
-        What is seen, in one sentence.
-    numbers : tuple of Number
-        Ours beside the thesis'.
-    difference : str
-        Where and why it differs from the thesis, what had to be assumed; "" where there is nothing to say.
-    draw : callable
-        Makes the picture.
-    why : str
-        In a few words why it differs, where a number is not the thesis'; "" where all are.
+    - `number`: as in the thesis: "8.1", "Table 8.1".
+    - `title`: what it is about, in a few words.
+    - `section`: section of the thesis.
+    - `sentence`: what is seen, in one sentence.
+    - `numbers`: ours beside the thesis'.
+    - `difference`: where and why it differs from the thesis, what had to be assumed; "" where there is nothing to say.
+    - `draw`: makes the picture.
+    - `why`: in a few words why it differs, where a number is not the thesis'; "" where all are.
     """
 
     number: str

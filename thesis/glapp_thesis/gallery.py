@@ -18,8 +18,8 @@ __all__ = ["as_html", "as_json", "as_markdown", "recorded", "text"]
 TITLE = "The figures of the thesis, computed anew"
 ABOUT = (
     "O. Haventon and J. Öberg, Testing and implementation of a backlash detection algorithm, Lund University, "
-    "TFRT-5826 (2008). Every picture comes from glapp's own simulator and detector; the thesis' number stands beside "
-    "ours wherever its text gives one."
+    "TFRT-5826 (2008). Every picture comes from glapp's own simulator and detector; next to each number of the thesis "
+    "is ours. `glapp thesis 5.1` prints all numbers of a figure; numbers.json has them."
 )
 
 
@@ -65,7 +65,7 @@ def recorded(shown: Shown, figure: Mapping[str, Any]) -> Shown:
 
 
 def as_markdown(shown: Sequence[Shown]) -> str:
-    """The gallery as a page in Markdown, with the pictures beside it."""
+    """The gallery as a page in Markdown, with the pictures beside it and the numbers of which the thesis has one."""
     parts = [f"# {TITLE}\n", ABOUT + "\n"]
     if differs := _differs(shown):
         rows = [f"| {' | '.join(cells)} |\n" for _, *cells in differs]
@@ -74,8 +74,12 @@ def as_markdown(shown: Sequence[Shown]) -> str:
         parts.append(f"## {one.name}: {one.title}\n")
         parts.append(f"![{one.name}]({one.picture})\n")
         parts.append(f"{one.sentence} (Section {one.section})\n")
-        rows = [f"| {' | '.join(cells)} |\n" for cells in _rows(one.numbers)]
-        parts.append("".join(["| | thesis | glapp | unit |\n|---|---:|---:|---|\n", *rows]))
+        compared = [number for number in one.numbers if number.thesis is not None]
+        if compared:
+            rows = [
+                f"| {what} | {thesis} | {f'{ours} {unit}'.rstrip()} |\n" for what, thesis, ours, unit in _rows(compared)
+            ]
+            parts.append("".join(["| | thesis | glapp |\n|---|---:|---:|\n", *rows]))
         if one.difference:
             parts.append(f"*Difference:* {one.difference}\n")
     return "\n".join(parts)

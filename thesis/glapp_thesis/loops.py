@@ -89,18 +89,11 @@ def detect(
 ) -> Detected:
     """Run the detector as the thesis does: on SP and PV alone, with a part of its conditions.
 
-    Parameters
-    ----------
-    scenario, signals : Scenario, Simulation
-        The loop and what it did; the controller's settings are known to the detector.
-    conditions : tuple of Condition
-        The others are off.
-    tf, kp : float, optional
-        Filter time [s] and static gain of the process; those of the scenario where not given.
-    n : int
-        Detections behind an estimate, odd.
-    derivative : bool
-        Whether the derivative part is counted, as in (7.6), or left out, as in (7.5).
+    - `scenario`, `signals`: the loop and what it did; the controller's settings are known to the detector.
+    - `conditions`: the others are off.
+    - `tf`, `kp`: filter time [s] and static gain of the process; those of the scenario where not given.
+    - `n`: detections behind an estimate, odd.
+    - `derivative`: whether the derivative part is counted, as in (7.6), or left out, as in (7.5).
     """
     k, ti, td, b = scenario.ideal()
     detector = _glapp.Detector(

@@ -24,14 +24,9 @@ SAMPLES = 4_000_000
 class Spread(NamedTuple):
     """What many seeds gave.
 
-    Attributes
-    ----------
-    median, low, high : float
-        Of those seeds that gave a number; NaN where none did.
-    share : float
-        Share of the seeds that gave one.
-    lower, upper : float
-        Their quartiles.
+    - `median`, `low`, `high`: of those seeds that gave a number; NaN where none did.
+    - `share`: share of the seeds that gave one.
+    - `lower`, `upper`: their quartiles.
     """
 
     median: float

@@ -1,4 +1,7 @@
-"""The table of docs/thesis.md: the items with the thesis' numbers beside ours, and what follows for each."""
+"""The table of docs/thesis.md: the items with what shows them, the numbers that differ, and those of equations.
+
+All numbers of a figure are in the gallery, which the table links.
+"""
 
 from __future__ import annotations
 
@@ -67,21 +70,28 @@ def markdown(figures: Figures) -> str:
         "here. "
         f"{len(numbers)} numbers, of which {same} are the thesis'.",
         "",
-        "| thesis | what it has | in glapp | what shows it | the thesis' number → ours | |",
-        "|---|---|---|---|---|---|",
+        "| thesis | what it has | in glapp | what shows it | same or not; the thesis' number → ours |",
+        "|---|---|---|---|---|",
     ]
     for row in found:
-        standing = f"*{row.standing}*" + (f": {row.why}" if row.why else "")
-        cells = (
-            row.item.place,
-            row.says,
-            row.item.where or "–",
-            row.item.shown,
-            "<br>".join(map(_told, row.numbers)) or "–",
-            standing,
+        result = "<br>".join(
+            [
+                f"*{row.standing}*" + (f": {row.why}" if row.why else ""),
+                *(_told(number) for number in row.numbers if row.item.check or number.same is False),
+            ]
         )
+        where = row.item.where.replace("`glapp.", "`")  # the page says where names begin: cells are narrow
+        cells = (row.item.place, row.says, where or "–", _shown(row.item.shown), result)
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _shown(shown: str) -> str:
+    """What shows an item, in a narrow cell: figures and equations have their command above the table."""
+    if shown.startswith("`glapp thesis "):
+        figures = shown.strip("`").removeprefix("glapp thesis ").replace("'", "")
+        return f"[{figures}](gallery/README.md)"
+    return "computed" if shown == "`python -m glapp_thesis`" else shown
 
 
 def replaced(page: str, figures: Figures) -> str:

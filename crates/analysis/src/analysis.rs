@@ -5,7 +5,7 @@ use crate::crossings::{Beside, Exclusion, Known, NotCorrected, Travel, Verdict, 
 use crate::fitted::{FitWhy, Fitted, fitted, fitted_with, problem};
 use crate::harm::{Cells as HarmCells, Harm, harm};
 use crate::identify::{Identification, identified};
-use crate::quality::{self, Fault, Finding, Law, Severity, assumed_gain, inspect};
+use crate::quality::{self, Fault, Finding, Law, Scale, Severity, assumed_gain, inspect};
 use crate::step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 use crate::summary::{Facts, Summary};
 use crate::words;
@@ -331,6 +331,9 @@ impl Analysis {
             ti: self.controller.map(|controller| controller.ti),
             td: self.controller.map(|controller| controller.td),
             law: self.identification.as_ref().map(Law::of),
+            kp: self.task.kp,
+            pv_span: self.task.pv_span,
+            op_span: self.task.op_limits(),
         };
         let mut found = inspect(&inspected(&self.beginning), &self.counter.statistics, &known);
         found.sort_by_key(|finding| Reverse(finding.severity));
@@ -470,9 +473,10 @@ fn doubt(kp: f64, crossings: &Crossings) -> Option<Finding> {
     assumed_gain(kp, median(&mut free), median(&mut kp_part))
 }
 
-/// Whether OP may be a percentage: no value says that it is not.
+/// Whether OP may be a percentage: no value says that it is not, and it is not all along within what a fraction or a
+/// current of 4 to 20 mA would be.
 pub fn within_percent(op: &[f64]) -> bool {
-    !op.iter().any(|u| *u < 0.0 || *u > 100.0)
+    !op.iter().any(|u| *u < 0.0 || *u > 100.0) && Scale::of(op).is_none()
 }
 
 fn kept(rows: &Inspected<'_>, position: Option<&[f64]>) -> Rows {

@@ -13,12 +13,14 @@ mod mode;
 mod numbers;
 mod oscillation;
 mod settings;
+mod spans;
 mod times;
 
 pub use crate::words::Value;
 pub(crate) use finding::InOrder;
 pub use finding::{Fault, Finding, Severity};
 pub use settings::assumed_gain;
+pub use spans::Scale;
 pub use times::{assumed_time, own_times};
 
 use crate::identify::{self, Identification, Settings, Values};
@@ -36,6 +38,12 @@ pub struct Known {
     pub td: Option<f64>,
     /// What the recording itself says of K, Ti and Td.
     pub law: Option<Law>,
+    /// Process gain that the settings say, signed [PV unit/OP unit].
+    pub kp: Option<f64>,
+    /// Span of PV, where it is known [PV unit].
+    pub pv_span: Option<(f64, f64)>,
+    /// Span of OP, where it is known or OP is a percentage [OP unit].
+    pub op_span: Option<(f64, f64)>,
 }
 
 /// The controller's law as the recording shows it.
@@ -95,10 +103,11 @@ pub struct Interval {
 }
 
 /// Everything that is looked for, in the order of [`Fault::ALL`].
-const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 16] = [
+const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 17] = [
     times::rows,
     times::times,
     numbers::numbers,
+    spans::spans,
     mode::mode,
     numbers::constants,
     controller::winding_up,

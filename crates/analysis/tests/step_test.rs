@@ -1,8 +1,7 @@
 //! Step tests on a simulated valve and process: what is read, what is refused and why, and what each deciding number does.
 
-use glapp_analysis::step_test::{Evidence, Hold, Kind, LEAST_ROWS, Note, Reason};
+use glapp_analysis::step_test::{LEAST_ROWS, Note, Reason};
 use glapp_analysis::{Inspected, Manual, ManualRows, StepTest, StepTestSettings};
-use proptest::prelude::*;
 
 /// A valve with a dead band, a process of one lag, and a PV with noise, a sample a second.
 #[derive(Clone)]
@@ -29,7 +28,6 @@ struct Signals {
     t: Vec<f64>,
     pv: Vec<f64>,
     op: Vec<f64>,
-    position: Option<Vec<f64>>,
 }
 
 impl Made {
@@ -54,14 +52,14 @@ impl Made {
             valve = valve.clamp(op - self.d / 2.0, op + self.d / 2.0);
             let load = if k >= self.load.0 { self.load.1 } else { 0.0 };
             pv += (self.kp * valve + load - pv) * step;
-            (pv + noise(), valve)
+            pv + noise()
         };
-        let (pv, valve): (Vec<f64>, Vec<f64>) = op.iter().enumerate().map(&mut answers).unzip();
-        Signals { t: (0..op.len()).map(|k| k as f64).collect(), pv, op, position: Some(valve) }
+        let pv = op.iter().enumerate().map(&mut answers).collect();
+        Signals { t: (0..op.len()).map(|k| k as f64).collect(), pv, op }
     }
 
     fn read(&self) -> StepTest {
-        Signals { position: None, ..self.signals() }.read(&StepTestSettings::default())
+        self.signals().read(&StepTestSettings::default())
     }
 }
 
@@ -72,7 +70,7 @@ impl Signals {
 
     fn read(&self, settings: &StepTestSettings) -> StepTest {
         let mut rows = ManualRows::new(Manual::All);
-        rows.take(&self.rows(), self.position.as_deref());
+        rows.take(&self.rows(), None);
         rows.read(settings)
     }
 }
@@ -83,32 +81,6 @@ fn reason(made: &Made) -> Reason {
 
 fn near(a: Option<f64>, b: f64, relative: f64) -> bool {
     a.is_some_and(|a| (a - b).abs() <= relative * b.abs())
-}
-
-#[test]
-fn the_dead_band_and_the_gain_lie_in_their_intervals() {
-    let found = Made::default().read();
-    assert_eq!(found.reason, None);
-    assert!(found.low.unwrap() < 2.0 && 2.0 < found.high.unwrap(), "{found:?}");
-    assert!(found.kp_low.unwrap() < 0.8 && 0.8 < found.kp_high.unwrap(), "{found:?}");
-    let kinds: Vec<Kind> = found.readings.iter().map(|reading| reading.kind).collect();
-    assert_eq!(kinds, [Kind::None, Kind::Gain, Kind::Gap]);
-    assert_eq!(found.readings[0].evidence, Some(Evidence::FirstMove));
-    assert_eq!(found.holds.iter().map(|hold| hold.side).collect::<Vec<_>>(), [0, 1, 1, -1]);
-    assert!(matches!(found.readings[2].evidence, Some(Evidence::Gap { delta_op: 4.0, .. })));
-}
-
-#[test]
-fn the_position_gives_the_dead_band_directly() {
-    let signals = Made { noise: 0.3, ..Made::default() }.signals();
-    let settings = StepTestSettings { op_span: Some(50.0), positioner_dead_band: Some(0.4), ..Default::default() };
-    let found = signals.read(&settings);
-    let travel = found.travel.expect("travel");
-    assert!((travel.d.unwrap() - 2.0).abs() < 0.01 && near(travel.kp, 1.0, 0.01), "{travel:?}");
-    assert_eq!(found.d_percent_span, found.d.map(|d| 2.0 * d));
-    assert_eq!(found.notes, [Note::PositionerOfSpan { percent: 0.4, width: 0.2 }]);
-    let unknown = signals.read(&StepTestSettings { op_span: None, ..settings });
-    assert_eq!((unknown.d_percent_span, unknown.notes.last()), (None, Some(&Note::Positioner { percent: 0.4 })));
 }
 
 #[test]
@@ -155,7 +127,7 @@ fn only_rows_in_manual_count_and_a_stretch_ends_where_time_or_op_is_missing() {
         rows.read(&StepTestSettings::default())
     };
     let whole = read(&signals, &[1; 400]);
-    assert_eq!(whole, Signals { position: None, ..signals.clone() }.read(&StepTestSettings::default()));
+    assert_eq!(whole, signals.read(&StepTestSettings::default()));
     let mut auto = [1; 400];
     auto[299] = 0;
     assert!(read(&signals, &auto).d.is_none(), "the reversal is not in one stretch");
@@ -173,17 +145,6 @@ fn only_rows_in_manual_count_and_a_stretch_ends_where_time_or_op_is_missing() {
         rows.take(&Inspected { t: &signals.t[part.clone()], sp: None, pv: &signals.pv[part], op, flags: None }, None);
     }
     assert_eq!(rows.read(&StepTestSettings::default()), whole);
-}
-
-#[test]
-fn a_reversal_within_the_dead_band_goes_on_into_the_next_move() {
-    let found = Made::held(&[50.0, 53.0, 56.0, 55.0, 52.0], 100).read();
-    let kinds: Vec<Kind> = found.readings.iter().map(|reading| reading.kind).collect();
-    assert_eq!(kinds, [Kind::None, Kind::Gain, Kind::None, Kind::Gap]);
-    assert_eq!(found.readings[2].evidence, Some(Evidence::Unanswered));
-    assert_eq!(found.readings[3].op, (56.0, 52.0));
-    let back = Made::held(&[50.0, 53.0, 56.0, 55.0, 56.0, 52.0], 100).read();
-    assert_eq!(back.holds.iter().map(|hold: &Hold| hold.side).collect::<Vec<_>>(), [0, 1, 1, 0, 1, -1]);
 }
 
 #[test]
@@ -214,37 +175,4 @@ fn holds_that_lie_off_the_model_widen_the_interval_from_an_f_ratio_of_four_on() 
     // This number comes from the code: half of what F is measured against is that PV may be off by a thousandth of its range.
     let found = misfit(0.5, 0.05);
     assert!(near(found, 77.305353, 1e-5), "{found:?}");
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
-
-    /// In other units and with the other sign, at another time, with PV from another zero: the same answer.
-    #[test]
-    fn units_signs_and_zeros_do_not_matter(
-        op_scale in prop_oneof![Just(-1.0), Just(10.0), Just(-0.16)],
-        pv_scale in prop_oneof![Just(-1.0), Just(4.0), Just(1000.0)],
-        time_scale in prop_oneof![Just(1.0), Just(0.5), Just(60.0)],
-        (op_zero, pv_zero, start) in (-64i32..64, -64i32..64, -64i32..64),
-        d in 0.0..3.0,
-    ) {
-        let signals = Signals { position: None, ..Made { d, ..Made::default() }.signals() };
-        let one = signals.read(&StepTestSettings::default());
-        let scaled = |x: &[f64], scale: f64, zero: i32| x.iter().map(|x| x * scale + f64::from(zero)).collect();
-        let other = Signals {
-            t: scaled(&signals.t, time_scale, start),
-            pv: scaled(&signals.pv, pv_scale, pv_zero),
-            op: scaled(&signals.op, op_scale, op_zero),
-            position: None,
-        }.read(&StepTestSettings::default());
-        prop_assert_eq!(one.reason.is_none(), other.reason.is_none());
-        let close = |a: Option<f64>, b: Option<f64>, scale: f64| match (a, b) {
-            (Some(a), Some(b)) => (a * scale - b).abs() <= 1e-6 * (b.abs() + scale.abs()),
-            (a, b) => a == b,
-        };
-        prop_assert!(close(one.d, other.d, op_scale.abs()) && close(one.high, other.high, op_scale.abs()));
-        prop_assert!(close(one.low, other.low, op_scale.abs()));
-        prop_assert!(close(one.kp, other.kp, pv_scale / op_scale));
-        prop_assert!(close(one.settle, other.settle, time_scale));
-    }
 }

@@ -1,6 +1,6 @@
 //! What is wrong with a recording: rows and counts in, findings out.
 
-use glapp_analysis::quality::{Interval, Known, Law};
+use glapp_analysis::quality::{Interval, Known, Law, Scale};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -50,9 +50,11 @@ pub fn inspect<'py>(
     statistics: Counts,
     settings: (Option<f64>, Option<f64>, Option<f64>),
     identification: Option<Identification>,
+    pv_span: Option<(f64, f64)>,
+    op_span: Option<(f64, f64)>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (k, ti, td) = settings;
-    let known = Known { k, ti, td, law: identification.map(Identification::law) };
+    let known = Known { k, ti, td, law: identification.map(Identification::law), kp: None, pv_span, op_span };
     let statistics = statistics.into();
     let rows = rows_of(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref())?;
     let found = py.detach(|| glapp_analysis::quality::inspect(&rows, &statistics, &known));
@@ -83,6 +85,12 @@ pub fn own_times<'py>(py: Python<'py>, held: &str, pv_rows: u64, rows: u64) -> P
 pub fn noise_sigma(py: Python<'_>, pv: Signal<'_>) -> PyResult<Option<f64>> {
     let pv = pv.as_slice()?;
     Ok(py.detach(|| glapp_analysis::noise_sigma(pv)))
+}
+
+/// Whether OP stays within 0 to 1, as a fraction does and hardly any percentage.
+#[pyfunction]
+pub fn looks_like_fraction(op: Signal<'_>) -> PyResult<bool> {
+    Ok(Scale::of(op.as_slice()?) == Some(Scale::Fraction))
 }
 
 /// Whether OP may be a percentage: no value says that it is not.

@@ -238,7 +238,7 @@ impl Scenario {
 
     /// Runs the loop from t = 0 to `t_end`.
     ///
-    /// The same scenario gives the same bits, always.
+    /// A scenario gives the same bits every time.
     pub fn run(&self) -> Result<Columns, SimError> {
         let mut columns = Columns::of_length(self.samples()?, self);
         let n = self.run_into(&mut columns.block())?;

@@ -123,6 +123,8 @@ def _rows(results: Sequence[Result]) -> str:
 
 #: So many loops have a block each; more are a table.
 _BLOCKS = 5
+#: Of so many loops of a table it is said why they were not analysed.
+_REFUSED = 3
 
 
 def _show(answers: Sequence[Result | Refused], why: bool) -> None:
@@ -138,6 +140,8 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
     show_table(fitting(_columns(results), 4))
     out.print()
     out.print(words.summary(results))
+    _show_refused([result for result in shown if result.answer.valve == "refused"])
+    out.print(styled("Reasons: add --why", style="dim"))
     for result in results:
         if result.plan is not None:
             out.print(f"\nWhat would decide, {one_line(_name(result))}:", soft_wrap=True)
@@ -145,6 +149,14 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
         if result.repair is not None:
             out.print(f"\nBefore and after the repair, {one_line(_name(result))}:", soft_wrap=True)
             _show_repair(result, result.repair, below=0, left=2)
+
+
+def _show_refused(refused: Sequence[Result]) -> None:
+    """Why the first loops were not analysed: the table has no room for what to correct, `--why` tells it of all."""
+    for result in refused[:_REFUSED]:
+        out.print(Padding(one_line(words.lead(result)), (1, 0, 0, 0)))
+    if refused:
+        out.print()
 
 
 def _planned(plan: Plan) -> list[tuple[str, str]]:
@@ -157,6 +169,8 @@ def _block(result: Result, why: bool) -> None:
         filter(None, [styled(_name(result), style="bold"), styled(texts["headline"]), _verdict(result)])
     )
     rows = [("", texts["so"]), ("do", texts["do"])]
+    if result.loop.file is None and not result.loop.files:  # no loops.toml in which somebody could see and change it
+        rows.append(("read", ", ".join(f"{signal} = {name}" for signal, name in result.columns.items())))
     reasons = [text for text in texts["why"] if text not in texts["so"]]
     if why:
         rows += [("why" if text is reasons[0] else "", text) for text in reasons]

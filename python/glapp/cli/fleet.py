@@ -43,14 +43,16 @@ class _Left(ProgressColumn):
         return Text(f"{duration(left)} to go in this part")
 
 
-@fleet.callback()
+# A second paragraph is shown with its line breaks: one text, so that it fits any terminal.
+@fleet.callback(
+    help="Judge the valves of a lake of Parquet files: which to repair first, which wear, which cannot be judged "
+    "and why.\n\nA lake is a folder of Parquet files as historians and platforms write them: long (tag, time, value, "
+    "quality) or wide (a file a loop), by day or by tag, out of order, overlapping. The results are Parquet tables and "
+    "a report; a run that was stopped goes on where it was, and the next one reads only what is new. docs/fleet.md "
+    "tells all of it."
+)
 def _fleet() -> None:
-    """Judge the valves of a lake of Parquet files: which to repair first, which wear, which cannot be judged and why.
-
-    A lake is a folder of Parquet files as historians and platforms write them: long (tag, time, value, quality) or wide
-    (a file a loop), by day or by tag, out of order, overlapping. The results are Parquet tables and a report; a run
-    that was stopped goes on where it was, and the next one reads only what is new. docs/fleet.md tells all of it.
-    """
+    """The commands of the fleet."""
 
 
 @fleet.command(
@@ -71,7 +73,9 @@ def make_demo(
             lake, loops=loops, days=days, seed=seed, progress=lambda done, total: bar.update(task, completed=done)
         )
     out.print(
-        f"Wrote {loops} loops of {days} days in {lake}; what is true of them is in {lake / '_truth'}.", soft_wrap=True
+        f"Wrote {loops} loops of {days} {'day' if days == 1 else 'days'} in {lake}; what is true of them is in "
+        f"{lake / '_truth'}.",
+        soft_wrap=True,
     )
     where = shlex.quote(str(lake))
     out.print("\nNext:", f"  glapp fleet analyze {where} --out results", sep="\n", soft_wrap=True)

@@ -10,11 +10,12 @@ import typer
 from ..controller import Controller
 from ..errors import InputError
 from ..escape import one_line
+from ..estimate import INSPECTED_ROWS
 from ..estimate import identify as read_off
 from ..identify import R2_USABLE, Identification
 from ..loop import Loop
 from ..reading.settings import write_settings
-from ..recording import Recording
+from ..recording import Recording, with_op_unit
 from .inputs import Valve, open_files, recording_of
 from .options import Options, with_options
 from .screen import key_values, out, say_error
@@ -80,7 +81,8 @@ def _rows(recording: Recording, found: Identification) -> list[tuple[str, str]]:
     def between(low: float | None, high: float | None, unit: str) -> str:
         return f"95 %: {number(low)} to {quantity(high, unit) if high != float('inf') else 'no upper end'}"
 
-    op, pv = recording.loop.op_label, recording.loop.pv_unit or recording.units.get("PV") or "PV unit"
+    op = with_op_unit(recording.loop, recording.beginning(INSPECTED_ROWS)).op_label
+    pv = recording.loop.pv_unit or recording.units.get("PV") or "PV unit"
     gain = f"{op}/{pv}"
     rows = []
     if found.k is not None:

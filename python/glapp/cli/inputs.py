@@ -55,10 +55,7 @@ def open_files(
 
     With `as_loop` all of them are recordings of one loop of that name.
 
-    Raises
-    ------
-    CommandError
-        Where settings do not go with the files, or a loop that was asked for is in none of them.
+    Raises CommandError where settings do not go with the files, or a loop that was asked for is in none of them.
     """
     if as_loop is not None:
         return _as_loop(files, options, as_loop)
@@ -80,12 +77,7 @@ def open_files(
 def open_one(file: Path, options: Options) -> Recording:
     """The one loop that a command is about.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be used.
-    CommandError
-        Where the file holds several and none was named.
+    Raises InputError where it cannot be used. Raises CommandError where the file holds several and none was named.
     """
     opened = open_files([file], options)
     if len(opened) > 1:
@@ -100,10 +92,7 @@ def open_one(file: Path, options: Options) -> Recording:
 def recording_of(entry: Recording | Refused) -> Recording:
     """The recording.
 
-    Raises
-    ------
-    InputError
-        Where it was refused.
+    Raises InputError where it was refused.
     """
     if isinstance(entry, Refused):
         raise entry.error

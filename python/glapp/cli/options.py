@@ -21,7 +21,7 @@ __all__ = ["Options", "with_columns", "with_options"]
 _COLUMNS = ("time", "sp", "pv", "op", "mode")
 _CONTROLLER = ("form", "k", "pb", "gain_unit", "ti", "ti_unit", "td", "td_unit", "action", "setpoint_weight")
 _PROCESS = ("kp", "kp_unit")
-_LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format")
+_LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format", "time_zone")
 
 
 def _choices(annotation: Any) -> str:
@@ -84,6 +84,9 @@ class Options:
     time_format: Annotated[
         str | None, _word(Loop, "time_format", "How times are written, where they leave it open.")
     ] = None
+    time_zone: Annotated[
+        str | None, _setting("Zone of times that are written without one, such as Europe/Stockholm.", "ZONE")
+    ] = None
 
     def columns(self) -> dict[str, Any]:
         """Names of columns that were given, as keys of `Columns`."""
@@ -92,10 +95,7 @@ class Options:
     def settings(self) -> dict[str, Any]:
         """What was given, as keys of `Loop`.
 
-        Raises
-        ------
-        CommandError
-            Where a value is out of its bounds or another is missing beside it.
+        Raises CommandError where a value is out of its bounds or another is missing beside it.
         """
         parts = {"columns": _COLUMNS, "controller": _CONTROLLER, "process": _PROCESS}
         given: dict[str, Any] = {part: values for part, names in parts.items() if (values := self._given(names))}
@@ -142,4 +142,4 @@ def with_options(command: Callable[..., None], only: Sequence[str] | None = None
 
 def with_columns(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options that say how a recording is read."""
-    return with_options(command, (*_COLUMNS, "sample_time", "time_format"))
+    return with_options(command, (*_COLUMNS, "sample_time", "time_format", "time_zone"))

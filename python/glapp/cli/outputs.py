@@ -24,21 +24,12 @@ PAGE = (
 def check_output(option: str, path: Path, inputs: Iterable[Path], ours: tuple[str, bytes] | None) -> None:
     """Refuse a file to write that must not be written, before any work is done.
 
-    Parameters
-    ----------
-    option : str
-        The option that names it.
-    path : Path
-        The file.
-    inputs : iterable of Path
-        Files that the command reads.
-    ours : (str, bytes), optional
-        What an existing file must be to be replaced, and what then matches its beginning; None: anything.
+    - `option`: the option that names it.
+    - `path`: the file.
+    - `inputs`: files that the command reads.
+    - `ours`: what an existing file must be to be replaced, and what then matches its beginning; None: anything.
 
-    Raises
-    ------
-    CommandError
-        Where it is an input, something else than ours, or in no folder.
+    Raises CommandError where it is an input, something else than ours, or in no folder.
     """
     if not path.parent.is_dir():
         raise CommandError(f"{option}: there is no folder '{path.parent}'")

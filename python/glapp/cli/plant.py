@@ -29,10 +29,7 @@ _WHOLE = {"gone": "the server is gone", "moved": "the server starts again with i
 def need_opcua() -> None:
     """Say what to install where the extra is missing, and keep asyncua's own words off the screen.
 
-    Raises
-    ------
-    InputError
-        Where it is missing.
+    Raises InputError where it is missing.
     """
     try:
         import asyncua  # noqa: F401
@@ -101,8 +98,9 @@ def plant(
 ) -> None:
     """Serve a simulated plant by OPC UA: loops with gaps, wear, noise, disturbances, history and faults on request.
 
-    The controller of each loop adds what is written to its node U_FF, and takes it away by itself when the node
-    Watchdog stands still. docs/plant.md tells the rest.
+    The controller of each loop adds what is written to U_FF, and takes it away when Watchdog stands still.
+
+    docs/plant.md tells the rest.
     """
     if not 1 <= port <= 65535:
         raise CommandError(f"--port: is {port}, must be 1 to 65535")

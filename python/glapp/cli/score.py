@@ -41,10 +41,15 @@ def score(
 ) -> None:
     """Hold the answers against what the workshop found: how many are right, wrong and silent.
 
-    LABELS has a row per valve. FILE is a recording or a loops.toml, from the folder of LABELS; LOOP which of its loops,
-    where there are several. FOUND is gap, stiction, both, sound, or other where the loop swings for another reason.
-    WIDTH is the measured dead band in the UNIT of OP, or in "% of span". DATE is when the valve was looked at: a
-    recording that begins later is not counted.
+    LABELS has a row per valve, with these columns:
+
+    FILE is a recording or a loops.toml, from the folder of LABELS; LOOP which of its loops, where there are several.
+
+    FOUND is gap, stiction, both, sound, or other where the loop swings for another reason.
+
+    WIDTH is the measured dead band in the UNIT of OP, or in "% of span".
+
+    DATE is when the valve was looked at: a recording that begins later is not counted.
     """
     known = read_labels(labels)
     if report is not None:
@@ -93,10 +98,7 @@ def _loops(file: Path) -> list[Recording | Valve | Refused]:
 def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refused]]) -> Recording | Valve | Refused:
     """The one recording of a label.
 
-    Raises
-    ------
-    InputError
-        Where there is none, or several and no loop is named.
+    Raises InputError where there is none, or several and no loop is named.
     """
     if not label.file.exists():
         raise InputError("there is no such file", file=str(label.file), row=label.row, column="file")
@@ -113,10 +115,7 @@ def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refus
 def _require_another(entry: Recording | Valve | Refused, label: Label, seen: dict[bytes, Label]) -> None:
     """Refuse a recording that stands in another row already, under whatever name.
 
-    Raises
-    ------
-    InputError
-        Naming the first row.
+    Raises InputError: naming the first row.
     """
     if isinstance(entry, Refused):
         return

@@ -53,6 +53,7 @@ def analyze_all(
             result = with_repair(recordings, result, trust=trust, fit=fit)
             return result if plan is None else with_plan(recordings, result, **plan)
         except InputError as error:
+            error.file = error.file or entry.source
             return Refused(entry.name, entry.source, error, entry.loop)
         except Exception as error:  # not to lose the answers of all other loops
             return Refused(entry.name, entry.source, unforeseen(error, entry.source, entry.name), entry.loop)

@@ -72,16 +72,10 @@ _BEFORE = np.iinfo(np.int64).min
 def follow(rows: pa.Table, look: pa.Table, loop: Loop, state: str | None) -> pa.Table:
     """A row of `FOLLOWED`: the detector over one more day.
 
-    Parameters
-    ----------
-    rows : pyarrow.Table
-        Columns signal, t, value and bad of that loop and day, in any order.
-    look : pyarrow.Table
-        What `look` says of that day.
-    loop : Loop
-        Its settings.
-    state : str, optional
-        The state after the day before; None: there is none.
+    - `rows`: columns signal, t, value and bad of that loop and day, in any order.
+    - `look`: what `look` says of that day.
+    - `loop`: its settings.
+    - `state`: the state after the day before; None: there is none.
     """
     [day] = look.select(["day", "part", "origins", "detector", "quality", "unfit_code"]).to_pylist()
     row: dict[str, Any] = dict.fromkeys(FOLLOWED.names)

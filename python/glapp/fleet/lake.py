@@ -93,16 +93,10 @@ _YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for
 class Group:
     """Rows of a file that are decoded at once: a group of its rows, or a part of a larger one.
 
-    Attributes
-    ----------
-    of : int
-        The group of the file's own.
-    rows : int
-        How many.
-    first, last : int
-        First and last moment [µs since 1970 UTC]; the last before the first where they cannot be read.
-    tags : tuple of str
-        Tags of a long file.
+    - `of`: the group of the file's own.
+    - `rows`: how many.
+    - `first`, `last`: first and last moment [µs since 1970 UTC]; the last before the first where they cannot be read.
+    - `tags`: tags of a long file.
     """
 
     of: int
@@ -121,28 +115,16 @@ class Group:
 class File:
     """What is known of a file after a look.
 
-    Attributes
-    ----------
-    name : str
-        Relative to the lake, with `/`.
-    size, mtime_ns : int
-        By which a changed file is told [B, ns].
-    long : bool
-        Whether it has a row per tag and time.
-    stem : str
-        Name of its loop where a wide file's columns have no prefix: that of its folder `loop=...`, else its own.
-    columns : tuple of str
-        Its columns, those of its folders included.
-    folders : mapping
-        Columns that its folders tell.
-    groups : tuple of Group
-        Its groups of rows, in their order.
-    qualities : tuple of str
-        The words of its quality column.
-    digits : Digits
-        How its texts write numbers.
-    zone : str or None
-        Zone of its times where they have none of their own.
+    - `name`: relative to the lake, with `/`.
+    - `size`, `mtime_ns`: by which a changed file is told [B, ns].
+    - `long`: whether it has a row per tag and time.
+    - `stem`: name of its loop where a wide file's columns have no prefix: that of its folder `loop=...`, else its own.
+    - `columns`: its columns, those of its folders included.
+    - `folders`: columns that its folders tell.
+    - `groups`: its groups of rows, in their order.
+    - `qualities`: the words of its quality column.
+    - `digits`: how its texts write numbers.
+    - `zone`: zone of its times where they have none of their own.
     """
 
     name: str
@@ -197,10 +179,7 @@ def files_of(lake: Path) -> tuple[list[str], list[DataIssue]]:
 
     Of a Delta table only the files that its log names are taken.
 
-    Raises
-    ------
-    InputError
-        Where there is no such folder, or no Parquet file in it.
+    Raises InputError where there is no such folder, or no Parquet file in it.
     """
     if not lake.is_dir():
         raise InputError("is no folder", file=str(lake), hint="name the folder of a lake of Parquet files")
@@ -407,10 +386,7 @@ def _batches(
 def _digits(path: Path, file: File) -> Digits:
     """Decimal and thousands separators of the numbers that a file stores as text, found in its first rows.
 
-    Raises
-    ------
-    InputError
-        Where some have a decimal comma and others a decimal point.
+    Raises InputError where some have a decimal comma and others a decimal point.
     """
     others = {file.column(role) for role in ("time", "tag", "quality")}
     with pq.ParquetFile(path) as parquet:
@@ -473,14 +449,9 @@ def _valid_times(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDA
 class Places:
     """Where the loops' signals are.
 
-    Attributes
-    ----------
-    loops : tuple of Loop
-        The loops that have a PV and an SP or OP somewhere, by name.
-    long : mapping
-        Tag to (place of its loop in `loops`, place of its signal in `SIGNALS`).
-    wide : mapping
-        File name to the same of its columns.
+    - `loops`: the loops that have a PV and an SP or OP somewhere, by name.
+    - `long`: tag to (place of its loop in `loops`, place of its signal in `SIGNALS`).
+    - `wide`: file name to the same of its columns.
     """
 
     loops: tuple[Loop, ...]

@@ -14,23 +14,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from . import pieces
 from .history import follow
-from .pieces import (
-    answers_of,
-    chosen_of,
-    crossings_of,
-    follow_paths,
-    judged_key,
-    looks_of,
-    problems_at,
-    read_again,
-    states_of,
-    tidy,
-    together,
-    unit_rows,
-    write_followed,
-    write_judged,
-)
 from .plan import Plan, Stage, Unit
 from .problems import DataIssue
 from .results import digest, read_piece, write_piece
@@ -60,11 +45,11 @@ class Local:
                 _run_tasks(
                     pool, _look, [(i,) for i, path in enumerate(looks) if not path.exists()], "days", len(looks), stage
                 )
-                days = together(looks, DAYS, problems)
-                follows = follow_paths(plan, work)
+                days = pieces.together(looks, DAYS, problems)
+                follows = pieces.follow_paths(plan, work)
                 _chained(pool, plan, follows, stage)
-                crossings = crossings_of(follows)
-                chosen = chosen_of(days, plan)
+                crossings = pieces.crossings_of(follows)
+                chosen = pieces.chosen_of(days, plan)
                 cuts, asked = [], []
                 for i, unit in enumerate(plan.units):
                     here = {k: w for k in unit.loops if (w := chosen.get((k, i)))}
@@ -86,8 +71,8 @@ class Local:
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
-        loops, windows = answers_of(work, keys, problems)
-        tidy(work, {*looks, *follows, *(path for _, path in cuts)}, keys)
+        loops, windows = pieces.answers_of(work, keys, problems)
+        pieces.tidy(work, {*looks, *follows, *(path for _, path in cuts)}, keys)
         return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
 
 
@@ -168,7 +153,7 @@ def _look(i: int) -> None:
 
 def looked(plan: Plan, unit: Unit) -> tuple[list[pa.Table], list[DataIssue]]:
     """The look at every loop of a unit, in their order."""
-    rows, problems = unit_rows(plan, unit)
+    rows, problems = pieces.unit_rows(plan, unit)
     return [look(table, plan.places.loops[k], unit.day, unit.part) for k, table in sorted(rows.items())], problems
 
 
@@ -176,22 +161,22 @@ def _follow(i: int, before: Sequence[Path], path: Path) -> None:
     plan, work = _plan()
     unit = plan.units[i]
     looked_at = work / "days" / f"{unit.key}.parquet"
-    looks = looks_of(looked_at)
+    looks = pieces.looks_of(looked_at)
     states: dict[str, str] = {}
     for one in before:
-        states.update(states_of(one))
-    rows = read_again(plan, unit, problems_at(looked_at))
+        states.update(pieces.states_of(one))
+    rows = pieces.read_again(plan, unit, pieces.problems_at(looked_at))
     made = {}
     for k, table in rows.items():
         loop = plan.places.loops[k]
         made[loop.name] = follow(table, looks[loop.name], loop, states.get(loop.name))
-    write_followed(plan, unit, made, states, path)
+    pieces.write_followed(plan, unit, made, states, path)
 
 
 def _cut(i: int, chosen: dict[int, list[tuple[int, int]]], path: Path) -> None:
     plan, work = _plan()
     unit = plan.units[i]
-    rows = read_again(plan, unit, problems_at(work / "days" / f"{unit.key}.parquet"))
+    rows = pieces.read_again(plan, unit, pieces.problems_at(work / "days" / f"{unit.key}.parquet"))
     write_piece(path, (cut(rows[k], plan.places.loops[k], w) for k, w in sorted(chosen.items()) if k in rows), SAMPLES)
 
 
@@ -202,7 +187,7 @@ def _judge(k: int, days: pa.Table, crossings: pa.Table, paths: Sequence[Path]) -
     tables = [read_piece(path, filters=pc.field("loop") == loop.name)[0].cast(SAMPLES) for path in paths]
     samples = pa.concat_tables(tables) if tables else SAMPLES.empty_table()
     samples = samples.sort_by([("window", "ascending"), ("t", "ascending")])
-    key = judged_key(samples, days, crossings, loop)
+    key = pieces.judged_key(samples, days, crossings, loop)
     if not (work / "loops" / f"{key}.parquet").exists():
-        write_judged(work, key, *judge(samples, days, crossings, loop))
+        pieces.write_judged(work, key, *judge(samples, days, crossings, loop))
     return key

@@ -101,10 +101,8 @@ def unit_rows(plan: Plan, unit: Unit) -> tuple[dict[int, pa.Table], list[DataIss
 def read_again(plan: Plan, unit: Unit, known: Iterable[DataIssue]) -> dict[int, pa.Table]:
     """The rows of a unit that was looked at, with the problems that were met then.
 
-    Raises
-    ------
-    InputError
-        Where something cannot be read now that could be then: left out here it would be lost without a word.
+    Raises InputError where something cannot be read now that could be then: left out here it would be lost without a
+    word.
     """
     rows, problems = unit_rows(plan, unit)
     for one in sorted(set(problems) - set(known)):

@@ -41,20 +41,12 @@ class Stage(Protocol):
 class Unit:
     """One day of some loops, or a part of one.
 
-    Attributes
-    ----------
-    day, part : int
-        The day since 1970 UTC, and which part of it.
-    begin, end : int
-        From when to before when [µs since 1970 UTC].
-    loops : range
-        Places in `Plan.places.loops`.
-    files : tuple of File
-        Those that may hold their rows.
-    key : str
-        Checksum of all that its rows are made of.
-    before : tuple of int
-        Of each of its loops the unit before, by its place in `Plan.units`; each once.
+    - `day`, `part`: the day since 1970 UTC, and which part of it.
+    - `begin`, `end`: from when to before when [µs since 1970 UTC].
+    - `loops`: places in `Plan.places.loops`.
+    - `files`: those that may hold their rows.
+    - `key`: checksum of all that its rows are made of.
+    - `before`: of each of its loops the unit before, by its place in `Plan.units`; each once.
     """
 
     day: int
@@ -114,7 +106,8 @@ def plan_of(
         files += [] if file is None else [file]
         stage("files", len(names), i)
     if not files:
-        raise InputError("holds no file that can be read", file=str(lake), hint=problems[0].what if problems else None)
+        first = f"{problems[0].file}: {problems[0].what}" if problems else None
+        raise InputError("holds no Parquet file that can be read", file=str(lake), hint=first)
     known, wrong = places(files, given, {})
     checksum = digest(
         version("glapp"), FORM, [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]

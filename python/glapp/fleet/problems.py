@@ -19,20 +19,12 @@ LEFT_OUT = frozenset({"clock_change", "no_tag", "no_time", "unit", "value"})
 class DataIssue(NamedTuple):
     """One fault, and where it is.
 
-    Attributes
-    ----------
-    code : str
-        A word that stays the same, see `docs/fleet.md`.
-    what, todo : str
-        The fault with its value, and what to do about it.
-    file : str
-        File, relative to the lake; empty where it is of no one file.
-    row : int or None
-        First row that is touched, counted from 1.
-    tag, loop, day : str
-        Tag or column, loop and day (ISO, UTC); empty where it is of none.
-    rows : int
-        Rows that are touched; 0 where it is not of rows.
+    - `code`: a word that stays the same, see `docs/fleet.md`.
+    - `what`, `todo`: the fault with its value, and what to do about it.
+    - `file`: file, relative to the lake; empty where it is of no one file.
+    - `row`: first row that is touched, counted from 1.
+    - `tag`, `loop`, `day`: tag or column, loop and day (ISO, UTC); empty where it is of none.
+    - `rows`: rows that are touched; 0 where it is not of rows.
     """
 
     code: str

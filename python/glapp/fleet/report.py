@@ -49,20 +49,11 @@ class Worn(NamedTuple):
 def write_report(out: str | Path) -> Path:
     """Write `report.html` beside the results that it shows.
 
-    Parameters
-    ----------
-    out : str or Path
-        The folder of the results.
+    - `out`: the folder of the results.
 
-    Returns
-    -------
-    Path
-        The page.
+    Returns the page.
 
-    Raises
-    ------
-    InputError
-        Where there are no results, or the page cannot be written.
+    Raises InputError where there are no results, or the page cannot be written.
     """
     out = Path(out)
     made = manifest(out)

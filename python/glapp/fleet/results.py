@@ -64,10 +64,7 @@ def digest(*parts: Any) -> str:
 def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, problems: Iterable[DataIssue] = ()) -> None:
     """A Parquet file that is whole, or not there; a group of rows a table.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be written, as on a full disk.
+    Raises InputError where it cannot be written, as on a full disk.
     """
     text = json.dumps([list(problem) for problem in problems], ensure_ascii=False)
     schema = schema.with_metadata({**(schema.metadata or {}), **({_PROBLEMS: text.encode()} if text != "[]" else {})})

@@ -28,10 +28,7 @@ def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
     (`controller.k`, `positioner.type`, `columns.pv`), spans as two columns (`pv_span.low`, `pv_span.high`) and the name
     as `loop`. An empty cell is a key that is not given.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be used as a whole, or no loop in it can.
+    Raises InputError where the file cannot be used as a whole, or no loop in it can.
     """
     if path.suffix == ".toml":
         each = list(read_each(path))

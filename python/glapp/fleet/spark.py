@@ -27,24 +27,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..errors import InputError
+from . import pieces
 from .history import FOLLOWED, follow
 from .lake import ROWS
-from .pieces import (
-    answers_of,
-    chosen_of,
-    crossings_of,
-    follow_paths,
-    judged_key,
-    looks_of,
-    problems_at,
-    read_again,
-    states_of,
-    tidy,
-    together,
-    unit_rows,
-    write_followed,
-    write_judged,
-)
 from .plan import Plan, Stage
 from .problems import DataIssue
 from .results import write_piece
@@ -73,10 +58,7 @@ _LOOPS = "key string, loops binary, windows binary, problems string"
 def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
     """See `glapp.fleet.plan.Engine`; the session is the one that there is, else one of this machine.
 
-    Raises
-    ------
-    InputError
-        Where PySpark is not installed.
+    Raises InputError where PySpark is not installed.
     """
     try:
         from pyspark.sql import SparkSession
@@ -87,13 +69,13 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[
     work, problems = out / "work", list[DataIssue]()
     looks = [work / "days" / f"{unit.key}.parquet" for unit in plan.units]
     _look_at(spark, plan, looks, stage)
-    days = together(looks, DAYS, problems)
-    follows = follow_paths(plan, work)
+    days = pieces.together(looks, DAYS, problems)
+    follows = pieces.follow_paths(plan, work)
     _follow(spark, plan, looks, follows, stage)
-    crossings = crossings_of(follows)
+    crossings = pieces.crossings_of(follows)
     keys = _judged(spark, plan, work, days, crossings, stage)
-    loops, windows = answers_of(work, keys, problems)
-    tidy(work, {*looks, *follows, *(work / "samples").glob("*")}, keys)
+    loops, windows = pieces.answers_of(work, keys, problems)
+    pieces.tidy(work, {*looks, *follows, *(work / "samples").glob("*")}, keys)
     return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
 
 
@@ -144,8 +126,8 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
     states: dict[str, str] = {}
     for wave in _waves(plan, missing, looks):
         for one in sorted({b for i in wave for b in plan.units[i].before} - set(wave)):
-            states.update(states_of(paths[one]))
-        known = {i: looks_of(looks[i]) for i in wave}
+            states.update(pieces.states_of(paths[one]))
+        known = {i: pieces.looks_of(looks[i]) for i in wave}
         having: dict[str, list[pa.Table]] = {}
         for i in wave:
             for name, table in known[i].items():
@@ -153,7 +135,7 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
         handed = [(name, states.get(name), _bytes(pa.concat_tables(of))) for name, of in having.items()]
         made: dict[int, dict[str, pa.Table]] = {i: {} for i in wave}
         if handed:
-            met = {i: problems_at(looks[i]) for i in wave}
+            met = {i: pieces.problems_at(looks[i]) for i in wave}
             rows = _units(spark, plan, wave, met).groupBy("loop")
             given = spark.createDataFrame(handed, _STATES).groupBy("loop")
             for name, units, table in rows.cogroup(given).applyInArrow(_follower(plan), _FOLLOWED).collect():
@@ -161,7 +143,7 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
                 for row, unit in enumerate(units):
                     made[unit][name] = every.slice(row, 1)
         for i in wave:
-            write_followed(plan, plan.units[i], made[i], states, paths[i])
+            pieces.write_followed(plan, plan.units[i], made[i], states, paths[i])
             states.update((name, table["state"][0].as_py()) for name, table in made[i].items())
         missing = missing[len(wave) :]
         stage("crossings", len(paths), len(paths) - len(missing))
@@ -173,7 +155,7 @@ def _waves(plan: Plan, units: Sequence[int], looks: Sequence[Path]) -> Iterator[
         wave: list[int] = []
         rows: dict[str, int] = {}
         for i in some:
-            more = {name: table["rows"][0].as_py() for name, table in looks_of(looks[i]).items()}
+            more = {name: table["rows"][0].as_py() for name, table in pieces.looks_of(looks[i]).items()}
             if wave and any(rows.get(name, 0) + n > GROUP for name, n in more.items()):
                 yield wave
                 wave, rows = [], {}
@@ -185,7 +167,7 @@ def _waves(plan: Plan, units: Sequence[int], looks: Sequence[Path]) -> Iterator[
 
 def _judged(spark: Any, plan: Plan, work: Path, days: pa.Table, crossings: pa.Table, stage: Stage) -> list[str]:
     """Cut the chosen windows, judge every loop by its own, and write the answers that are new; the names of all."""
-    chosen = chosen_of(days, plan)
+    chosen = pieces.chosen_of(days, plan)
     having = set(days.column("loop").to_pylist())
     order = [k for k, loop in enumerate(plan.places.loops) if loop.name in having]
     keys: list[str] = []
@@ -196,7 +178,7 @@ def _judged(spark: Any, plan: Plan, work: Path, days: pa.Table, crossings: pa.Ta
         asked = sorted({i for _, i in here})
         if asked:
             ids = spark.createDataFrame([(i,) for i in asked], "id int").repartition(len(asked))
-            met = {i: problems_at(work / "days" / f"{plan.units[i].key}.parquet") for i in asked}
+            met = {i: pieces.problems_at(work / "days" / f"{plan.units[i].key}.parquet") for i in asked}
             samples = ids.mapInArrow(_cutter(plan, here, met), _SAMPLES)
         else:
             samples = spark.createDataFrame([], _SAMPLES)
@@ -209,7 +191,7 @@ def _judged(spark: Any, plan: Plan, work: Path, days: pa.Table, crossings: pa.Ta
             keys.append(key)
             if row is not None:
                 problems = [DataIssue(*problem) for problem in json.loads(wrong)]
-                write_judged(work, key, _table(row), _table(several), problems)
+                pieces.write_judged(work, key, _table(row), _table(several), problems)
         stage("loops", len(order), len(keys))
     return sorted(keys)
 
@@ -235,9 +217,9 @@ def _reader(
         for batch in batches:
             for i in batch.column(0).to_pylist():
                 if known is None:
-                    tables, problems = unit_rows(plan, plan.units[i])
+                    tables, problems = pieces.unit_rows(plan, plan.units[i])
                 else:
-                    tables, problems = read_again(plan, plan.units[i], known[i]), []
+                    tables, problems = pieces.read_again(plan, plan.units[i], known[i]), []
                 for k, table in sorted(tables.items()):
                     n = len(table)
                     none = pa.array([0], pa.int32()).take(pa.nulls(n, pa.int64()).fill_null(0))
@@ -311,7 +293,7 @@ def _cutter(
     def cutted(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in batches:
             for i in batch.column(0).to_pylist():
-                rows = read_again(plan, plan.units[i], known[i])
+                rows = pieces.read_again(plan, plan.units[i], known[i])
                 for k, table in sorted(rows.items()):
                     if windows := chosen.get((k, i)):
                         made = cut(table, plan.places.loops[k], windows)
@@ -329,7 +311,7 @@ def _judge(plan: Plan, made: frozenset[str]) -> Callable[[tuple[Any, ...], pa.Ta
         loop = loops[key[0].as_py()]
         days, crossings = (_table(known[column][0].as_py()) for column in ("days", "crossings"))
         ordered = samples.cast(SAMPLES).sort_by([("window", "ascending"), ("t", "ascending")])
-        name = judged_key(ordered, days, crossings, loop)
+        name = pieces.judged_key(ordered, days, crossings, loop)
         answer: list[Any] = [None, None, None]
         if name not in made:
             row, windows, problems = judge(ordered, days, crossings, loop)

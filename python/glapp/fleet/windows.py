@@ -310,16 +310,10 @@ _FLAGS = {"mode": NOT_AUTO, "op_low_flag": AT_LOW, "op_high_flag": AT_HIGH}
 def look(rows: pa.Table, loop: Loop, day: int, part: int = 0) -> pa.Table:
     """A row of `DAYS`: what one day of a loop holds, and its windows with what each may tell.
 
-    Parameters
-    ----------
-    rows : pyarrow.Table
-        Columns signal, t, value and bad of that loop and day, in any order.
-    loop : Loop
-        Its settings.
-    day : int
-        Days since 1970, UTC.
-    part : int
-        Which part of the day it is, where a day has too many rows to be looked at as a whole.
+    - `rows`: columns signal, t, value and bad of that loop and day, in any order.
+    - `loop`: its settings.
+    - `day`: days since 1970, UTC.
+    - `part`: which part of the day it is, where a day has too many rows to be looked at as a whole.
     """
     out: dict[str, Any] = dict.fromkeys(DAYS.names)
     out |= {"loop": loop.name, "day": day, "part": part, "rows": 0, "doubled": 0, "contradicting": 0, "op": False}
@@ -396,12 +390,8 @@ def choose(days: pa.Table, fits: int = FITS) -> list[tuple[int, int]]:
     The history is divided into `fits` equal epochs, and of each the window is taken that may tell most; where an epoch
     has none, the best of what is left is taken in its place.
 
-    Parameters
-    ----------
-    days : pyarrow.Table
-        Rows of `DAYS` of one loop, in any order.
-    fits : int
-        So many at most.
+    - `days`: rows of `DAYS` of one loop, in any order.
+    - `fits`: so many at most.
 
     Examples
     --------
@@ -457,16 +447,11 @@ def judge(
 ) -> tuple[pa.Table, pa.Table, list[DataIssue]]:
     """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and what was wrong with its rows.
 
-    Parameters
-    ----------
-    samples : pyarrow.Table
-        Rows of `SAMPLES`: all windows that were chosen, in any order.
-    days : pyarrow.Table
-        Rows of `DAYS` of the loop, in any order.
-    crossings : pyarrow.Table
-        Rows of `glapp.fleet.history.CROSSINGS` of the loop, in any order: the last says what was heard of all of them.
-    loop : Loop
-        Its settings.
+    - `samples`: rows of `SAMPLES`: all windows that were chosen, in any order.
+    - `days`: rows of `DAYS` of the loop, in any order.
+    - `crossings`: rows of `glapp.fleet.history.CROSSINGS` of the loop, in any order: the last says what was heard of
+      all of them.
+    - `loop`: its settings.
     """
     looks = sorted(days.to_pylist(), key=_order)
     followed = crossings.to_pylist()

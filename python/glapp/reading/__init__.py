@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
 from . import apart, bounds
-from .columns import SignalColumns, choose, is_long
+from .columns import SignalColumns, choose, is_long, with_own_qualities
 from .csv import PACKED, CsvSource, encoding_of
 from .each import all_or_none, each
 from .excel import sheets
@@ -79,10 +79,7 @@ def open_each(
 ) -> list[Recording | InputError]:
     """Open a file, with the error in the place of a loop that cannot be used: the others can go on.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be used.
+    Raises InputError where the file cannot be used.
     """
     sources = _open(Path(path), str(path))
     if len(sources) == 1:
@@ -106,10 +103,7 @@ def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
 def first_rows(path: str | Path, rows: int) -> tuple[list[str], list[list[str]]]:
     """Names of the columns of a file, and its first rows as text, for a person who says which is which.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be used.
+    Raises InputError where the file cannot be used.
     """
     source = _open(Path(path), str(path))[0]
     columns = [
@@ -222,6 +216,7 @@ def _recordings(
     source = shaped(source, loops or (), defaults or {})
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
+    source.call(with_own_qualities(source.names))
     signals = SignalColumns(source.names, source.time)
     found: dict[str, str] = {}
     if loops is None:

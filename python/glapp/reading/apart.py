@@ -60,10 +60,7 @@ _idle: list[Worker] = []
 class Worker:
     """A process that reads. As a context manager it ends with the block.
 
-    Parameters
-    ----------
-    memory : int
-        Bytes that it may take beyond those it begins with.
+    - `memory`: bytes that it may take beyond those it begins with.
     """
 
     def __init__(self, memory: int | None = None) -> None:
@@ -93,10 +90,7 @@ class Worker:
     def call(self, label: str, function: Callable[P, R], *args: P.args, **named: P.kwargs) -> R:
         """What a function of a module gives in the process.
 
-        Raises
-        ------
-        InputError
-            As the function; of the file `label`, where it ends the process or takes longer than it may.
+        Raises InputError as the function; of the file `label`, where it ends the process or takes longer than it may.
         """
         made: R = self.ask(label, "call", function, args, named)
         return made
@@ -193,12 +187,8 @@ def call(label: str, function: Callable[P, R], *args: P.args, **named: P.kwargs)
 def opened(kind: Callable[[str, str], Source], path: str, label: str) -> Source:
     """The source of a file, read in a process apart.
 
-    Parameters
-    ----------
-    kind : type
-        A source made of path and label.
-    path, label : str
-        The file, and as the user wrote it.
+    - `kind`: a source made of path and label.
+    - `path`, `label`: the file, and as the user wrote it.
     """
     return kind(path, label) if _inside else ApartSource(kind, path, label)
 
@@ -296,10 +286,7 @@ def _unpacked(data: pa.Buffer | bytes) -> list[pa.Array]:
 def serve(memory: int) -> None:
     """Answer requests until there are no more: what the process does.
 
-    Parameters
-    ----------
-    memory : int
-        Bytes that it may take beyond those it has now.
+    - `memory`: bytes that it may take beyond those it has now.
     """
     global _inside
     _inside = True

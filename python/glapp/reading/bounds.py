@@ -52,16 +52,13 @@ PATIENCE = 25.0
 def check_columns(count: int, label: str) -> None:
     """Refuse a table that is too wide, before its columns are looked at.
 
+    Raises InputError where it is.
+
     Examples
     --------
     >>> check_columns(1_000_000, "plant.csv")
     Traceback (most recent call last):
     glapp.errors.InputError: plant.csv: has 1000000 columns, at most 16384 are read; split it into files of fewer loops
-
-    Raises
-    ------
-    InputError
-        Where it is.
     """
     if count > COLUMNS:
         what = f"has {count} columns, at most {COLUMNS} are read"
@@ -83,21 +80,12 @@ def most_unpacked(packed: int) -> int:
 def check_unpacked(size: int, packed: int, label: str, hint: str) -> None:
     """Refuse a file that unpacks to too much.
 
-    Parameters
-    ----------
-    size : int
-        What it unpacks to, as far as that is known [bytes].
-    packed : int
-        The file itself [bytes].
-    label : str
-        File as the user wrote it.
-    hint : str
-        What to do.
+    - `size`: what it unpacks to, as far as that is known [bytes].
+    - `packed`: the file itself [bytes].
+    - `label`: file as the user wrote it.
+    - `hint`: what to do.
 
-    Raises
-    ------
-    InputError
-        Where it does.
+    Raises InputError where it does.
     """
     if size > (most := most_unpacked(packed)):
         what = f"has {packed} bytes and unpacks to more than {most >> 20} MiB, as far as it is read"

@@ -16,13 +16,14 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 from .names import CURRENT, LIMITS, SIGNALS, WEAK, WHOLE, folded
 
-__all__ = ["LABELS", "SignalColumns", "choose", "is_long", "time_of", "understand"]
+__all__ = ["LABELS", "SignalColumns", "choose", "is_long", "time_of", "understand", "with_own_qualities"]
 
 LABELS = {
     "time": "time",
@@ -116,6 +117,27 @@ def understand(name: str) -> Meaning:
     return Meaning(None)
 
 
+def with_own_qualities(names: Sequence[str]) -> list[str]:
+    """Names in which each of several columns called Quality is called after the signal on its left.
+
+    Examples
+    --------
+    >>> with_own_qualities(["Time", "F1.SP", "Quality", "F1.PV [m3/h]", "Quality"])
+    ['Time', 'F1.SP', 'F1.SP Quality', 'F1.PV [m3/h]', 'F1.PV Quality']
+    >>> with_own_qualities(["Quality", "Time", "F1.SP", "F1.PV", "Quality"])
+    ['Quality', 'Time', 'F1.SP', 'F1.PV', 'Quality']
+    """
+    meant = [understand(name) for name in names]
+    at = [i for i, meaning in enumerate(meant) if (meaning.role, meaning.loop) == ("quality", "")]
+    signals = [meant[i - 1].role if i else None for i in at]
+    if len(at) < 2 or "pv" not in signals or not {"sp", "pv", "op", "mode", "position"}.issuperset(signals):
+        return list(names)
+    found = list(names)
+    for i in at:
+        found[i] = f"{_UNIT.sub('', names[i - 1]).strip()} {names[i].strip()}"
+    return found
+
+
 def time_of(name: str) -> str | None:
     """The tag of which a column's name says that it holds the times; None where it does not say so.
 
@@ -158,22 +180,13 @@ def is_long(names: Sequence[str]) -> bool:
 class SignalColumns:
     """The columns of a wide table, or the tags of a long one, each name understood once for all loops.
 
-    Parameters
-    ----------
-    names : iterable of str
-        In the order in which they appear; they may repeat.
-    time : str, optional
-        Name of the column that holds times, where its name does not say so.
+    - `names`: in the order in which they appear; they may repeat.
+    - `time`: name of the column that holds times, where its name does not say so.
 
-    Attributes
-    ----------
-    names : list of str
-        The same.
-    groups : list of str
-        Loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. "" stands
-        for names without a prefix.
-    passed_over : list of str
-        Those with PV and OP that are not taken for loops, because others have SP.
+    - `names`: the same.
+    - `groups`: loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. ""
+      stands for names without a prefix.
+    - `passed_over`: those with PV and OP that are not taken for loops, because others have SP.
 
     Examples
     --------
@@ -276,25 +289,15 @@ def choose(
 ) -> dict[str, str]:
     """Column (or tag) for every role of one loop that has one: named by the user, or guessed within `group`.
 
-    Parameters
-    ----------
-    signals : SignalColumns
-        Columns or tags there are.
-    loop : Loop
-        Its `columns` win over guesses; an empty string there means "there is none".
-    group : str or None
-        Prefix of this loop's columns, one of `signals.groups`; None when nothing may be guessed.
-    label : str
-        File as the user wrote it, for messages.
-    tags : bool
-        Whether `signals` are the tags of a long table.
-    kind : str
-        What a person calls them.
+    - `signals`: columns or tags there are.
+    - `loop`: its `columns` win over guesses; an empty string there means "there is none".
+    - `group`: prefix of this loop's columns, one of `signals.groups`; None when nothing may be guessed.
+    - `label`: file as the user wrote it, for messages.
+    - `tags`: whether `signals` are the tags of a long table.
+    - `kind`: what a person calls them.
 
-    Raises
-    ------
-    InputError
-        For a named column that is not there, two columns that fit one role, and where PV is missing, or SP and OP are.
+    Raises InputError for a named column that is not there, two columns that fit one role, and where PV is missing, or
+    SP and OP are.
     """
     wanted: Mapping[str, str | None] = loop.columns.model_dump()
     chosen: dict[str, str] = {}
@@ -307,20 +310,40 @@ def choose(
                 chosen[role] = _named(signals, named, role, loop, label, kind)
         elif guessed := _guess(signals, role, group, label, kind):
             chosen[role] = guessed
-    missing = [role for role in ("sp", "pv") if role not in chosen]
     if "pv" not in chosen or not chosen.keys() & {"sp", "op"}:
-        taken = ", ".join(f"{LABELS[role]} is {name}" for role, name in chosen.items())
-        unused = [name for name in signals.names if name not in chosen.values()]
-        key = missing[-1]
-        left = f" among those left: {_listed(unused)}" if unused else ": all are taken"
-        raise InputError(
-            f"no {kind} for {' and '.join(LABELS[role] for role in missing)}{left}" + (f" ({taken})" if taken else ""),
-            file=label,
-            loop=loop.name if group is None else None,
-            hint=f'name it: --{key} NAME, or in loops.toml columns = {{ {key} = "NAME" }}',
-            asks="columns",
-        )
+        raise _missing(signals, chosen, loop, group, label, kind)
     return chosen
+
+
+def _missing(
+    signals: SignalColumns, chosen: Mapping[str, str], loop: Loop, group: str | None, label: str, kind: str
+) -> InputError:
+    """What is said where PV is missing, or SP and OP are: which is, what is left for it, and what to do."""
+    taken = ", ".join(f"{LABELS[role]} is {name}" for role, name in chosen.items())
+    also = f" ({taken})" if taken else ""
+    unused = [name for name in signals.names if name not in chosen.values()]
+    place: Mapping[str, Any] = {"file": label, "loop": loop.name if group is None else None}
+    missing = ["pv"] if chosen.keys() & {"sp", "op"} else [role for role in ("pv", "op") if role not in chosen]
+    if len(unused) < len(missing):
+        if missing == ["pv"]:
+            what = f"no {kind} for PV: all are taken{also}"
+            hint = "export PV as well; where one of these is PV, name it: --pv NAME, or in loops.toml columns.pv"
+            return InputError(what, hint=hint, asks="columns", **place)
+        signal = chosen.get("pv") or next(iter(unused), None)
+        what = f"has only one signal, {signal}{also}" if signal else f"has no signal{also}"
+        hint = "it takes OP and PV of a loop to tell of its valve, and SP tells more: export them into one file"
+        return InputError(what, hint=hint, **place)
+    if not signals.groups:  # FIC101.SP and FIC101.OP alone make no loop, and yet it is plain that PV is missing
+        meant = {understand(name).role for name in unused}
+        missing = [role for role in missing if role not in meant] or missing
+    named = " ".join(f"--{key} NAME" for key in missing)
+    keys = ", ".join(f'{key} = "NAME"' for key in missing)
+    return InputError(
+        f"no {kind} for {' and '.join(LABELS[role] for role in missing)} among those left: {_listed(unused)}{also}",
+        hint=f"name {'it' if len(missing) == 1 else 'them'}: {named}, or in loops.toml columns = {{ {keys} }}",
+        asks="columns",
+        **place,
+    )
 
 
 def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str, kind: str) -> str:
@@ -349,6 +372,12 @@ def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kin
     if group is None and role != "time":
         return None
     fits = signals.meant(role, group or "")
+    if len(fits) > 1 and len(set(fits)) == 1:
+        raise InputError(
+            f"{len(fits)} {kind}s are called {fits[0]!r}, and it is open which is {LABELS[role]}",
+            file=label,
+            hint="give them different names in the file",
+        )
     if len(fits) > 1:
         key, option = role, f": --{role} NAME, or" if role in ("time", "sp", "pv", "op", "mode") else ""
         raise InputError(

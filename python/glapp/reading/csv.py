@@ -50,10 +50,7 @@ PACKED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
 class CsvSource(Source):
     """A CSV file, plain or compressed; the header is row 1 and rows are counted as an editor counts lines.
 
-    Raises
-    ------
-    InputError
-        Where the file is empty, is not text, has no header or no rows.
+    Raises InputError where the file is empty, is not text, has no header or no rows.
     """
 
     def __init__(self, path: str, label: str) -> None:
@@ -337,10 +334,7 @@ class CsvSource(Source):
 def encoding_of(raw: bytes, whole: bool, label: str) -> str:
     """How a text is written, from its first bytes; `whole` where they are all of it.
 
-    Raises
-    ------
-    InputError
-        Where they are no text.
+    Raises InputError where they are no text.
     """
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),

@@ -39,10 +39,8 @@ _CELL = re.compile(rb"""<(?:\w+:)?c\s[^>]*?\br\s*=\s*["']([A-Za-z]{1,20})([0-9]{
 def sheets(path: str, label: str) -> list[Source]:
     """The sheets of a workbook that hold a table, read in a process apart.
 
-    Raises
-    ------
-    InputError
-        Where the package that reads workbooks is missing, or the file is no workbook, too large or holds no table.
+    Raises InputError where the package that reads workbooks is missing, or the file is no workbook, too large or holds
+    no table.
     """
     try:
         import python_calamine  # noqa: F401
@@ -85,10 +83,7 @@ def _sheets(path: str, label: str) -> list[Source]:
 def _check(path: str, label: str) -> None:
     """Refuse a workbook that asks for more than `bounds` allows, by what is in it and not by what it says.
 
-    Raises
-    ------
-    InputError
-        Where it does.
+    Raises InputError where it does.
     """
     packed, size, cells = Path(path).stat().st_size, 0, 0
     with zipfile.ZipFile(path) as whole:
@@ -126,12 +121,8 @@ def _from(file: IO[bytes]) -> Iterator[bytes]:
 class Reach:
     """How far apart the cells of a sheet are that hold something, from its text piece by piece.
 
-    Attributes
-    ----------
-    cells : int
-        Rows by columns, from the first to the last.
-    last : str
-        The last of both.
+    - `cells`: rows by columns, from the first to the last.
+    - `last`: the last of both.
     """
 
     def __init__(self, label: str) -> None:
@@ -143,10 +134,7 @@ class Reach:
     def __call__(self, piece: bytes) -> None:
         """Look at the next piece.
 
-        Raises
-        ------
-        InputError
-            Where one cell is longer than `bounds.TEXT`.
+        Raises InputError where one cell is longer than `bounds.TEXT`.
         """
         text = self._rest + piece
         cut = text.rfind(b"<")
@@ -195,19 +183,11 @@ def _has_signals(source: Source) -> bool:
 class SheetSource(Source):
     """One sheet; rows are counted as Excel numbers them.
 
-    Parameters
-    ----------
-    rows : list of list
-        Its cells.
-    first : int
-        Rows above them.
-    label, sheet : str
-        The file, and the sheet's name.
+    - `rows`: its cells.
+    - `first`: rows above them.
+    - `label`, `sheet`: the file, and the sheet's name.
 
-    Raises
-    ------
-    InputError
-        Where it holds no table.
+    Raises InputError where it holds no table.
     """
 
     def __init__(self, rows: Sequence[Sequence[Any]], first: int, label: str, sheet: str) -> None:

@@ -37,10 +37,7 @@ def name_of(path: str | Path) -> str:
 def check_file(path: Path, label: str) -> None:
     """Refuse what is no ordinary file: reading a pipe or a device would wait for ever, or never end.
 
-    Raises
-    ------
-    InputError
-        Where there is no such file, or it is a folder, a pipe, a socket or a device.
+    Raises InputError where there is no such file, or it is a folder, a pipe, a socket or a device.
     """
     try:
         label.encode()

@@ -37,14 +37,9 @@ Row = tuple[int, Sequence[str]]
 class Head:
     """What stands above the rows.
 
-    Attributes
-    ----------
-    names, units : list
-        Of the columns.
-    line : int
-        Line of the names.
-    rows : int
-        Records before the first row.
+    - `names`, `units`: of the columns.
+    - `line`: line of the names.
+    - `rows`: records before the first row.
     """
 
     names: list[str]

@@ -84,10 +84,7 @@ class _Rows:
 def annotated(text: str, label: str) -> Source:
     """The tables of annotated CSV.
 
-    Raises
-    ------
-    InputError
-        Where a row does not go with the names above it, or there is none.
+    Raises InputError where a row does not go with the names above it, or there is none.
     """
     rows = _Rows()
     names: list[str] | None = None
@@ -162,10 +159,7 @@ def _roles(names: Sequence[str], notes: dict[str, list[str]]) -> dict[str, list[
 def line_protocol(text: str, label: str) -> Source:
     """The points of line protocol.
 
-    Raises
-    ------
-    InputError
-        At the first line that is no point.
+    Raises InputError: at the first line that is no point.
     """
     rows = _Rows()
     for number, line in enumerate(text.splitlines(), start=1):

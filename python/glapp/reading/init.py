@@ -51,17 +51,11 @@ def first_settings(path: str | Path, directory: str | Path = ".") -> str:
 
     Columns, units and the time between rows come from the file. Spans and controller are comments to fill in.
 
-    Parameters
-    ----------
-    path : str or Path
-        Recording.
-    directory : str or Path
-        Where the loops.toml will lie; the text names the recording relative to it, unless `path` is absolute.
+    - `path`: recording.
+    - `directory`: where the loops.toml will lie; the text names the recording relative to it, unless `path` is
+      absolute.
 
-    Raises
-    ------
-    InputError
-        Where the file or its columns cannot be used.
+    Raises InputError where the file or its columns cannot be used.
     """
     return settings_of(open_recordings(path), directory)
 

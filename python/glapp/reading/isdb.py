@@ -5,6 +5,9 @@ Loops*, Springer 2010. It holds a struct `cdata` with a struct for each industry
 `pulpPapers`, `power`, `mining`, `metals`; `testdata` is synthetic), and in each of them a struct for each loop:
 `loop1`, `loop2` and so on. A loop has the fields `PV`, `OP`, `SP`, `t`, `Ts` [s], `Type` (1 where the process
 integrates), `Comments` and `BriefComments`. The comments are the contributors' verdicts.
+
+Methods are compared most on twenty of the loops. `QUOTED` has their verdicts as the comparison of methods in the book's
+chapter 13 counts them: 13 stick, 7 do not (the same count in Damarla 2026, arXiv:2607.22486).
 """
 
 from __future__ import annotations
@@ -24,12 +27,38 @@ from ..loop import Loop, Process
 from ..recording import Recording
 from ..samples import Samples
 
-__all__ = ["StictionLoop", "open_isdb"]
+__all__ = ["QUOTED", "StictionLoop", "open_isdb"]
 
 Floats = NDArray[np.float64]
 
 SYNTHETIC = "testdata"
 """The group whose loops are made and not recorded."""
+
+STICTION = "stiction"
+
+QUOTED = {
+    "chemicals.loop1": STICTION,
+    "chemicals.loop2": STICTION,
+    "chemicals.loop3": "no stiction: quantization of PV",
+    "chemicals.loop6": STICTION,
+    "chemicals.loop10": STICTION,
+    "chemicals.loop11": STICTION,
+    "chemicals.loop12": STICTION,
+    "chemicals.loop13": "no stiction: faulty steam sensor",
+    "chemicals.loop14": "no stiction: faulty steam sensor",
+    "chemicals.loop16": "no stiction: interaction of loops",
+    "chemicals.loop23": STICTION,
+    "chemicals.loop24": STICTION,
+    "chemicals.loop29": STICTION,
+    "chemicals.loop32": STICTION,
+    "pulpPapers.loop2": STICTION,
+    "pulpPapers.loop4": "no stiction: dead zone and tight tuning",
+    "pulpPapers.loop5": STICTION,
+    "pulpPapers.loop7": "no stiction: external disturbance",
+    "pulpPapers.loop9": "no stiction: no oscillation",
+    "mining.loop1": STICTION,
+}
+"""Published verdicts of the twenty loops that are quoted most, by the name of `StictionLoop`."""
 
 _SAYS = (
     ("no stiction", r"\bno stiction\b"),
@@ -42,44 +71,32 @@ _SAYS = (
 class StictionLoop:
     """One loop of the data base.
 
-    Attributes
-    ----------
-    name : str
-        Industry and number, such as "chemicals.loop10".
-    comment : str
-        What its contributor says of it.
-    says : "stiction", "likely stiction", "no stiction" or None
-        The same in a word; None where the comment does not speak of stiction. "no stiction" does not mean that the
-        valve is sound, or that the loop is well tuned.
-    recording : Recording
-        Its samples, the loop's name with them.
+    - `name`: industry and number, such as "chemicals.loop10".
+    - `comment`: what its contributor says of it.
+    - `says`: the same in a word; None where the comment does not speak of stiction. "no stiction" does not mean that
+      the valve is sound, or that the loop is well tuned.
+    - `quoted`: the verdict in `QUOTED`: "stiction", or "no stiction" with the cause; None for every other loop. Where
+      it differs from `says`, the literature and the contributor disagree.
+    - `recording`: its samples, the loop's name with them.
     """
 
     name: str
     comment: str
     says: Literal["stiction", "likely stiction", "no stiction"] | None
+    quoted: str | None
     recording: Recording
 
 
 def open_isdb(path: str | Path, *, synthetic: bool = False) -> list[StictionLoop]:
     """The loops of the data base.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, such as `isdb10.mat`.
-    synthetic : bool
-        With the synthetic loops.
+    - `path`: the file, such as `isdb10.mat`.
+    - `synthetic`: with the synthetic loops.
 
-    Returns
-    -------
-    list of StictionLoop
-        In the order of the file. A loop whose OP has another length than its PV has none.
+    Returns: In the order of the file. A loop whose OP has another length than its PV has none.
 
-    Raises
-    ------
-    InputError
-        Where SciPy is not installed, the file cannot be read, has not that layout, or a loop has no usable PV.
+    Raises InputError where SciPy is not installed, the file cannot be read, has not that layout, or a loop has no
+    usable PV.
     """
     path = Path(path)
     try:
@@ -123,7 +140,7 @@ def _loop(path: Path, name: str, one: Any) -> StictionLoop:
     recording.source = f"{path.name}: {name}"
     comment = _text(getattr(one, "BriefComments", "")) or _text(getattr(one, "Comments", ""))
     says = next((word for word, pattern in _SAYS if re.search(pattern, comment, re.IGNORECASE)), None)
-    return StictionLoop(name, comment, says, recording)  # type: ignore[arg-type]  # it is one of these words
+    return StictionLoop(name, comment, says, QUOTED.get(name), recording)  # type: ignore[arg-type]  # it is one of these words
 
 
 def _times(path: Path, name: str, one: Any, t: Floats | None, n: int) -> Floats:

@@ -137,10 +137,7 @@ class _Store:
     def tags(self, wanted: Iterable[str]) -> dict[str, _Tag]:
         """The samples of these tags; where several recordings ask at once, one reads for all and the others wait.
 
-        Raises
-        ------
-        InputError
-            Where the table, or one of these tags, cannot be used.
+        Raises InputError where the table, or one of these tags, cannot be used.
         """
         with self._reading:
             if self._tags is None:
@@ -320,10 +317,7 @@ def long_recordings(
 ) -> list[Recording | InputError]:
     """Recordings of the loops of a long table, an error in the place of a loop whose tags cannot be used.
 
-    Raises
-    ------
-    InputError
-        Where the table cannot be used.
+    Raises InputError where the table cannot be used.
     """
     store = _Store(source, loops or [Loop(**{**(defaults or {}), "name": stem})])
     signals = SignalColumns(store.names())

@@ -33,10 +33,7 @@ def is_markup(beginning: str) -> bool:
 def page(text: str, label: str) -> Source:
     """The largest table of a page.
 
-    Raises
-    ------
-    InputError
-        Where there is none, or it asks for more than `bounds` allow.
+    Raises InputError where there is none, or it asks for more than `bounds` allow.
     """
     reader = _Tables(label)
     reader.feed(text)

@@ -46,20 +46,12 @@ def read_settings(path: str | Path) -> list[Loop]:
     loop's own keys win, and a default that says the same in another way (`k` for `pb`) is left out. File names are
     relative to the directory of the loops.toml.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
+    - `path`: the file.
 
-    Returns
-    -------
-    list of Loop
-        In the order of the file.
+    Returns: In the order of the file.
 
-    Raises
-    ------
-    InputError
-        With file, loop, key, value and bound of the first fault; for an unknown key with the nearest known one.
+    Raises InputError with file, loop, key, value and bound of the first fault; for an unknown key with the nearest
+    known one.
     """
     return all_or_none(read_each(path))
 
@@ -67,10 +59,7 @@ def read_settings(path: str | Path) -> list[Loop]:
 def read_each(path: str | Path) -> list[Loop | InputError]:
     """Read a loops.toml, with the error in the place of a loop whose own settings are wrong: the others can go on.
 
-    Raises
-    ------
-    InputError
-        For a fault of the whole file or of its defaults.
+    Raises InputError for a fault of the whole file or of its defaults.
     """
     return _loops_or_errors(_text_of(path), str(path), Path(path).parent)
 
@@ -78,10 +67,7 @@ def read_each(path: str | Path) -> list[Loop | InputError]:
 def read_table(path: str | Path, name: str) -> dict[str, Any] | None:
     """One table of a loops.toml that is not about loops, as it stands there; None where it has none.
 
-    Raises
-    ------
-    InputError
-        For a file that cannot be read, is no TOML or has something else of that name.
+    Raises InputError for a file that cannot be read, is no TOML or has something else of that name.
     """
     data = _toml(_text_of(path), str(path))
     return _table(data[name], str(path), name) if name in data else None

@@ -50,14 +50,9 @@ _DAY_ZERO = r"^(1899-12-3[01]|1900-01-0[01])[ T]"
 def shaped(source: Source, loops: Sequence[Loop] = (), defaults: Mapping[str, Any] | None = None) -> Source:
     """The source as one that has a column per signal, or a row per tag and time.
 
-    Parameters
-    ----------
-    source : Source
-        A table as it is written.
-    loops : sequence of Loop
-        Those that are wanted; a time column that one of them names is left as it is.
-    defaults : mapping, optional
-        Settings for loops that are found, where `loops` is empty.
+    - `source`: a table as it is written.
+    - `loops`: those that are wanted; a time column that one of them names is left as it is.
+    - `defaults`: settings for loops that are found, where `loops` is empty.
     """
     loops = loops or [Loop(**{**(defaults or {}), "name": "loop"})]
     named = {loop.columns.time for loop in loops if loop.columns.time}
@@ -366,16 +361,10 @@ class AloneSource(Source):
     A tag is a column of values; the rows on which it is empty are not its own. A column of the quality of PV goes with
     PV.
 
-    Parameters
-    ----------
-    source : Source
-        The table.
-    pairs : list of (int, int)
-        Column of times and column of values of every tag.
-    loops : sequence of Loop
-        Those that are wanted: one may say that there is no column of quality.
-    shared : bool
-        Whether all tags have one column of times.
+    - `source`: the table.
+    - `pairs`: column of times and column of values of every tag.
+    - `loops`: those that are wanted: one may say that there is no column of quality.
+    - `shared`: whether all tags have one column of times.
     """
 
     TIME, TAG, VALUE, QUALITY = range(4)

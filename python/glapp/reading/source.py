@@ -25,28 +25,16 @@ T = TypeVar("T")
 class Source(ABC):
     """Columns that can be streamed again and again.
 
-    Attributes
-    ----------
-    label : str
-        File as the user wrote it, or "memory".
-    names, units : list
-        Column names in order (they may repeat), and units found below them.
-    rows : int or None
-        Number of rows where known.
-    digits : Digits
-        How text in it writes numbers.
-    time : str or None
-        Name of the column of times, where its name does not say so.
-    tags : list of str or None
-        All tags there are, where the source is no table of a row per tag and time but is read as one.
-    tag_units : dict
-        Their units where known.
-    one_fault : bool
-        Whether a fault of the file stops all its loops, whichever columns are read.
-    typed : bool
-        Whether numbers come as numbers, so that none has its unit behind it.
-    nameless : InputError or None
-        What is to be said where the file has no line of names, and nobody says which column is which.
+    - `label`: file as the user wrote it, or "memory".
+    - `names`, `units`: column names in order (they may repeat), and units found below them.
+    - `rows`: number of rows where known.
+    - `digits`: how text in it writes numbers.
+    - `time`: name of the column of times, where its name does not say so.
+    - `tags`: all tags there are, where the source is no table of a row per tag and time but is read as one.
+    - `tag_units`: their units where known.
+    - `one_fault`: whether a fault of the file stops all its loops, whichever columns are read.
+    - `typed`: whether numbers come as numbers, so that none has its unit behind it.
+    - `nameless`: what is to be said where the file has no line of names, and nobody says which column is which.
     """
 
     label: str
@@ -68,6 +56,11 @@ class Source(ABC):
         for i, name in enumerate(self.names):
             places.setdefault(name, []).append(i)
         return places
+
+    def call(self, names: list[str]) -> None:
+        """Give the columns these names."""
+        self.names = names
+        self.__dict__.pop("places", None)
 
     def call_by_numbers(self, row: int) -> None:
         """Name the columns of a table without names: a person may still say which is which."""

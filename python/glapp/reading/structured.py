@@ -34,10 +34,7 @@ _SAMPLE = {"t": "time", "v": "value", "q": "quality"}
 def parsed(text: str, label: str) -> Any | None:
     """The data of a JSON text, or of one with an object a line; None where it is neither.
 
-    Raises
-    ------
-    InputError
-        Where it begins as JSON and is damaged.
+    Raises InputError where it begins as JSON and is damaged.
     """
     text = text.lstrip("\ufeff")
     try:
@@ -64,10 +61,7 @@ def parsed(text: str, label: str) -> Any | None:
 def table_of(data: Any, label: str) -> Source:
     """The table in the data.
 
-    Raises
-    ------
-    InputError
-        Where there is none.
+    Raises InputError where there is none.
     """
     names, rows = _table(data, label)
     if not rows:

@@ -22,10 +22,7 @@ def to_table(data: Any) -> pa.Table:
     Accepted: objects with `__arrow_c_stream__` or `__arrow_c_array__` (Arrow, Polars, pandas, DuckDB ...) or
     `__dataframe__`, mappings of name to array, structured NumPy arrays.
 
-    Raises
-    ------
-    InputError
-        For anything else, or columns of different length.
+    Raises InputError for anything else, or columns of different length.
 
     Examples
     --------

@@ -160,36 +160,19 @@ def _plan(layout: str) -> Plan | None:
 class Clock:
     """Turns a time column into seconds.
 
-    Parameters
-    ----------
-    head : pyarrow.Array
-        First rows of the column.
-    tail : pyarrow.Array or None
-        Last rows where they are cheap to have: they may settle which number is the day.
-    time_format : str or None
-        As in `Loop`.
-    time_zone : str or None
-        Zone of stamps without one.
-    name : str
-        Name of the column.
-    unit : str or None
-        Unit that stands beside it.
+    - `head`: first rows of the column.
+    - `tail`: last rows where they are cheap to have: they may settle which number is the day.
+    - `time_format`: as in `Loop`.
+    - `time_zone`: zone of stamps without one.
+    - `name`: name of the column.
+    - `unit`: unit that stands beside it.
 
-    Attributes
-    ----------
-    arrow_type : pyarrow.DataType
-        What a CSV parser should make of the column.
-    t0 : datetime or None
-        Time of the first row.
-    zone : str or None
-        Zone the times are told in.
-    found : list of Finding
-        What its numbers were taken for, where that was not plain.
+    - `arrow_type`: what a CSV parser should make of the column.
+    - `t0`: time of the first row.
+    - `zone`: zone the times are told in.
+    - `found`: what its numbers were taken for, where that was not plain.
 
-    Raises
-    ------
-    CellFault
-        Where the first rows are no times, or can be read in two ways.
+    Raises CellFault where the first rows are no times, or can be read in two ways.
     """
 
     def __init__(

@@ -74,12 +74,8 @@ class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputErr
 class Digits:
     """How a text writes its numbers.
 
-    Attributes
-    ----------
-    decimal : {".", ",", ""}
-        What parts whole from decimal digits; "" where no cell that was seen tells.
-    group : {"", ".", ","}
-        What parts the thousands, where some cell shows it; a space or an apostrophe is always understood.
+    - `decimal`: what parts whole from decimal digits; "" where no cell that was seen tells.
+    - `group`: what parts the thousands, where some cell shows it; a space or an apostrophe is always understood.
     """
 
     decimal: str = "."
@@ -89,10 +85,7 @@ class Digits:
 def digits_of(cells: Sequence[str], label: str) -> Digits:
     """How the cells of a table write numbers.
 
-    Raises
-    ------
-    InputError
-        Where some have a decimal comma and others a decimal point.
+    Raises InputError where some have a decimal comma and others a decimal point.
 
     Examples
     --------
@@ -177,10 +170,7 @@ def plain(column: pa.Array) -> pa.Array:
 def words(column: pa.Array) -> pa.Array:
     """A column of words, or of numbers that stand for them, without a dictionary.
 
-    Raises
-    ------
-    CellFault
-        Where it holds neither.
+    Raises CellFault where it holds neither.
     """
     column = plain(column)
     kind = column.type
@@ -197,19 +187,11 @@ def words(column: pa.Array) -> pa.Array:
 def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits()) -> NDArray[np.float64]:
     """Numbers of a column, NaN where missing or not finite.
 
-    Parameters
-    ----------
-    column : pyarrow.Array
-        Numbers, booleans or text.
-    bad_words : frozenset of str
-        Words that mean "missing", lower case.
-    digits : Digits
-        How text writes numbers.
+    - `column`: numbers, booleans or text.
+    - `bad_words`: words that mean "missing", lower case.
+    - `digits`: how text writes numbers.
 
-    Raises
-    ------
-    CellFault
-        At the first text that is neither a number nor a word for missing.
+    Raises CellFault: at the first text that is neither a number nor a word for missing.
     """
     column = plain(column)
     if is_text(column.type):
@@ -286,10 +268,8 @@ def text_of(value: object) -> str:
 def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8]:
     """One bit per cell, decided once per different word.
 
-    Raises
-    ------
-    CellFault
-        At the first cell that `bit_of` refuses with a ValueError, or where the column holds neither words nor numbers.
+    Raises CellFault: at the first cell that `bit_of` refuses with a ValueError, or where the column holds neither words
+    nor numbers.
     """
     n = 1
     if pa.types.is_dictionary(column.type) and is_text(column.type.value_type) and column.null_count == 0:
@@ -334,16 +314,11 @@ class Quality:
     of 192 set is good) or OPC UA status codes (the two highest of 32 bits clear is good). 0 is bad in the one and good
     in the other, so the numbers at the start of the column decide: any of 192..255 there means OPC DA.
 
-    Parameters
-    ----------
-    first : iterable of str
-        Normalised words from the start of the column.
-    bad_words : frozenset of str
-        Words for missing.
-    column : str
-        Its name: where that says *validity*, 1 is good and every other number is not; *confidence* (PHD), 100 is.
-    marked : bool
-        Whether it has a letter where a value is not good, and nothing where it is (FactoryTalk View).
+    - `first`: normalised words from the start of the column.
+    - `bad_words`: words for missing.
+    - `column`: its name: where that says *validity*, 1 is good and every other number is not; *confidence* (PHD), 100
+      is.
+    - `marked`: whether it has a letter where a value is not good, and nothing where it is (FactoryTalk View).
     """
 
     def __init__(

@@ -77,19 +77,11 @@ def with_units(loop: Loop, units: dict[str, str]) -> Loop:
 class WideRecording(Recording):
     """One loop of a table with one column per signal.
 
-    Parameters
-    ----------
-    passes : Passes
-        Over the table.
-    loop : Loop
-        Settings.
-    chosen : dict
-        Role to column name.
+    - `passes`: over the table.
+    - `loop`: settings.
+    - `chosen`: role to column name.
 
-    Raises
-    ------
-    InputError
-        Where the first rows show that the table cannot be used.
+    Raises InputError where the first rows show that the table cannot be used.
     """
 
     def __init__(self, passes: Passes, loop: Loop, chosen: dict[str, str]) -> None:

@@ -107,7 +107,8 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
             hovertemplate="OP %{x:.5~g}<br>%{y:.5~g}<extra></extra>",
         )
     )
-    bottom, top = np.sort((np.quantile(seen, [0.05, 0.95]) - middle) / gain)
+    # Where PV does not follow the valve at all, a gap has no flanks.
+    bottom, top = np.sort((np.quantile(seen, [0.05, 0.95]) - middle) / gain) if gain else (0.0, 0.0)
     drawn = [
         (answer.width, {"color": POSITION, "width": 2.6}, "at least" if answer.verdict == "at_least" else "fitted gap"),
         (answer.low if f.found else None, {"color": INK, "width": 1.6, "dash": "3px,3px"}, "95 % limit"),
@@ -115,7 +116,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
     ]
     named = set[str]()
     for width, line, label in drawn:
-        if width is None or (label == "95 % limit" and width == answer.width):
+        if width is None or not gain or (label == "95 % limit" and width == answer.width):
             continue
         half = width / 2
         v = np.array([bottom, top, top, bottom, bottom])

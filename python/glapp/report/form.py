@@ -61,13 +61,9 @@ class Judged:
 def judged(test: StepTest, loop: Loop, allowed: float | None = None) -> Judged:
     """Hold a step test against the dead band that is allowed.
 
-    Parameters
-    ----------
-    test : StepTest
-    loop : Loop
-        Whose OP span and acceptable dead band count.
-    allowed : float, optional
-        Widest dead band that passes [% of span]; the loop's `acceptable_dead_band` where not given, else `NOMINAL`.
+    - `loop`: whose OP span and acceptable dead band count.
+    - `allowed`: widest dead band that passes [% of span]; the loop's `acceptable_dead_band` where not given, else
+      `NOMINAL`.
 
     Examples
     --------

@@ -59,20 +59,12 @@ def write_report(
 ) -> list[Path]:
     """Write the report of a run.
 
-    Parameters
-    ----------
-    results : Sequence[Result]
-        The run's results, in any order; the report ranks them by urgency, and among equals by width.
-    path : str | Path
-        The HTML file to write. Its folder must exist.
-    title : str
-        Heading of the report.
+    - `results`: the run's results, in any order; the report ranks them by urgency, and among equals by width.
+    - `path`: the HTML file to write. Its folder must exist.
+    - `title`: heading of the report.
 
-    Returns
-    -------
-    list[Path]
-        The files written, `path` first. More than one only where a single file would reach `MAX_BYTES`: then `path`
-        is an index, with one file per loop in a folder beside it that is named after it.
+    Returns the files written, `path` first. More than one only where a single file would reach `MAX_BYTES`: then `path`
+    is an index, with one file per loop in a folder beside it that is named after it.
     """
     order = words.ranked(results)
     drawn = [bar(r) for r in order]
@@ -89,19 +81,11 @@ def write_score(
 ) -> list[Path]:
     """Write the score of labelled valves: the counts, the calibration, and a section for each answer that differs.
 
-    Parameters
-    ----------
-    scored : Sequence[Scored]
-        Answers beside their labels, from `glapp.score`.
-    path : str | Path
-        The HTML file to write. Its folder must exist.
-    title : str
-        Heading of the report.
+    - `scored`: answers beside their labels, from `glapp.score`.
+    - `path`: the HTML file to write. Its folder must exist.
+    - `title`: heading of the report.
 
-    Returns
-    -------
-    list[Path]
-        As `write_report`.
+    Returns as `write_report`.
     """
     differ = [one for one in scored if one.outcome == "wrong"]
     counts = [

@@ -23,7 +23,8 @@ def question(plan: Plan) -> str:
 
 def limits(plan: Plan) -> str:
     """The limits that a person gave."""
-    return f"OP within {_within(plan.op_within)}, PV within {_within(plan.pv_within)}, at most {plan.within:g} min"
+    op, pv = f"{_within(plan.op_within)} {op_unit(plan.unit)}", f"{_within(plan.pv_within)} {plan.pv_unit}"
+    return f"OP within {op}, PV within {pv}, at most {plan.within:g} min"
 
 
 def rows(plan: Plan) -> list[tuple[str, str]]:
@@ -45,8 +46,8 @@ def text(test: Planned, plan: Plan) -> str:
     what, unit = ("OP", op_unit(plan.unit)) if test.kind == "by_hand" else ("SP", plan.pv_unit)
     said = f"{what} {_moves(test.moves)} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
-        said += f"PV stays within {_within(test.pv)}"
-        said += ". " if test.kind == "by_hand" else f", OP within {_within(test.op)}. "
+        said += f"PV stays within {_within(test.pv)} {plan.pv_unit}"
+        said += ". " if test.kind == "by_hand" else f", OP within {_within(test.op)} {op_unit(plan.unit)}. "
     return said + (
         f"It decides in {_share(test.power)}: it shows the gap in {_share(test.with_gap)} and its absence in "
         f"{_share(test.without)}, after {test.simulations} simulations of each."

@@ -58,12 +58,8 @@ def bar(r: Result) -> Bar | None:
 class LoopView:
     """One loop as its section shows it.
 
-    Attributes
-    ----------
-    key : str
-        Name of its section in the page.
-    r : Result
-        What is shown.
+    - `key`: name of its section in the page.
+    - `r`: what is shown.
     """
 
     key: str

@@ -21,19 +21,11 @@ _SPAWN = get_context("spawn")
 async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
     """What a function gives, in a process of its own that ends with us.
 
-    Parameters
-    ----------
-    what : callable
-        A function of a module.
-    *words
-        What it is given; must be picklable, as what it gives.
-    longest : float
-        How long it may take, > 0 [s]; then it is ended.
+    - `what`: a function of a module.
+    - `*words`: what it is given; must be picklable, as what it gives.
+    - `longest`: how long it may take, > 0 [s]; then it is ended.
 
-    Raises
-    ------
-    InputError
-        What it raised; where it took too long, or its process was ended.
+    Raises InputError: what it raised; where it took too long, or its process was ended.
     """
     receiver, sender = _SPAWN.Pipe(duplex=False)
     began = time.monotonic()

@@ -118,19 +118,10 @@ class User(_Asked):
 def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "localhost", "[::1]")) -> FastAPI:
     """The API of a monitor.
 
-    Parameters
-    ----------
-    monitor : Monitor
-        What it opens to.
-    users : Users
-        Who may ask.
-    hosts : sequence of str
-        Names that requests may be addressed to: another one, which a page elsewhere may have made to stand for this
-        computer, is refused.
-
-    Returns
-    -------
-    FastAPI
+    - `monitor`: what it opens to.
+    - `users`: who may ask.
+    - `hosts`: names that requests may be addressed to: another one, which a page elsewhere may have made to stand for
+      this computer, is refused.
     """
     app = FastAPI(
         title="glapp watch",
@@ -568,23 +559,13 @@ def _gauge(name: str, text: str, value: float) -> GaugeMetricFamily:
 class ApiServer:
     """The API, open: served beside the monitor, in the same loop.
 
-    Parameters
-    ----------
-    app : FastAPI
-        What `app_of` made.
-    host : str
-        The address that it listens at.
-    port : int
-        0: any that is free.
-    certificate, key : Path, optional
-        For TLS; needed for any address that is not this computer's own.
-    limits : ListenerLimits, optional
-        How many connections and requests are taken, and how long they may be waited for.
+    - `app`: what `app_of` made.
+    - `host`: the address that it listens at.
+    - `port`: 0: any that is free.
+    - `certificate`, `key`: for TLS; needed for any address that is not this computer's own.
+    - `limits`: how many connections and requests are taken, and how long they may be waited for.
 
-    Raises
-    ------
-    InputError
-        For an address of the network without TLS.
+    Raises InputError for an address of the network without TLS.
     """
 
     def __init__(
@@ -614,7 +595,8 @@ class ApiServer:
         try:
             self._socket = socket.create_server((host.strip("[]"), port), family=family, backlog=1024)
         except OSError as error:
-            raise InputError(f"cannot be listened at: {error}", parameter="host and port", value=port) from None
+            what = f"{host}:{port} cannot be listened at: {error.strerror or error}"
+            raise InputError(what, parameter="host and port", value=port, hint="give another --port") from None
         self.port: int = self._socket.getsockname()[1]
         self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
         self._server = Listener(app, limits, ssl_certfile=certificate, ssl_keyfile=key)

@@ -26,26 +26,16 @@ __all__ = ["Commands"]
 class Commands:
     """The commands of a monitor. What cannot be logged is not done; only ending a compensation always is.
 
-    Parameters
-    ----------
-    given : mapping of str to Loop
-        The loops as loops.toml has them.
-    loops : mapping of str to WatchedLoop
-        The loops as they are watched.
-    journal : Journal
-        Keeps the log.
-    reader : Reader
-        Of the journal's store.
-    feedforward : FeedForward
-        Writes u_FF.
-    watchdog : Watchdog
-        Of the plant.
-    fits : FitQueue
-        Fits the loops.
-    clock : callable
-        The time [s since 1970 UTC].
-    save : callable
-        Writes the state of all loops, so that what came before a change is not taken in again with other settings.
+    - `given`: the loops as loops.toml has them.
+    - `loops`: the loops as they are watched.
+    - `journal`: keeps the log.
+    - `reader`: of the journal's store.
+    - `feedforward`: writes u_FF.
+    - `watchdog`: of the plant.
+    - `fits`: fits the loops.
+    - `clock`: the time [s since 1970 UTC].
+    - `save`: writes the state of all loops, so that what came before a change is not taken in again with other
+      settings.
     """
 
     def __init__(
@@ -96,12 +86,8 @@ class Commands:
 
         A detector of which a parameter changes begins anew: no estimate comes from detections with two settings.
 
-        Raises
-        ------
-        InputError
-            For a name that is none, or a value out of its bounds.
-        StoreFull
-            Where it cannot be logged: then it is not done.
+        Raises InputError for a name that is none, or a value out of its bounds. Raises StoreFull where it cannot be
+        logged: then it is not done.
         """
         watched, before = self._loops[loop], self.settings(loop)
         for name in values:
@@ -145,10 +131,7 @@ class Commands:
     async def take_over(self, loop: str, answer: int, person: str, role: str) -> dict[str, Any]:
         """Put in force what a fit found: the width for compensation, Kp, and K, Ti, Td where the loop has none.
 
-        Raises
-        ------
-        InputError
-            Where there is no such answer, or it holds nothing to take over.
+        Raises InputError where there is no such answer, or it holds nothing to take over.
         """
         found = self._reader.answer(loop, answer)
         if found is None:
@@ -168,12 +151,8 @@ class Commands:
     async def enable(self, loop: str, person: str, role: str) -> dict[str, Any]:
         """Let a loop be compensated, by the name of the person who answers for it.
 
-        Raises
-        ------
-        InputError
-            Where the loop has no node for u_FF, no width, or is too slow, or its watchdog test was not passed.
-        StoreFull
-            Where it cannot be logged: then it is not done.
+        Raises InputError where the loop has no node for u_FF, no width, or is too slow, or its watchdog test was not
+        passed. Raises StoreFull where it cannot be logged: then it is not done.
         """
         watched = self._loops[loop]
         compensator, source = self._compensator(watched), self._plant(loop)
@@ -204,12 +183,8 @@ class Commands:
     async def disable(self, loop: str, person: str, role: str) -> dict[str, Any]:
         """End the compensation of a loop; that is done even where it cannot be logged.
 
-        Raises
-        ------
-        InputError
-            Where the loop cannot be compensated at all.
-        StoreFull
-            Where it could not be logged; it is done.
+        Raises InputError where the loop cannot be compensated at all. Raises StoreFull where it could not be logged; it
+        is done.
         """
         watched = self._loops[loop]
         compensator = self._compensator(watched)
@@ -223,12 +198,8 @@ class Commands:
 
         A loop is only enabled after its test was passed. Events tell how the test ends.
 
-        Raises
-        ------
-        InputError
-            Where any loop is compensated, or this one cannot be.
-        StoreFull
-            Where it cannot be logged: then it is not done.
+        Raises InputError where any loop is compensated, or this one cannot be. Raises StoreFull where it cannot be
+        logged: then it is not done.
         """
         watched = self._loops[loop]
         self._compensator(watched)
@@ -265,10 +236,7 @@ class Commands:
     async def fit(self, loop: str, person: str, role: str) -> None:
         """Queue the fit of a loop.
 
-        Raises
-        ------
-        StoreFull
-            Where it cannot be logged: then it is not done.
+        Raises StoreFull where it cannot be logged: then it is not done.
         """
         await self._journal.log(person, role, "fit", loop, None, None)
         self._fits.ask(loop, person)

@@ -57,19 +57,11 @@ _FINAL = ("over_compensated", "too_many_reversals", "too_much_travel", "worse", 
 def detection_beside(loop: Loop, period: float, **chosen: Any) -> Graph:
     """A `BacklashDetection` beside a controller that is not ours, "watch", with its inputs sp, pv, flags, op and u_ff.
 
-    Parameters
-    ----------
-    loop : Loop
-        Whose settings it has.
-    period : float
-        Usual time between samples, > 0 [s].
-    chosen
-        More settings of `BacklashDetection`.
+    - `loop`: whose settings it has.
+    - `period`: usual time between samples, > 0 [s].
+    - `chosen`: more settings of `BacklashDetection`.
 
-    Raises
-    ------
-    InputError
-        Where the loop has no controller, or a setting is out of its bounds.
+    Raises InputError where the loop has no controller, or a setting is out of its bounds.
     """
     ideal = loop.ideal()
     if ideal is None:
@@ -99,22 +91,13 @@ def detection_beside(loop: Loop, period: float, **chosen: Any) -> Graph:
 class Compensator:
     """The compensation of one loop.
 
-    Parameters
-    ----------
-    loop : Loop
-        With a controller.
-    period : float
-        Usual time between values of PV, > 0 [s].
-    settings : mapping
-        What a person has set, by the names in `SETTINGS`; None: as by default.
-    most, fastest : float
-        The greatest |u_FF| and the greatest rate that the plant takes, > 0 [OP unit, OP unit per s]; `comp_limit` and
-        `comp_rate` go by them (`usual_of`).
+    - `loop`: with a controller.
+    - `period`: usual time between values of PV, > 0 [s].
+    - `settings`: what a person has set, by the names in `SETTINGS`; None: as by default.
+    - `most`, `fastest`: the greatest |u_FF| and the greatest rate that the plant takes, > 0 [OP unit, OP unit per s];
+      `comp_limit` and `comp_rate` go by them (`usual_of`).
 
-    Raises
-    ------
-    InputError
-        Where the loop has no controller, or a setting is out of its bounds.
+    Raises InputError where the loop has no controller, or a setting is out of its bounds.
     """
 
     def __init__(self, loop: Loop, period: float, settings: Mapping[str, Any], most: float, fastest: float) -> None:
@@ -198,10 +181,7 @@ class Compensator:
     def stuck_u_ff(self, now: float) -> float | None:
         """The u_FF that is read back from the plant though it had to be 0 by now; None: all is as it has to be.
 
-        Parameters
-        ----------
-        now : float
-            The clock of `scan` [s].
+        - `now`: the clock of `scan` [s].
         """
         found = self._held.get(Signal.U_FF)
         if self._to_zero is None or found is None or not found.good or found.value == 0.0:
@@ -211,11 +191,7 @@ class Compensator:
     def take(self, value: Value, now: float) -> None:
         """Take a value where it is newer than the one there is; a PV that comes late moves nothing.
 
-        Parameters
-        ----------
-        value : Value
-        now : float
-            When it came [s since 1970 UTC].
+        - `now`: when it came [s since 1970 UTC].
         """
         held = self._held.get(value.signal)
         if held is not None and value.time <= held.time:
@@ -246,12 +222,8 @@ class Compensator:
     def scan(self, now: float, alive: bool) -> float:
         """A scan with the newest values; gives u_FF.
 
-        Parameters
-        ----------
-        now : float
-            A clock that only goes forward [s].
-        alive : bool
-            Whether the connection of the loop lives: where it does not, what was read is not believed.
+        - `now`: a clock that only goes forward [s].
+        - `alive`: whether the connection of the loop lives: where it does not, what was read is not believed.
         """
         if self.fresh_pv:
             self.pv_at = now
@@ -293,11 +265,8 @@ class Compensator:
     def enable(self) -> None:
         """Let it compensate from the next scan on.
 
-        Raises
-        ------
-        InputError
-            Where no width is given, mode or OP was never read, or what was measured of the delay is more than the core
-            allows for this Ti; nothing is in force then.
+        Raises InputError where no width is given, mode or OP was never read, or what was measured of the delay is more
+        than the core allows for this Ti; nothing is in force then.
         """
         name = self.loop.name
         for signal in (Signal.MODE, Signal.OP, Signal.U_FF):
@@ -376,10 +345,7 @@ class Compensator:
 
         One by one, in the order in which each is within its bounds with those that are set already.
 
-        Raises
-        ------
-        InputError
-            With the bound that one of them breaks; all is as it was.
+        Raises InputError with the bound that one of them breaks; all is as it was.
         """
         left, before = dict(values), dict[str, float | None]()
         while left:

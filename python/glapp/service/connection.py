@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from ..checked import Checked
 from ..controller import Positive
@@ -66,7 +67,7 @@ class Connection(Checked):
 security = "Basic256Sha256"
     """
 
-    url: Annotated[str, Field(pattern=r"^opc\.tcp://[^\s/@]+(/\S*)?$")]
+    url: str
     security: Literal["Basic256Sha256", "Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"] | None = None
     mode: Literal["SignAndEncrypt", "Sign"] = "SignAndEncrypt"
     certificate: Path | None = None
@@ -81,6 +82,16 @@ security = "Basic256Sha256"
     history: Annotated[float, Field(ge=0)] = 86_400.0
     ahead: Annotated[float, Field(ge=0)] = 60.0
     watchdog: Node | None = None
+
+    @field_validator("url")
+    @classmethod
+    def _address(cls, url: str) -> str:
+        bound = "an address such as opc.tcp://plant:4840"
+        if "@" in url:  # it is not shown: a password may stand in it
+            raise InputError(f"has an @, must be {bound}", bound=bound, hint="write user and password_file")
+        if re.fullmatch(r"opc\.tcp://[^\s/]+(/\S*)?", url) is None:
+            raise InputError(f"is {url!r}, must be {bound}", value=url, bound=bound)
+        return url
 
     @model_validator(mode="after")
     def _secure(self) -> Connection:
@@ -103,10 +114,7 @@ security = "Basic256Sha256"
     def password(self) -> str | None:
         """The user's password.
 
-        Raises
-        ------
-        InputError
-            Where there is a user and no password, or its file cannot be read.
+        Raises InputError where there is a user and no password, or its file cannot be read.
         """
         if self.user is None:
             return None
@@ -121,10 +129,7 @@ security = "Basic256Sha256"
 def password_in(file: Path) -> str:
     """The first line of a file.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be read.
+    Raises InputError where it cannot be read.
     """
     try:
         return file.read_text(encoding="utf-8").partition("\n")[0].rstrip("\r")
@@ -136,10 +141,7 @@ def password_in(file: Path) -> str:
 def read_connection(path: str | Path) -> Connection | None:
     """The table [opcua] of a loops.toml; None where it has none. Paths are relative to the file.
 
-    Raises
-    ------
-    InputError
-        With file, key, value and bound; for an unknown key with the nearest known one.
+    Raises InputError with file, key, value and bound; for an unknown key with the nearest known one.
     """
     table = read_table(path, "opcua")
     if table is None:
@@ -157,10 +159,7 @@ def read_connection(path: str | Path) -> Connection | None:
 def check_tags(connection: Connection, loops: Sequence[Loop]) -> None:
     """Refuse tags that cannot be meant: no PV, a node that is written and is something else too.
 
-    Raises
-    ------
-    InputError
-        With the loop and the key.
+    Raises InputError with the loop and the key.
     """
     names: set[str] = set()
     for loop in loops:

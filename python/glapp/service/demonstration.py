@@ -128,21 +128,12 @@ def _rows(loop: SimLoop, start: float, scans: int) -> NDArray[np.float64]:
 def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now: float) -> None:
     """Store what a service that had watched these loops would have: signals, half-periods, answers, states.
 
-    Parameters
-    ----------
-    store : Store
-        Of a folder in which nothing is yet.
-    simulated : sequence of SimLoop
-        The loops; they go on from where this ends.
-    known : sequence of Loop
-        The same as `loops.toml` has them.
-    now : float
-        Until when [s since 1970 UTC].
+    - `store`: of a folder in which nothing is yet.
+    - `simulated`: the loops; they go on from where this ends.
+    - `known`: the same as `loops.toml` has them.
+    - `now`: until when [s since 1970 UTC].
 
-    Raises
-    ------
-    StoreFull, OSError
-        Where it cannot be written.
+    Raises StoreFull, OSError where it cannot be written.
     """
     today = _midnight(now)
     recorded = _recorded(simulated, today, now)
@@ -175,10 +166,7 @@ def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now
 def answers(today: datetime) -> dict[str, dict[str, Any]]:
     """What the fits of the night before a day said, by loop, as rows of `answers`.
 
-    Parameters
-    ----------
-    today : datetime
-        Midnight, UTC.
+    - `today`: midnight, UTC.
     """
 
     def shifted(found: re.Match[str]) -> str:

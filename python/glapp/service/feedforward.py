@@ -26,23 +26,13 @@ _CAUGHT_UP = 2.0
 class FeedForward:
     """Computes and writes u_FF of all loops.
 
-    Parameters
-    ----------
-    loops : mapping of str to WatchedLoop
-        The loops.
-    journal : Journal
-        Is told what is enabled, withdrawn and not written.
-    clock : callable
-        The time [s since 1970 UTC].
-    hurries : bool
-        Whether that is the time of a simulated plant that hurries; u_FF is then computed by its time.
+    - `loops`: the loops.
+    - `journal`: is told what is enabled, withdrawn and not written.
+    - `clock`: the time [s since 1970 UTC].
+    - `hurries`: whether that is the time of a simulated plant that hurries; u_FF is then computed by its time.
 
-    Attributes
-    ----------
-    source : Plant or None
-        The plant, as soon as there is one.
-    ticks : callable
-        The time that u_FF is computed by, which only goes forward [s].
+    - `source`: the plant, as soon as there is one.
+    - `ticks`: the time that u_FF is computed by, which only goes forward [s].
     """
 
     def __init__(
@@ -118,10 +108,7 @@ class FeedForward:
 
         For a simulated plant that hurries. It waits two seconds at most, so that it goes on where no PV comes.
 
-        Parameters
-        ----------
-        moment : float
-            By the plant's time [s since 1970 UTC].
+        - `moment`: by the plant's time [s since 1970 UTC].
         """
         with suppress(TimeoutError):
             async with asyncio.timeout(_CAUGHT_UP):
@@ -132,12 +119,8 @@ class FeedForward:
     async def enable(self, watched: WatchedLoop, compensator: Compensator, source: Plant) -> None:
         """Let a loop be compensated from the next PV on.
 
-        Raises
-        ------
-        InputError
-            Where u_FF cannot be read back, there is no width, or u_FF comes too late.
-        WriteRefused
-            Where the plant takes no u_FF, or its watchdog cannot be counted up.
+        Raises InputError where u_FF cannot be read back, there is no width, or u_FF comes too late. Raises WriteRefused
+        where the plant takes no u_FF, or its watchdog cannot be counted up.
         """
         name = watched.loop.name
         await answered_within(PLANT_ANSWERS, source.heartbeat())
@@ -161,7 +144,7 @@ class FeedForward:
             self._journal.add_event(Event(self._clock(), watched.loop.name, "withdrawn", why))
 
     def switch_all_off(self, why: str) -> None:
-        """As `switch_off`, of all loops."""
+        """Switch off all loops, as `switch_off` does one."""
         for watched in self._loops.values():
             self.switch_off(watched, why)
 
@@ -180,10 +163,7 @@ class FeedForward:
     async def stopped(self, goes_on: Callable[[], bool]) -> None:
         """End all compensations, and wait until u_FF is 0 in the plant, for as long as that may take.
 
-        Parameters
-        ----------
-        goes_on : callable
-            Whether all that writes u_FF still runs: where it does not, there is nothing to wait for.
+        - `goes_on`: whether all that writes u_FF still runs: where it does not, there is nothing to wait for.
         """
         self.switch_all_off("the service was stopped")
         working = [w.compensator for w in self.at_work if w.compensator is not None]

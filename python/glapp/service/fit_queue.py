@@ -25,22 +25,13 @@ __all__ = ["FitQueue"]
 class FitQueue:
     """Fits the recordings that are kept of a loop, in a process of its own.
 
-    Parameters
-    ----------
-    loops : mapping of str to WatchedLoop
-        The loops; each keeps its last answer.
-    journal : Journal
-        Keeps answers and events.
-    reader : Reader
-        Of the journal's store.
-    options : MonitorOptions
-        When the fits of the night begin, how far they look back, how long one may take.
-    clock : callable
-        The time [s since 1970 UTC].
-    save : callable
-        Writes all that came in to the disk, where the fit reads it.
-    show : callable
-        Writes the status of the service for who reads it.
+    - `loops`: the loops; each keeps its last answer.
+    - `journal`: keeps answers and events.
+    - `reader`: of the journal's store.
+    - `options`: when the fits of the night begin, how far they look back, how long one may take.
+    - `clock`: the time [s since 1970 UTC].
+    - `save`: writes all that came in to the disk, where the fit reads it.
+    - `show`: writes the status of the service for who reads it.
     """
 
     def __init__(
@@ -102,10 +93,7 @@ class FitQueue:
     async def keep_answer(self, name: str, person: str, answer: dict[str, Any]) -> None:
         """Store the answer of a loop, and tell it.
 
-        Raises
-        ------
-        StoreFull
-            Where it cannot be stored.
+        Raises StoreFull where it cannot be stored.
         """
         row = {"time": self._clock(), "asked_by": person, **answer}
         await asyncio.to_thread(self._journal.store.add_answer, name, row)

@@ -25,10 +25,7 @@ __all__ = ["answered", "event_text", "row_of"]
 def event_text(row: Mapping[str, Any]) -> str:
     """What an event says of an answer: the sentence that leads it everywhere.
 
-    Parameters
-    ----------
-    row : mapping
-        A row of `answers`.
+    - `row`: a row of `answers`.
     """
     [loop] = json.loads(row["document"])["analysis"]["loops"]
     return str(loop["answer"]["so"])
@@ -39,19 +36,11 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
 
     A guided step test that has decided answers where normal operation leaves it open.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
-    settings : str
-        The loop, as JSON.
-    begin, end : float
-        From when to when [s since 1970 UTC].
+    - `folder`: the data folder.
+    - `settings`: the loop, as JSON.
+    - `begin`, `end`: from when to when [s since 1970 UTC].
 
-    Raises
-    ------
-    InputError
-        Where there is no recording, or it cannot be read.
+    Raises InputError where there is no recording, or it cannot be read.
     """
     loop = Loop(**json.loads(settings))
     test = None
@@ -82,12 +71,8 @@ def _with_test(
 def row_of(result: Result, begin: float, end: float) -> dict[str, Any]:
     """A result as a row of `answers`: what its one answer says, and the document of all.
 
-    Parameters
-    ----------
-    result : Result
-        What was found.
-    begin, end : float
-        From when to when it was recorded [s since 1970 UTC].
+    - `result`: what was found.
+    - `begin`, `end`: from when to when it was recorded [s since 1970 UTC].
     """
     one = result.answer
     fitted = result.fit is not None and one.verdict == result.fit.verdict

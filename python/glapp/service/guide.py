@@ -48,18 +48,11 @@ controller was put in automatic, or never in manual; a person stopped it; no val
 class Asked:
     """A test that is to be made.
 
-    Attributes
-    ----------
-    width : float
-        Width in question [OP unit].
-    moves : tuple of float
-        How far OP goes from where it stands in manual, one after the other; the first is 0 [OP unit].
-    hold : float
-        Time at each [s].
-    op_within, pv_within : (float, float)
-        Limits [OP unit, PV unit].
-    minutes : float
-        Longest time from the first move on [min].
+    - `width`: width in question [OP unit].
+    - `moves`: how far OP goes from where it stands in manual, one after the other; the first is 0 [OP unit].
+    - `hold`: time at each [s].
+    - `op_within`, `pv_within`: limits [OP unit, PV unit].
+    - `minutes`: longest time from the first move on [min].
     """
 
     width: float
@@ -78,10 +71,7 @@ class Asked:
     def of_plan(cls, plan: Plan) -> Asked:
         """The planned test with OP by hand.
 
-        Raises
-        ------
-        InputError
-            Where none can be proposed.
+        Raises InputError where none can be proposed.
         """
         test = plan.by_hand
         if test is None or test.hold is None:
@@ -101,24 +91,14 @@ class Asked:
 class Guide:
     """Where a test is, and what the person does next.
 
-    Attributes
-    ----------
-    text : str
-        What to do now, in a sentence or two.
-    move : int
-        Of `Asked.moves` the one at which OP is held; -1 before the controller is in manual.
-    levels : tuple of float
-        OP at each move [OP unit]; empty before the controller is in manual.
-    until : float or None
-        When the hold is over [s since 1970 UTC]; None while a move is waited for.
-    outcome : Outcome or None
-        Why it has ended; None while it goes on.
-    found : "gap", "no_gap" or None
-        What it has decided.
-    d, low, high : float or None
-        Width with its 95 % limits so far [OP unit].
-    begins, ends : float or None
-        From when to when the controller was in manual for it [s since 1970 UTC].
+    - `text`: what to do now, in a sentence or two.
+    - `move`: of `Asked.moves` the one at which OP is held; -1 before the controller is in manual.
+    - `levels`: OP at each move [OP unit]; empty before the controller is in manual.
+    - `until`: when the hold is over [s since 1970 UTC]; None while a move is waited for.
+    - `outcome`: why it has ended; None while it goes on.
+    - `found`: what it has decided.
+    - `d`, `low`, `high`: width with its 95 % limits so far [OP unit].
+    - `begins`, `ends`: from when to when the controller was in manual for it [s since 1970 UTC].
     """
 
     text: str
@@ -137,14 +117,9 @@ class Guide:
 def read_test(table: pa.Table, loop: Loop, width: float | None = None) -> StepTest | None:
     """What a test in samples of the service tells; None where the controller was in automatic all the time.
 
-    Parameters
-    ----------
-    table : pyarrow.Table
-        As `Monitor.recorded` gives it.
-    loop : Loop
-        Settings that go with it.
-    width : float, optional
-        Width in question [OP unit].
+    - `table`: as `Monitor.recorded` gives it.
+    - `loop`: settings that go with it.
+    - `width`: width in question [OP unit].
     """
     rows = _Rows.of(table)
     if not (rows.flags & NOT_AUTO).any():
@@ -180,16 +155,10 @@ class _Rows:
 def guide(asked: Asked, table: pa.Table, loop: Loop, begun: float, now: float) -> Guide:
     """Where a test is by what was recorded since it was begun.
 
-    Parameters
-    ----------
-    asked : Asked
-        The test.
-    table : pyarrow.Table
-        Samples since then, as `Monitor.recorded` gives them.
-    loop : Loop
-        Settings that go with them.
-    begun, now : float
-        [s since 1970 UTC]
+    - `asked`: the test.
+    - `table`: samples since then, as `Monitor.recorded` gives them.
+    - `loop`: settings that go with them.
+    - `begun`, `now`: [s since 1970 UTC]
     """
     rows = _Rows.of(table)
     manual = rows.flags & NOT_AUTO != 0

@@ -33,12 +33,8 @@ PAUSE = 4.0
 class GuidedTests:
     """The guided tests of the loops of a monitor.
 
-    Parameters
-    ----------
-    monitor : Monitor
-        Whose loops they are of.
-    every : float
-        A test is looked at so often [s].
+    - `monitor`: whose loops they are of.
+    - `every`: a test is looked at so often [s].
     """
 
     def __init__(self, monitor: Monitor, every: float = 1.0) -> None:
@@ -52,12 +48,8 @@ class GuidedTests:
     async def begin(self, loop: str, person: str, role: str) -> None:
         """Begin the test with OP by hand of the loop's last plan.
 
-        Raises
-        ------
-        InputError
-            Where there is no such plan, a test of the loop goes on, or nobody says when the controller is in manual.
-        StoreFull
-            Where it cannot be stored: then nothing begins.
+        Raises InputError where there is no such plan, a test of the loop goes on, or nobody says when the controller is
+        in manual. Raises StoreFull where it cannot be stored: then nothing begins.
         """
         monitor = self._monitor
         plan = monitor.reader.plan(loop)
@@ -81,10 +73,7 @@ class GuidedTests:
     async def stop(self, loop: str, person: str, role: str) -> None:
         """End the test of a loop that goes on.
 
-        Raises
-        ------
-        InputError
-            Where none does.
+        Raises InputError where none does.
         """
         row = next((row for row in self.going_on() if row["name"] == loop), None)
         if row is None:

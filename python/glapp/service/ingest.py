@@ -20,12 +20,8 @@ __all__ = ["Ingest"]
 class Ingest:
     """Collects the values of a source, and takes them through resamplers and detectors, an entry at a time.
 
-    Parameters
-    ----------
-    loops : mapping of str to WatchedLoop
-        The loops.
-    clock : callable
-        The time [s since 1970 UTC].
+    - `loops`: the loops.
+    - `clock`: the time [s since 1970 UTC].
     """
 
     def __init__(self, loops: Mapping[str, WatchedLoop], clock: Callable[[], float]) -> None:
@@ -87,12 +83,8 @@ class Ingest:
     def entry(self, now: float, position: Callable[[float], int]) -> Entry | None:
         """All that came since the last entry, with losses and signs of life; None where nothing did.
 
-        Parameters
-        ----------
-        now : float
-            The time [s since 1970 UTC].
-        position : callable
-            Gives the number of the entry that is made now.
+        - `now`: the time [s since 1970 UTC].
+        - `position`: gives the number of the entry that is made now.
         """
         # Losses stand before the values: those are of the new connection.
         rows = [(id, LOST, True, now, 0.0) for id in sorted(self._lost, reverse=True)]

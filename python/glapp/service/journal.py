@@ -25,23 +25,13 @@ _REPEATED = 60.0
 class Journal:
     """Entries, half-periods, events, states and signals of a monitor, on their way to the disk.
 
-    Parameters
-    ----------
-    store : Store
-        The database. Signals are kept beside it.
-    loops : mapping of str to WatchedLoop
-        The loops, which may be filled in later.
-    options : MonitorOptions
-        How much waits in memory, and how long signals are kept.
-    clock : callable
-        The time [s since 1970 UTC].
+    - `store`: the database. Signals are kept beside it.
+    - `loops`: the loops, which may be filled in later.
+    - `options`: how much waits in memory, and how long signals are kept.
+    - `clock`: the time [s since 1970 UTC].
 
-    Attributes
-    ----------
-    position : int
-        Number of the last entry.
-    failing : str or None
-        Why the store cannot be written now; None where it can.
+    - `position`: number of the last entry.
+    - `failing`: why the store cannot be written now; None where it can.
     """
 
     def __init__(
@@ -131,17 +121,14 @@ class Journal:
     async def save(self) -> None:
         """Write the signals and the states as of the last entry; all entries have to be written before.
 
-        Raises
-        ------
-        StoreFull, OSError
-            Where it cannot be written, or entries wait. All of it waits for the next time.
+        Raises StoreFull, OSError where it cannot be written, or entries wait. All of it waits for the next time.
         """
         if self._backlog:
             raise StoreFull(self.failing or "the store cannot be written")
         await to_the_end(self._save())
 
     async def try_save(self) -> None:
-        """As `save`, where no entry waits; a failure is an event."""
+        """Save if no entry waits; log a failure as an event."""
         try:
             if not self._backlog:
                 await to_the_end(self._save())
@@ -162,10 +149,7 @@ class Journal:
     def recorded(self, loop: str, begin: float, end: float) -> pa.Table:
         """The samples of a loop within [begin, end] [s since 1970 UTC]: those on disk, and those not there yet.
 
-        Returns
-        -------
-        pyarrow.Table
-            As `SignalStore.read`.
+        Returns as `SignalStore.read`.
         """
         _, rows = self._loops[loop].unsaved()
         table = self.signals.read(loop, begin, end)
@@ -194,10 +178,7 @@ class Journal:
     ) -> None:
         """Write at once who did what, and what it was before and after.
 
-        Raises
-        ------
-        StoreFull
-            Where it cannot be written.
+        Raises StoreFull where it cannot be written.
         """
 
         def write() -> None:

@@ -46,32 +46,18 @@ def _most() -> int:
 class ListenerLimits:
     """How much one listener takes.
 
-    Attributes
-    ----------
-    header : float
-        A header is whole so soon after the connection was made or TLS was agreed on [s].
-    body : float
-        A body is whole so soon after its header [s], and one second later for each `slowest` bytes of it.
-    answer : float
-        Within this time somebody who is sent an answer has taken `slowest` bytes of it, or all [s].
-    slowest : int
-        [bytes]
-    idle : float
-        So long a connection waits for the next request [s].
-    rest : float
-        So long for the rest of a body that was answered before it was whole [s].
-    address : int
-        Connections of strangers from one address; of IPv6, from one network of 64 bits.
-    strangers : int
-        Connections of strangers altogether.
-    logged_in : int
-        Connections that have shown a login.
-    each : int
-        Requests that one connection may send without a login; with the answer to the last it is closed.
-    turns : int
-        Requests of strangers that are worked on at the same time; the others wait, but for log-in and `disable`.
-    requests : int
-        Requests that are answered at the same time; log-in and `disable` are answered beyond it.
+    - `header`: a header is whole so soon after the connection was made or TLS was agreed on [s].
+    - `body`: a body is whole so soon after its header [s], and one second later for each `slowest` bytes of it.
+    - `answer`: within this time somebody who is sent an answer has taken `slowest` bytes of it, or all [s].
+    - `slowest`: [bytes]
+    - `idle`: so long a connection waits for the next request [s].
+    - `rest`: so long for the rest of a body that was answered before it was whole [s].
+    - `address`: connections of strangers from one address; of IPv6, from one network of 64 bits.
+    - `strangers`: connections of strangers altogether.
+    - `logged_in`: connections that have shown a login.
+    - `each`: requests that one connection may send without a login; with the answer to the last it is closed.
+    - `turns`: requests of strangers that are worked on at the same time; the others wait, but for log-in and `disable`.
+    - `requests`: requests that are answered at the same time; log-in and `disable` are answered beyond it.
     """
 
     header: float = 5.0
@@ -147,14 +133,9 @@ def network(host: str) -> str:
 class Listener(uvicorn.Server):
     """A server whose connections are bounded in number and time; the signals of the process are the process's.
 
-    Parameters
-    ----------
-    app : ASGI application
-        What is served.
-    limits : ListenerLimits, optional
-        How much is taken.
-    **more : Any
-        Settings of uvicorn.
+    - `app`: what is served.
+    - `limits`: how much is taken.
+    - `**more`: settings of uvicorn.
     """
 
     def __init__(self, app: Any, limits: ListenerLimits | None = None, **more: Any) -> None:

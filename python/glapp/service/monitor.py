@@ -44,34 +44,19 @@ _PATIENCE = 60.0
 class Monitor:
     """The monitor over the loops of a plant.
 
-    Parameters
-    ----------
-    loops : sequence of Loop
-        What is known of them.
-    store : Store
-        Where all is kept.
-    options : MonitorOptions
-        Times and sizes.
-    compensable : mapping of str to (float, float)
-        Names of the loops whose u_FF has a node in the plant, with the greatest |u_FF| and rate that are written there
-        [OP unit, OP unit per s].
-    clock : callable
-        The time [s since 1970 UTC].
-    hurries : bool
-        Whether that is the time of a simulated plant that hurries; u_FF is then computed by its time, too. Such a plant
-        has to wait for `FeedForward.caught_up` after every scan.
+    - `loops`: what is known of them.
+    - `store`: where all is kept.
+    - `options`: times and sizes.
+    - `compensable`: names of the loops whose u_FF has a node in the plant, with the greatest |u_FF| and rate that are
+      written there [OP unit, OP unit per s].
+    - `clock`: the time [s since 1970 UTC].
+    - `hurries`: whether that is the time of a simulated plant that hurries; u_FF is then computed by its time, too.
+      Such a plant has to wait for `FeedForward.caught_up` after every scan.
 
-    Attributes
-    ----------
-    loops : dict of str to WatchedLoop
-        The loops by name.
-    ingest, journal, feedforward, watchdog, fits, commands
-        The parts.
+    - `loops`: the loops by name.
+    - `ingest`, `journal`, `feedforward`, `watchdog`, `fits`, `commands`: the parts.
 
-    Raises
-    ------
-    InputError
-        Where a loop's settings are out of their bounds.
+    Raises InputError where a loop's settings are out of their bounds.
     """
 
     def __init__(
@@ -224,10 +209,7 @@ class Monitor:
     async def save(self) -> None:
         """Take in what came, and write it, the signals and the states, now.
 
-        Raises
-        ------
-        StoreFull, OSError
-            Where it cannot be written; all of it waits for the next time.
+        Raises StoreFull, OSError where it cannot be written; all of it waits for the next time.
         """
         await self.step()
         await self.journal.save()

@@ -87,20 +87,12 @@ class _Tag:
 class OpcUa:
     """The plant's OPC UA server as a `Source`.
 
-    Parameters
-    ----------
-    connection : Connection
-        How it is reached.
-    loops : sequence of Loop
-        Each with its `opcua` tags: pv and sp, and what else there is.
-    since : mapping of (loop, Signal) to float, optional
-        Source time of the last value of each signal that is already kept [s since 1970 UTC]: the history is read from
-        there on, and nothing comes twice.
+    - `connection`: how it is reached.
+    - `loops`: each with its `opcua` tags: pv and sp, and what else there is.
+    - `since`: source time of the last value of each signal that is already kept [s since 1970 UTC]: the history is read
+      from there on, and nothing comes twice.
 
-    Raises
-    ------
-    InputError
-        For tags that cannot be meant.
+    Raises InputError for tags that cannot be meant.
 
     Examples
     --------
@@ -193,10 +185,7 @@ class OpcUa:
     async def heartbeat(self) -> None:
         """Count the plant's watchdog up.
 
-        Raises
-        ------
-        WriteRefused
-            not_named, not_connected, by_server.
+        Raises WriteRefused: not_named, not_connected, by_server.
         """
         if self._connection.watchdog is None:
             raise WriteRefused("not_named", "opcua.watchdog is not given: the plant would not notice that we end")
@@ -751,12 +740,8 @@ class Found:
 async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
     """Every variable below Objects with a namespace of its own, in the order of the server.
 
-    Parameters
-    ----------
-    connection : Connection
-        How the server is reached.
-    most : int
-        Nodes that are looked at.
+    - `connection`: how the server is reached.
+    - `most`: nodes that are looked at.
     """
     client = await _client(connection)
     async with asyncio.timeout(4.0 * connection.timeout):

@@ -12,7 +12,7 @@ from .signal import Event, Tell
 __all__ = ["REPEATED", "EventFilter"]
 
 REPEATED = 60.0
-"""The same thing is told once in this time, with how often it happened [s]."""
+"""What happens again is told once in this time, with how often it happened [s]."""
 
 _RUSH = 20
 """So many tags with the same fault are told each for itself in that time; more are told together."""
@@ -52,10 +52,7 @@ class Tag(Protocol):
 class EventFilter:
     """Events on their way to whoever takes them; what happens again and again is counted.
 
-    Attributes
-    ----------
-    tell : callable or None
-        Takes the events; None as long as nobody does.
+    - `tell`: takes the events; None as long as nobody does.
     """
 
     def __init__(self) -> None:
@@ -71,16 +68,10 @@ class EventFilter:
     def often(self, kind: str, text: str, *, tag: Tag | None = None, many: str = "", count: int = 1) -> None:
         """Tell at once, and then at most once in `REPEATED` seconds, with how often it happened meanwhile.
 
-        Parameters
-        ----------
-        kind, text : str
-            Of the event; each kind is counted for itself, and each tag.
-        tag : Tag, optional
-            What it is about.
-        many : str
-            What is counted, such as values in all.
-        count : int
-            How many it were.
+        - `kind`, `text`: of the event; each kind is counted for itself, and each tag.
+        - `tag`: what it is about.
+        - `many`: what is counted, such as values in all.
+        - `count`: how many it were.
         """
         key = (kind, None if tag is None else tag.name)
         entry = self._told.setdefault(key, _EventCount(None if tag is None else tag.loop))

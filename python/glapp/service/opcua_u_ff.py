@@ -37,14 +37,9 @@ class UffNode:
 class UffNodes:
     """Writes u_FF of the loops, each within its limit and rate, and only while it is enabled.
 
-    Parameters
-    ----------
-    loops : sequence of Loop
-        With the tags of u_FF.
-    interval : float
-        Usual time between two writes [s].
-    events : EventFilter
-        Is told where somebody else writes, and where a node cannot be written.
+    - `loops`: with the tags of u_FF.
+    - `interval`: usual time between two writes [s].
+    - `events`: is told where somebody else writes, and where a node cannot be written.
     """
 
     def __init__(self, loops: Sequence[Loop], interval: float, events: EventFilter) -> None:
@@ -72,10 +67,8 @@ class UffNodes:
         Where it is not enabled, only a value nearer to 0 than what stands there is written, so that what was found
         after a restart can be ramped out. Towards 0 the rate is free.
 
-        Raises
-        ------
-        WriteRefused
-            not_named, not_enabled, not_a_number, too_large, too_fast, not_connected, other_writer, by_server.
+        Raises WriteRefused: not_named, not_enabled, not_a_number, too_large, too_fast, not_connected, other_writer,
+        by_server.
         """
         feed = self._node_of(loop)
         if not math.isfinite(u_ff):
@@ -116,16 +109,9 @@ class UffNodes:
     async def read_back(self, loop: str, now: float) -> Value:
         """The feed-forward that stands in the plant now; not good where it cannot be read.
 
-        Parameters
-        ----------
-        loop : str
-        now : float
-            The time of a value without a time stamp [s since 1970 UTC].
+        - `now`: the time of a value without a time stamp [s since 1970 UTC].
 
-        Raises
-        ------
-        WriteRefused
-            not_named, not_connected.
+        Raises WriteRefused: not_named, not_connected.
         """
         feed = self._node_of(loop)
         client = self._client_of(loop)
@@ -140,10 +126,7 @@ class UffNodes:
     def enable(self, loop: str) -> None:
         """Let u_FF of this loop be written, until it is disabled, the connection is lost or somebody else writes it.
 
-        Raises
-        ------
-        WriteRefused
-            not_named, not_connected.
+        Raises WriteRefused: not_named, not_connected.
         """
         feed = self._node_of(loop)
         self._client_of(loop)
@@ -152,10 +135,7 @@ class UffNodes:
     def disable(self, loop: str) -> None:
         """Let u_FF of this loop only go to 0 from now on.
 
-        Raises
-        ------
-        WriteRefused
-            not_named.
+        Raises WriteRefused: not_named.
         """
         feed = self._node_of(loop)
         if feed.state == "enabled":

@@ -17,32 +17,18 @@ NIGHT = "the night"
 class MonitorOptions:
     """Times and sizes of a monitor.
 
-    Attributes
-    ----------
-    period : float
-        Usual time between values of a PV, > 0 [s], where the loop's `sample_time` does not say another.
-    wait : float
-        How long a sample waits for values that come late, ≥ 0 [s].
-    ahead : float
-        How far ahead of our clock a source time may be, > 0 [s].
-    lost : float
-        The longest time between two signs of life of a loop, > 0 [s].
-    step : float
-        Time between two entries, > 0 [s].
-    save : float
-        Time between two saves of all states, > 0 [s].
-    keep : int
-        Days for which signals and rejected half-periods are kept, ≥ 1.
-    fit_days : int
-        Days that a fit looks back, ≥ 1.
-    fit_hour : int
-        Local hour at which the fits of the night begin, 0..23.
-    fit_longest : float
-        How long a fit may take, > 0 [s]; then it is ended.
-    backlog : int
-        Most entries that wait in memory while the store cannot be written, ≥ 1; beyond it they are given up.
-    watchdog_test : float
-        How long a watchdog test waits for the plant to take u_FF away, > 0 [s].
+    - `period`: usual time between values of a PV, > 0 [s], where the loop's `sample_time` does not say another.
+    - `wait`: how long a sample waits for values that come late, ≥ 0 [s].
+    - `ahead`: how far ahead of our clock a source time may be, > 0 [s].
+    - `lost`: the longest time between two signs of life of a loop, > 0 [s].
+    - `step`: time between two entries, > 0 [s].
+    - `save`: time between two saves of all states, > 0 [s].
+    - `keep`: days for which signals and rejected half-periods are kept, ≥ 1.
+    - `fit_days`: days that a fit looks back, ≥ 1.
+    - `fit_hour`: local hour at which the fits of the night begin, 0..23.
+    - `fit_longest`: how long a fit may take, > 0 [s]; then it is ended.
+    - `backlog`: most entries that wait in memory while the store cannot be written, ≥ 1; beyond it they are given up.
+    - `watchdog_test`: how long a watchdog test waits for the plant to take u_FF away, > 0 [s].
     """
 
     period: float = 1.0

@@ -35,10 +35,7 @@ NEWEST = 3
 def loop_of(reader: Reader, name: str) -> Loop:
     """A loop as it is watched now: as given, with what persons have set.
 
-    Raises
-    ------
-    InputError
-        Where there is no such loop.
+    Raises InputError where there is no such loop.
     """
     given = reader.loops_given().get(name)
     if given is None:
@@ -67,21 +64,12 @@ def width_in_question(answer: Mapping[str, Any] | None) -> float | None:
 def planned(folder: Path, settings: str, begin: float, end: float, asked: Mapping[str, Any]) -> dict[str, Any]:
     """The plan of a loop from its newest recordings, in plain types.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
-    settings : str
-        The loop, as JSON.
-    begin, end : float
-        From when to when [s since 1970 UTC].
-    asked : mapping
-        `op_within`, `pv_within`, `minutes` and `width`, as `glapp.plan_test` takes them.
+    - `folder`: the data folder.
+    - `settings`: the loop, as JSON.
+    - `begin`, `end`: from when to when [s since 1970 UTC].
+    - `asked`: `op_within`, `pv_within`, `minutes` and `width`, as `glapp.plan_test` takes them.
 
-    Raises
-    ------
-    InputError
-        Where nothing is recorded, or nothing can be planned.
+    Raises InputError where nothing is recorded, or nothing can be planned.
     """
     loop = Loop(**json.loads(settings))
     recordings = SignalStore(folder).recordings(loop, begin, end)[-NEWEST:]
@@ -95,10 +83,7 @@ def planned(folder: Path, settings: str, begin: float, end: float, asked: Mappin
 class Plans:
     """Plans of the loops of a monitor.
 
-    Parameters
-    ----------
-    monitor : Monitor
-        Whose loops they are of.
+    - `monitor`: whose loops they are of.
     """
 
     def __init__(self, monitor: Monitor) -> None:
@@ -108,22 +93,12 @@ class Plans:
     async def ask(self, loop: str, asked: Mapping[str, Any], person: str, role: str) -> None:
         """Have a test planned as soon as the plan before it is made.
 
-        Parameters
-        ----------
-        loop : str
-            Which loop.
-        asked : mapping
-            `op_within`, `pv_within` (each the lower limit before the upper), `minutes` > 0, and `width` or None: then
-            it is that of the loop's answer.
-        person, role : str
-            Who asks.
+        - `asked`: `op_within`, `pv_within` (each the lower limit before the upper), `minutes` > 0, and `width` or None:
+          then it is that of the loop's answer.
+        - `person`, `role`: who asks.
 
-        Raises
-        ------
-        InputError
-            For limits that cannot be, or where a plan of the loop is waiting already.
-        StoreFull
-            Where it cannot be stored: then nothing is planned.
+        Raises InputError for limits that cannot be, or where a plan of the loop is waiting already. Raises StoreFull
+        where it cannot be stored: then nothing is planned.
         """
         for name in ("op_within", "pv_within"):
             low, high = asked[name]

@@ -63,30 +63,17 @@ _SLICE = 50  # loops between two chances for others to run
 class Kind:
     """A kind of loop; times in scans, everything else in % of span.
 
-    Attributes
-    ----------
-    prefix : str
-        What its name begins with.
-    k, ti : float
-        Of its controller.
-    process : Module
-        A `ProcessSim`, or an integrating `Plant`.
-    d : float
-        Total width of the gap at the beginning.
-    wear : float
-        What is added to it in a day.
-    noise : float
-        Amplitude of the noise of PV.
-    step : float
-        How far the load is from its middle after a step at most, and ...
-    often : float
-        ... so many Ti between two steps, on average.
-    moves : float
-        How far SP is from 50 at most; it moves once in 300 Ti, on average.
-    swing : (float, float), optional
-        Amplitude and period of a sine in the load.
-    area, valve : str, optional
-        For `loops.toml`.
+    - `prefix`: what its name begins with.
+    - `k`, `ti`: of its controller.
+    - `process`: a `ProcessSim`, or an integrating `Plant`.
+    - `d`: total width of the gap at the beginning.
+    - `wear`: what is added to it in a day.
+    - `noise`: amplitude of the noise of PV.
+    - `step`: how far the load is from its middle after a step at most, and ...
+    - `often`: ... so many Ti between two steps, on average.
+    - `moves`: how far SP is from 50 at most; it moves once in 300 Ti, on average.
+    - `swing`: amplitude and period of a sine in the load.
+    - `area`, `valve`: for `loops.toml`.
     """
 
     prefix: str
@@ -122,23 +109,13 @@ def _kinds(h: float) -> list[Kind]:
 class SimLoop:
     """One loop: its graph, and what happens to it.
 
-    Parameters
-    ----------
-    number : int
-        Its place in the plant, from 0.
-    kind : Kind
-        What it is.
-    h : float
-        Scan time, > 0 [s].
-    seed : int
-        Of noise and disturbances.
+    - `number`: its place in the plant, from 0.
+    - `kind`: what it is.
+    - `h`: scan time, > 0 [s].
+    - `seed`: of noise and disturbances.
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    age : float
-        How long its valve had worn when the plant's time began [d].
+    - `name`: its name.
+    - `age`: how long its valve had worn when the plant's time began [d].
 
     Examples
     --------
@@ -345,42 +322,25 @@ def free_port() -> int:
 class SimPlant:
     """A simulated plant with its OPC UA server.
 
-    Parameters
-    ----------
-    loops : int or sequence of SimLoop
-        How many, 1 to 10 000: flow, pressure, temperature, level, a sound flow, and again. Or the loops themselves.
-    scan : float
-        Scan time [s of the plant], > 0. All time constants go by it.
-    speed : float
-        Seconds of the plant per second, > 0, until it has caught up with the clock on the wall; then 1.
-    begin : float
-        How many days ago the plant's time begins, ≥ 0: no time stamp is ever ahead of the clock.
-    seed : int
-        Of noise and disturbances.
-    port : int
-        Where it listens; 0 for any free one.
-    host : str
-        The address it listens at.
-    history : float
-        How much HistoryRead has [s of the plant]; 0: the server has none.
-    fresh : bool
-        Whether SP, mode and limit flags get a new time stamp in every scan, too.
-    watchdog : float
-        How long the node Watchdog may stand still before u_FF is ramped to 0 [s].
-    ramp : float
-        How long that takes [s].
-    security : Security
-        Certificates and users.
-    most : int
-        Values in one answer of HistoryRead.
-    repair : float, optional
-        After how many days of the plant's time the valves that wear are repaired, > 0: their gap is that of the
-        beginning, and wears on from there.
+    - `loops`: how many, 1 to 10 000: flow, pressure, temperature, level, a sound flow, and again. Or the loops
+      themselves.
+    - `scan`: scan time [s of the plant], > 0. All time constants go by it.
+    - `speed`: seconds of the plant per second, > 0, until it has caught up with the clock on the wall; then 1.
+    - `begin`: how many days ago the plant's time begins, ≥ 0: no time stamp is ever ahead of the clock.
+    - `seed`: of noise and disturbances.
+    - `port`: where it listens; 0 for any free one.
+    - `host`: the address it listens at.
+    - `history`: how much HistoryRead has [s of the plant]; 0: the server has none.
+    - `fresh`: whether SP, mode and limit flags get a new time stamp in every scan, too.
+    - `watchdog`: how long the node Watchdog may stand still before u_FF is ramped to 0 [s].
+    - `ramp`: how long that takes [s].
+    - `security`: certificates and users.
+    - `most`: values in one answer of HistoryRead.
+    - `repair`: after how many days of the plant's time the valves that wear are repaired, > 0: their gap is that of the
+      beginning, and wears on from there.
 
-    Attributes
-    ----------
-    follow : callable or None
-        Awaited after every scan, with the plant's time: there a plant that hurries waits for who must keep up with it.
+    - `follow`: awaited after every scan, with the plant's time: there a plant that hurries waits for who must keep up
+      with it.
 
     Examples
     --------
@@ -488,10 +448,7 @@ class SimPlant:
     def fault(self, kind: str, loop: str | None = None, seconds: float = math.inf) -> None:
         """Begin a fault in a loop, or in all, for so many seconds; 0 ends it.
 
-        Raises
-        ------
-        InputError
-            For a fault or a loop that there is not.
+        Raises InputError for a fault or a loop that there is not.
         """
         if kind not in FAULTS:
             raise InputError(f"is {kind!r}, must be one of {', '.join(FAULTS)}", parameter="fault", value=kind)
@@ -530,10 +487,7 @@ class SimPlant:
     async def open(self, *, namespaces: int = 0) -> None:
         """Begin to serve, again after `close`.
 
-        Parameters
-        ----------
-        namespaces : int
-            How many other namespaces stand before the plant's own: its index moves on by as many.
+        - `namespaces`: how many other namespaces stand before the plant's own: its index moves on by as many.
         """
         users = self._security.users
         server = Server(user_manager=_Users(users) if users else None)

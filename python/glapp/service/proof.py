@@ -53,10 +53,7 @@ class Repaired(_Asked):
 class Proof:
     """Plans and guided tests of a monitor, and what works on them beside it.
 
-    Parameters
-    ----------
-    monitor : Monitor
-        Whose loops they are of.
+    - `monitor`: whose loops they are of.
     """
 
     def __init__(self, monitor: Monitor) -> None:
@@ -70,12 +67,7 @@ class Proof:
     async def repaired(self, loop: str, asked: Repaired, person: str, role: str) -> None:
         """Note a repair, and have the loop fitted by what was recorded after it.
 
-        Raises
-        ------
-        InputError
-            For a time that has not come yet.
-        StoreFull
-            Where it cannot be stored.
+        Raises InputError for a time that has not come yet. Raises StoreFull where it cannot be stored.
         """
         monitor = self.monitor
         if asked.time > monitor.now + AHEAD:
@@ -93,20 +85,12 @@ def routes(
 ) -> None:
     """Add the requests to an API.
 
-    Parameters
-    ----------
-    app : FastAPI
-        Of the service.
-    proof : Proof
-        What they are about.
-    viewer, operator : Depends
-        Who may ask: dependencies that give a `Person`.
-    known : callable
-        The name of a loop, or 404.
-    done : callable
-        Does a command, and puts it down where it is refused.
-    looked : callable
-        Reads something in a thread for that.
+    - `app`: of the service.
+    - `proof`: what they are about.
+    - `viewer`, `operator`: who may ask: dependencies that give a `Person`.
+    - `known`: the name of a loop, or 404.
+    - `done`: does a command, and puts it down where it is refused.
+    - `looked`: reads something in a thread for that.
     """
     reader = proof.monitor.reader
 

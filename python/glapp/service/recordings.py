@@ -62,10 +62,7 @@ _OPEN = pa.schema([("loop", pa.string()), *_FIELDS])
 class SignalStore:
     """The recordings of a data folder.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder; they are in `folder/signals`.
+    - `folder`: the data folder; they are in `folder/signals`.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -77,17 +74,11 @@ class SignalStore:
 
         What a file of its day has already is left out: after a kill samples are made once more.
 
-        Parameters
-        ----------
-        samples : mapping
-            Of each loop the numbers of the entries that made its samples, and the samples, a row of `Sample` each.
-        through : int
-            The last entry.
+        - `samples`: of each loop the numbers of the entries that made its samples, and the samples, a row of `Sample`
+          each.
+        - `through`: the last entry.
 
-        Raises
-        ------
-        OSError
-            Where it cannot be written; it can be done once more with the same samples.
+        Raises OSError where it cannot be written; it can be done once more with the same samples.
         """
         by_day: dict[date, list[pa.Table]] = {}
         for name, (made_by, rows) in samples.items():
@@ -112,10 +103,7 @@ class SignalStore:
     def close_days(self, now: float) -> list[date]:
         """Put the parts of days that are over into the files of their loops; gives those days.
 
-        Raises
-        ------
-        OSError
-            Where it cannot be written; it is done anew the next time.
+        Raises OSError where it cannot be written; it is done anew the next time.
         """
         today = datetime.fromtimestamp(now, UTC).date()
         over: dict[date, list[tuple[int, Path]]] = {}
@@ -175,10 +163,7 @@ class SignalStore:
     def read(self, loop: str, begin: float, end: float) -> pa.Table:
         """The samples of a loop within [begin, end] [s since 1970 UTC], in the order in which they were taken in.
 
-        Returns
-        -------
-        pyarrow.Table
-            time, SP, PV, OP, MODE, QUALITY, OP_LOW, OP_HIGH, POSITION, U_FF.
+        Returns: time, SP, PV, OP, MODE, QUALITY, OP_LOW, OP_HIGH, POSITION, U_FF.
         """
         if not begin <= end:
             return _FIELDS.empty_table()
@@ -211,17 +196,10 @@ class SignalStore:
     def recordings(self, loop: Loop, begin: float, end: float) -> list[Recording]:
         """Recordings for `glapp.fit`, a day each; anew where the source's clock was set back.
 
-        Parameters
-        ----------
-        loop : Loop
-            Settings that go with them.
-        begin, end : float
-            From when to when [s since 1970 UTC].
+        - `loop`: settings that go with them.
+        - `begin`, `end`: from when to when [s since 1970 UTC].
 
-        Returns
-        -------
-        list of Recording
-            In the order of time; stretches of fewer than two samples, or without a number in PV, are left out.
+        Returns: In the order of time; stretches of fewer than two samples, or without a number in PV, are left out.
         """
         table = self.read(loop.name, begin, end)
         if not len(table):

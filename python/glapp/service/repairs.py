@@ -9,14 +9,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from .. import repair
 from ..loop import Loop
-from ..recording import Batch, Recording, joined
+from ..recording import Batch
 from ..repaired import Repair, Side
 from .recordings import SignalStore
 from .store import Reader
@@ -32,15 +31,9 @@ def repaired_at(reader: Reader, loop: str, until: float = math.inf) -> float:
 def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Whether the width has fallen between two days, by what each recording of a fit says alone.
 
-    Parameters
-    ----------
-    recordings : sequence of mapping
-        `fit.recordings` of the answer document.
+    - `recordings`: `fit.recordings` of the answer document.
 
-    Returns
-    -------
-    dict or None
-        As `glapp.repair.fall_of`, times in s since 1970 UTC.
+    Returns as `glapp.repair.fall_of`, times in s since 1970 UTC.
     """
     counted = [one for one in recordings if one["t0"] is not None and one["left_out"] is None]
     return repair.fall_of(
@@ -55,14 +48,9 @@ def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
     """A valve before and after a repair, by what was recorded up to 7 days before and after it.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
-    settings : str
-        The loop, as JSON.
-    at, now : float
-        When it was repaired, and the end of what is looked at [s since 1970 UTC].
+    - `folder`: the data folder.
+    - `settings`: the loop, as JSON.
+    - `at`, `now`: when it was repaired, and the end of what is looked at [s since 1970 UTC].
     """
     loop = Loop(**json.loads(settings))
     with Reader(folder) as reader:
@@ -75,22 +63,12 @@ def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
         next((row for row in answers if row["t_end"] <= at + 1.0 and row["t_end"] > begin), None),
         next((row for row in answers if row["t_begin"] >= at - 1.0 and row["t_begin"] < end), None),
     )
-    rows = [_rows(SignalStore(folder).recordings(loop, a, b)) for a, b in ((begin, at), (at, end))]
+    rows = [repair.rows_between(SignalStore(folder).recordings(loop, a, b)) for a, b in ((begin, at), (at, end))]
     sides = [_side(answer, part) for answer, part in zip(either, rows, strict=True)]
     return repair.compared(datetime.fromtimestamp(at, UTC), (sides[0], sides[1]), (rows[0], rows[1]))
 
 
-def _rows(recordings: Sequence[Recording]) -> Batch | None:
-    """The rows of these recordings with times since 1970."""
-    parts = []
-    for one in recordings:
-        begin = 0.0 if one.t0 is None else one.t0.timestamp()
-        parts += [replace(batch, t=batch.t + begin) for batch in one.batches()]
-    return joined(parts) if parts else None
-
-
 def _side(answer: Mapping[str, Any] | None, rows: Batch | None) -> Side:
     width = {} if answer is None else {name: answer[name] for name in ("verdict", "confidence", "d", "low", "high")}
-    ends = () if rows is None else (rows.t[0], rows.t[-1])
-    begin, end = (datetime.fromtimestamp(float(t), UTC) for t in ends) if ends else (None, None)
+    begin, end = (datetime.fromtimestamp(t, UTC) for t in repair.ends_of(rows)) if rows is not None else (None, None)
     return Side(begin, end, **width)

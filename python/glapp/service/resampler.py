@@ -54,16 +54,10 @@ _HELD_BACK = 1000
 class Sample(NamedTuple):
     """One sample for the detector.
 
-    Attributes
-    ----------
-    t : float
-        Source time [s since 1970 UTC].
-    sp, pv, op : float
-        Signals [their units]; NaN where bad, missing, or not known yet.
-    flags : int
-        Sum of 1 (not in automatic), 2 (bad), 4 (OP at its low limit), 8 (at its high limit).
-    position, u_ff : float
-        The valve's position, the feed-forward in effect; NaN where not known.
+    - `t`: source time [s since 1970 UTC].
+    - `sp`, `pv`, `op`: signals [their units]; NaN where bad, missing, or not known yet.
+    - `flags`: sum of 1 (not in automatic), 2 (bad), 4 (OP at its low limit), 8 (at its high limit).
+    - `position`, `u_ff`: the valve's position, the feed-forward in effect; NaN where not known.
     """
 
     t: float
@@ -78,16 +72,10 @@ class Sample(NamedTuple):
 class Resampler:
     """Values in, samples out, of one loop.
 
-    Parameters
-    ----------
-    period : float
-        Usual time between values of PV, > 0 [s].
-    wait : float
-        How long a sample waits for values that come late, ≥ 0 [s].
-    ahead : float
-        How far ahead of our clock a source time may be [s].
-    lost : float
-        The longest time between two signs of life [s].
+    - `period`: usual time between values of PV, > 0 [s].
+    - `wait`: how long a sample waits for values that come late, ≥ 0 [s].
+    - `ahead`: how far ahead of our clock a source time may be [s].
+    - `lost`: the longest time between two signs of life [s].
 
     Examples
     --------
@@ -117,18 +105,11 @@ class Resampler:
     def take(self, signal: int, time: float, value: float, good: bool, now: float) -> None:
         """Take a value.
 
-        Parameters
-        ----------
-        signal : int
-            Its number in `CODES`; or `ALIVE`: the connection lived at `time`; or `LOST`.
-        time : float
-            Source time [s since 1970 UTC].
-        value : float
-            The value.
-        good : bool
-            Whether it may be believed.
-        now : float
-            When it came, by our clock [s since 1970 UTC].
+        - `signal`: its number in `CODES`; or `ALIVE`: the connection lived at `time`; or `LOST`.
+        - `time`: source time [s since 1970 UTC].
+        - `value`: the value.
+        - `good`: whether it may be believed.
+        - `now`: when it came, by our clock [s since 1970 UTC].
         """
         if signal == ALIVE:
             if self.newest < time <= now + self.ahead:  # of what is known already it says nothing

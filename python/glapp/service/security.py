@@ -28,12 +28,9 @@ _POLICIES = (
 class Security:
     """What a server shows and asks for.
 
-    Attributes
-    ----------
-    certificate, private_key : Path
-        Of the server, .der and .pem; with them there are encrypted endpoints, and no open one.
-    users : mapping of str to str
-        Name and password of who may connect; anybody where it is empty.
+    - `certificate`, `private_key`: of the server, .der and .pem; with them there are encrypted endpoints, and no open
+      one.
+    - `users`: name and password of who may connect; anybody where it is empty.
     """
 
     certificate: Path | None = None
@@ -44,14 +41,9 @@ class Security:
 async def secure(server: Server, security: Security, ruleset: Any = None) -> None:
     """Give a server its certificate, its endpoints and the kinds of users that it takes, before it is started.
 
-    Parameters
-    ----------
-    server : asyncua.Server
-        One that was made with a manager of these users.
-    security : Security
-        What it shows and asks for.
-    ruleset : asyncua.crypto.permission_rules.PermissionRuleset, optional
-        What they may ask for; asyncua's own where not given.
+    - `server`: one that was made with a manager of these users.
+    - `security`: what it shows and asks for.
+    - `ruleset`: what they may ask for; asyncua's own where not given.
     """
     policies = [ua.SecurityPolicyType.NoSecurity]
     if security.certificate is not None and security.private_key is not None:

@@ -50,14 +50,9 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 class Node:
     """A variable of a loop.
 
-    Attributes
-    ----------
-    kind : asyncua.ua.VariantType
-        Its type.
-    text : str
-        What it says.
-    unit : bool
-        Whether it is in the unit of OP.
+    - `kind`: its type.
+    - `text`: what it says.
+    - `unit`: whether it is in the unit of OP.
     """
 
     kind: ua.VariantType
@@ -95,14 +90,9 @@ _OF_ANSWER = {
 class NodeValue(NamedTuple):
     """What a variable says.
 
-    Attributes
-    ----------
-    value : str, float, int, datetime or None
-        None where there is none.
-    status : int
-        OPC UA's status, bad where there is no value.
-    time : float or None
-        From when on it says so [s since 1970 UTC]; None: from now on.
+    - `value`: None where there is none.
+    - `status`: OPC UA's status, bad where there is no value.
+    - `time`: from when on it says so [s since 1970 UTC]; None: from now on.
     """
 
     value: Any
@@ -113,16 +103,10 @@ class NodeValue(NamedTuple):
 def node_values(loop: Mapping[str, Any]) -> dict[str, NodeValue]:
     """What each of `NODES` says of a loop.
 
-    Parameters
-    ----------
-    loop : mapping
-        The loop's part of `Monitor.status`.
+    - `loop`: the loop's part of `Monitor.status`.
 
-    Returns
-    -------
-    dict of str to NodeValue
-        Its status is BadWaitingForInitialData before the first fit or PV, BadNoData where a fit gives no such value,
-        BadNotSupported where the loop has no node for u_FF, BadNoCommunication of u_FF where the connection is lost.
+    Returns its status is BadWaitingForInitialData before the first fit or PV, BadNoData where a fit gives no such
+    value, BadNotSupported where the loop has no node for u_FF, BadNoCommunication of u_FF where the connection is lost.
 
     Examples
     --------
@@ -209,25 +193,15 @@ def _refuse(*_: Any) -> None:
 class AnswerServer:
     """The server: `async with` begins to listen, `run` keeps what it says true.
 
-    Parameters
-    ----------
-    status : callable
-        What `Monitor.status` gives; its loops must not change.
-    port : int
-        Where it listens; 0 for any free one.
-    host : str
-        The address it listens at.
-    security : Security
-        Certificate, key and users; each password has ten characters or more.
-    step : float
-        Time between two looks at the status, > 0 [s].
+    - `status`: what `Monitor.status` gives; its loops must not change.
+    - `port`: where it listens; 0 for any free one.
+    - `host`: the address it listens at.
+    - `security`: certificate, key and users; each password has ten characters or more.
+    - `step`: time between two looks at the status, > 0 [s].
 
-    Raises
-    ------
-    InputError
-        For an address that others reach without a certificate and users, for users without a certificate, a password
-        that is too short; when it begins to listen for a certificate or key that cannot be used, and for a port that is
-        taken.
+    Raises InputError for an address that others reach without a certificate and users, for users without a certificate,
+    a password that is too short; when it begins to listen for a certificate or key that cannot be used, and for a port
+    that is taken.
     """
 
     def __init__(

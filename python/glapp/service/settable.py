@@ -56,16 +56,10 @@ _GREATEST = 1e12  # what a controller of seven digits can work with
 class Bound(NamedTuple):
     """What a parameter may be: `low` ≤ value ≤ `high`, other than 0 unless `zero`, and a whole number where `whole`.
 
-    Attributes
-    ----------
-    unit : str
-        Its unit; "1" where it has none.
-    low, high : float
-        The least and the greatest, in this unit.
-    zero : bool
-        Whether it may be 0.
-    whole : bool
-        Whether only whole numbers are meant.
+    - `unit`: its unit; "1" where it has none.
+    - `low`, `high`: the least and the greatest, in this unit.
+    - `zero`: whether it may be 0.
+    - `whole`: whether only whole numbers are meant.
 
     Examples
     --------
@@ -115,18 +109,10 @@ def of_plant(loop: Loop) -> tuple[Bound, Bound]:
 def bounds_of(loop: Loop, settings: Mapping[str, Any], most: tuple[float, float] | None) -> dict[str, Bound]:
     """The bounds of all that may be set of a loop, by what else is set.
 
-    Parameters
-    ----------
-    loop : Loop
-        With what is set of its detector.
-    settings : mapping
-        What is set of its compensation; what is None or not there is as by default.
-    most : (float, float) or None
-        The greatest |u_FF| and rate that the plant takes [OP unit, OP unit per s]; None: it cannot be compensated.
-
-    Returns
-    -------
-    dict of str to Bound
+    - `loop`: with what is set of its detector.
+    - `settings`: what is set of its compensation; what is None or not there is as by default.
+    - `most`: the greatest |u_FF| and rate that the plant takes [OP unit, OP unit per s]; None: it cannot be
+      compensated.
     """
     gain = Bound("OP unit/PV unit", -_GREATEST, _GREATEST, zero=False)
     found = {
@@ -216,10 +202,7 @@ def compensation_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
     """The loop, with what persons have set of its detector in the place of what it had.
 
-    Raises
-    ------
-    InputError
-        With the parameter, its value and its bound.
+    Raises InputError with the parameter, its value and its bound.
     """
     given = {name: settings[name] for name in DETECTOR if settings.get(name) is not None}
     if not given:

@@ -36,20 +36,12 @@ class Signal(StrEnum):
 class Value:
     """One value of one signal of one loop, at its source's time.
 
-    Attributes
-    ----------
-    loop : str
-        Name of the loop.
-    signal : Signal
-        Which of its signals.
-    time : float
-        Source time stamp [s since 1970-01-01 UTC].
-    value : float
-        In the plant's own unit; NaN where it is not good.
-    good : bool
-        Whether it may be believed.
-    note : str
-        Why it may not, such as the name of an OPC UA status; "" where it may.
+    - `loop`: name of the loop.
+    - `signal`: which of its signals.
+    - `time`: source time stamp [s since 1970-01-01 UTC].
+    - `value`: in the plant's own unit; NaN where it is not good.
+    - `good`: whether it may be believed.
+    - `note`: why it may not, such as the name of an OPC UA status; "" where it may.
 
     Examples
     --------
@@ -69,16 +61,11 @@ class Value:
 class Event:
     """Something that a person is told, and that is kept.
 
-    Attributes
-    ----------
-    time : float
-        When it was noticed, by the clock of this computer [s since 1970-01-01 UTC].
-    loop : str or None
-        Name of the loop; None where it concerns the whole connection.
-    kind : str
-        One word to sort by: connected, lost, overflow, backfilled, late, future, duplicate, type_changed, clock_back, …
-    text : str
-        The sentence that a person reads.
+    - `time`: when it was noticed, by the clock of this computer [s since 1970-01-01 UTC].
+    - `loop`: name of the loop; None where it concerns the whole connection.
+    - `kind`: one word to sort by: connected, lost, overflow, backfilled, late, future, duplicate, type_changed,
+      clock_back, …
+    - `text`: the sentence that a person reads.
     """
 
     time: float
@@ -94,11 +81,8 @@ Tell = Callable[[Event], None]
 class WriteRefused(Exception):  # noqa: N818 - a refusal is an answer, not a fault of the program
     """A value was not written to the plant, and why.
 
-    Attributes
-    ----------
-    reason : str
-        One word to sort by: not_enabled, not_named, not_a_number, too_large, too_fast, not_connected, other_writer,
-        by_server.
+    - `reason`: one word to sort by: not_enabled, not_named, not_a_number, too_large, too_fast, not_connected,
+      other_writer, by_server.
     """
 
     def __init__(self, reason: str, text: str) -> None:
@@ -115,10 +99,7 @@ class Source(Protocol):
     async def write(self, loop: str, u_ff: float) -> None:
         """Write the feed-forward of a loop [OP unit].
 
-        Raises
-        ------
-        WriteRefused
-            Where it was not written, by name.
+        Raises WriteRefused where it was not written, by name.
         """
 
     async def read_back(self, loop: str) -> Value:
@@ -137,10 +118,7 @@ class Plant(Source, Protocol):
     def enable(self, loop: str) -> None:
         """Let u_FF of a loop be written.
 
-        Raises
-        ------
-        WriteRefused
-            Where there is no node or no connection.
+        Raises WriteRefused where there is no node or no connection.
         """
 
     def disable(self, loop: str) -> None:
@@ -153,10 +131,7 @@ async def answered_within(seconds: float, answer: Coroutine[Any, Any, T]) -> T:
     The call runs in a task of its own: a client that loses its connection cancels every task that waits for it, and
     ours must go on.
 
-    Raises
-    ------
-    WriteRefused
-        With the reason `no_answer` or `not_connected`, too.
+    Raises WriteRefused with the reason `no_answer` or `not_connected`, too.
     """
     task = asyncio.ensure_future(answer)
     task.add_done_callback(lambda done: done.cancelled() or done.exception())

@@ -154,20 +154,12 @@ class StoreFull(Exception):  # noqa: N818 - a state of the disk, not a fault of 
 class Entry:
     """What was taken in at one moment.
 
-    Attributes
-    ----------
-    id : int
-        Its number: later ones have greater numbers.
-    now : float
-        The moment, by the clock of this computer [s since 1970 UTC].
-    loop : uint32[n]
-        `loops.id` of each value.
-    signal : uint8[n]
-        Which signal: its place in `glapp.service.signal.Signal`, or `ALIVE`, or `LOST`.
-    good : bool[n]
-        Whether it may be believed.
-    time, value : float64[n]
-        Source time [s since 1970 UTC], and the value.
+    - `id`: its number: later ones have greater numbers.
+    - `now`: the moment, by the clock of this computer [s since 1970 UTC].
+    - `loop` (uint32[n]): `loops.id` of each value.
+    - `signal` (uint8[n]): which signal: its place in `glapp.service.signal.Signal`, or `ALIVE`, or `LOST`.
+    - `good` (bool[n]): whether it may be believed.
+    - `time`, `value` (float64[n]): source time [s since 1970 UTC], and the value.
     """
 
     id: int
@@ -209,15 +201,9 @@ class Entry:
 class Reader:
     """The database, read by anybody at any time.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
+    - `folder`: the data folder.
 
-    Raises
-    ------
-    InputError
-        Where there is no database, it is damaged, or a later program wrote it.
+    Raises InputError where there is no database, it is damaged, or a later program wrote it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -490,17 +476,10 @@ class Store(Reader):
     glapp. `found` says so where it was found now, `damaged` as long as the file lies there. Where there is no database
     though signals are recorded, `found` says that.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder; made where it is missing.
-    now : float, optional
-        The time that a damaged database is named by [s since 1970 UTC].
+    - `folder`: the data folder; made where it is missing.
+    - `now`: the time that a damaged database is named by [s since 1970 UTC].
 
-    Raises
-    ------
-    InputError
-        Where another process writes it, or a later program wrote it.
+    Raises InputError where another process writes it, or a later program wrote it.
     """
 
     def __init__(self, folder: Path, now: float | None = None) -> None:
@@ -598,10 +577,7 @@ class Store(Reader):
     def add(self, entries: Sequence[Entry], halves: Sequence[Half], events: Sequence[Event]) -> None:
         """Store what came in, with what it led to: one transaction.
 
-        Raises
-        ------
-        StoreFull
-            Where it cannot be written; nothing of it is there.
+        Raises StoreFull where it cannot be written; nothing of it is there.
         """
         with self._writing():
             self._db.executemany(
@@ -619,10 +595,7 @@ class Store(Reader):
     def save(self, position: int, states: Mapping[int, str], events: Sequence[Event] = ()) -> None:
         """Store the states in which all entries up to `position` are, and delete those entries: one transaction.
 
-        Raises
-        ------
-        StoreFull
-            Where it cannot be written; all is as it was.
+        Raises StoreFull where it cannot be written; all is as it was.
         """
         with self._writing():
             self._db.execute("DELETE FROM entries WHERE id <= ?", (position,))
@@ -825,17 +798,10 @@ def backup(folder: Path, file: Path) -> None:
     The copy is made beside the file and then takes its name: it is whole, or there is none. Signals are files of their
     own, `folder/signals`, to be copied as files.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
-    file : Path
-        The copy; one that is there is replaced.
+    - `folder`: the data folder.
+    - `file`: the copy; one that is there is replaced.
 
-    Raises
-    ------
-    InputError
-        Where there is no database, or the file cannot be written.
+    Raises InputError where there is no database, or the file cannot be written.
     """
     part = file.with_name(f".{file.name}.part")
     with Reader(folder) as reader:
@@ -861,24 +827,13 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
 
     The database that is there is set aside, not overwritten. Compensation is off afterwards, as after every start.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder; made where it is missing.
-    file : Path
-        The copy.
-    now : float, optional
-        The time that the old database is named by [s since 1970 UTC].
+    - `folder`: the data folder; made where it is missing.
+    - `file`: the copy.
+    - `now`: the time that the old database is named by [s since 1970 UTC].
 
-    Returns
-    -------
-    Path or None
-        What the old database is called now.
+    Returns what the old database is called now.
 
-    Raises
-    ------
-    InputError
-        Where a process writes the folder, or the file is no sound database of glapp.
+    Raises InputError where a process writes the folder, or the file is no sound database of glapp.
     """
     try:
         copy = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)

@@ -18,17 +18,9 @@ _ROLES = ("sp", "pv", "op", "mode", "position")
 def loops_of(found: Iterable[tuple[str, str]]) -> tuple[dict[str, dict[str, str]], int]:
     """Tags of loops among variables, by the words that control systems use.
 
-    Parameters
-    ----------
-    found : iterable of (str, str)
-        Path of names and node of each variable.
+    - `found`: path of names and node of each variable.
 
-    Returns
-    -------
-    dict of str to dict
-        Name of each loop that has SP and PV, and its signals' nodes.
-    int
-        How many variables belong to none.
+    Returns: Name of each loop that has SP and PV, and its signals' nodes. How many variables belong to none.
 
     Examples
     --------

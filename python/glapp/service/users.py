@@ -48,14 +48,9 @@ ADDRESSES = 20
 class Role(IntEnum):
     """What a person may do; each may what those before may.
 
-    Attributes
-    ----------
-    VIEWER
-        See everything.
-    OPERATOR
-        Ask for a fit; switch compensation off.
-    ENGINEER
-        Change a detector's parameters, take over a fit, enable compensation, manage users.
+    - `VIEWER`: see everything.
+    - `OPERATOR`: ask for a fit; switch compensation off.
+    - `ENGINEER`: change a detector's parameters, take over a fit, enable compensation, manage users.
     """
 
     VIEWER = 1
@@ -66,10 +61,7 @@ class Role(IntEnum):
     def named(cls, name: str) -> Role:
         """The role of a name.
 
-        Raises
-        ------
-        InputError
-            Where there is none of it.
+        Raises InputError where there is none of it.
         """
         for role in cls:
             if role.name.lower() == name:
@@ -95,16 +87,10 @@ class Refused(Exception):  # noqa: N818 - a refusal is an answer, not a fault of
 class Attempt:
     """A password that is about to be looked at, and counts already.
 
-    Attributes
-    ----------
-    name, address : str
-        Whose it is said to be, and where it comes from.
-    known : bool
-        Whether that name has logged in from there before.
-    wait : float
-        So long from now it is not looked at [s], at most `PACE`.
-    displaced : bool
-        Whether another one came meanwhile, which waits in its place.
+    - `name`, `address`: whose it is said to be, and where it comes from.
+    - `known`: whether that name has logged in from there before.
+    - `wait`: so long from now it is not looked at [s], at most `PACE`.
+    - `displaced`: whether another one came meanwhile, which waits in its place.
     """
 
     name: str
@@ -129,10 +115,7 @@ class Tries:
     there are, so that no number of names takes a count away; two that share a place share its count, which locks
     strangers out earlier and nobody who is known.
 
-    Parameters
-    ----------
-    known : mapping of str to list of str, optional
-        Addresses from which each name has logged in, the newest last.
+    - `known`: addresses from which each name has logged in, the newest last.
 
     Examples
     --------
@@ -166,17 +149,10 @@ class Tries:
     def attempt(self, name: str, address: str, now: float) -> Attempt:
         """Count a try.
 
-        Parameters
-        ----------
-        name, address : str
-            Whose password it is said to be, and where it comes from.
-        now : float
-            By a clock that never goes back [s].
+        - `name`, `address`: whose password it is said to be, and where it comes from.
+        - `now`: by a clock that never goes back [s].
 
-        Raises
-        ------
-        Refused
-            Where it must not be looked at.
+        Raises Refused where it must not be looked at.
         """
         if address in self.known.get(name, ()):
             return self._slowed(Attempt(name, address, True, _at=now), (name, address), now)
@@ -231,12 +207,8 @@ def _forget(times: deque[float], now: float) -> None:
 class Users:
     """The users in the database.
 
-    Parameters
-    ----------
-    store : Store
-        Where they are.
-    cost : PasswordHasher, optional
-        How passwords are hashed; Argon2id with the library's own costs where not given.
+    - `store`: where they are.
+    - `cost`: how passwords are hashed; Argon2id with the library's own costs where not given.
     """
 
     def __init__(self, store: Store, cost: PasswordHasher | None = None) -> None:
@@ -255,10 +227,7 @@ class Users:
     def put(self, name: str, role: str, password: str | None, now: float) -> None:
         """Add a user, or change one; without a password it keeps its own. Who was logged in by that name is no longer.
 
-        Raises
-        ------
-        InputError
-            For a name, role or password that cannot be; where the last engineer would go.
+        Raises InputError for a name, role or password that cannot be; where the last engineer would go.
         """
         if not name or len(name) > 64 or not name.isprintable() or name != name.strip():
             raise InputError(
@@ -281,10 +250,7 @@ class Users:
     def remove(self, name: str) -> None:
         """Take a user out.
 
-        Raises
-        ------
-        InputError
-            Where there is none of that name, or it is the last engineer.
+        Raises InputError where there is none of that name, or it is the last engineer.
         """
         self._not_the_last(name)
         with self._writing:
@@ -305,17 +271,10 @@ class Users:
     def attempt(self, name: str, address: str, now: float) -> Attempt:
         """Count a password that somebody is about to try, before it is looked at.
 
-        Parameters
-        ----------
-        name, address : str
-            Whose it is said to be, and where it comes from.
-        now : float
-            By a clock that never goes back [s].
+        - `name`, `address`: whose it is said to be, and where it comes from.
+        - `now`: by a clock that never goes back [s].
 
-        Raises
-        ------
-        Refused
-            Where there were too many.
+        Raises Refused where there were too many.
         """
         with self._counting:
             return self._tries.attempt(name, address, now)
@@ -323,19 +282,11 @@ class Users:
     def log_in(self, attempt: Attempt, password: str, now: float) -> tuple[str, Person]:
         """A new token for a user, to be shown with every request.
 
-        Parameters
-        ----------
-        attempt : Attempt
-            What `attempt` counted.
-        password : str
-            The password.
-        now : float
-            The time [s since 1970 UTC].
+        - `attempt`: what `attempt` counted.
+        - `password`: the password.
+        - `now`: the time [s since 1970 UTC].
 
-        Raises
-        ------
-        Refused
-            For a wrong name or password, with the same message.
+        Raises Refused for a wrong name or password, with the same message.
         """
         known = self._store.user(attempt.name)
         try:
@@ -379,10 +330,7 @@ class RefusedLogins:
 
     The first is told at once, and what came after it when `every` seconds have passed.
 
-    Parameters
-    ----------
-    every : float
-        [s]
+    - `every`: [s]
     """
 
     def __init__(self, every: float = TRIES_WITHIN) -> None:
@@ -394,12 +342,8 @@ class RefusedLogins:
     def add(self, name: str | None, address: str) -> str | None:
         """Count one; gives what to say of it now, None where it is said later.
 
-        Parameters
-        ----------
-        name : str or None
-            The user's; None where there is none of that name, which may be a password typed in the wrong place.
-        address : str
-            Where it came from.
+        - `name`: the user's; None where there is none of that name, which may be a password typed in the wrong place.
+        - `address`: where it came from.
         """
         self.total += 1
         first = not self._names

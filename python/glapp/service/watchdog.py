@@ -26,20 +26,12 @@ _HEARTBEAT = 1.0
 class Watchdog:
     """Counts the plant's watchdog up while every u_FF is fresh, and tests that the plant looks at it.
 
-    Parameters
-    ----------
-    loops : mapping of str to WatchedLoop
-        The loops.
-    feedforward : FeedForward
-        Writes u_FF, and switches it off.
-    journal : Journal
-        Is told how a test ended, and what is not 0 in the plant.
-    options : MonitorOptions
-        How long a test waits for the plant.
-    clock : callable
-        The time [s since 1970 UTC].
-    hurries : bool
-        Whether that is the time of a simulated plant that hurries.
+    - `loops`: the loops.
+    - `feedforward`: writes u_FF, and switches it off.
+    - `journal`: is told how a test ended, and what is not 0 in the plant.
+    - `options`: how long a test waits for the plant.
+    - `clock`: the time [s since 1970 UTC].
+    - `hurries`: whether that is the time of a simulated plant that hurries.
     """
 
     def __init__(
@@ -79,10 +71,7 @@ class Watchdog:
     def look_for_stuck(self, now: float) -> None:
         """Find each u_FF that is not 0 in the plant though it had to be by now; then no loop is compensated.
 
-        Parameters
-        ----------
-        now : float
-            By the clock of `FeedForward.ticks` [s].
+        - `now`: by the clock of `FeedForward.ticks` [s].
         """
         for name, watched in self._loops.items():
             compensator = watched.compensator
@@ -109,10 +98,7 @@ class Watchdog:
     def require_none_stuck(self, loop: str) -> None:
         """Refuse to go on with a loop while any u_FF is stuck in the plant.
 
-        Raises
-        ------
-        InputError
-            With the names of the loops, and what to do.
+        Raises InputError with the names of the loops, and what to do.
         """
         if names := self.stuck:
             raise InputError(

@@ -29,20 +29,13 @@ _FIELDS = len(Sample._fields)
 class Health(IntEnum):
     """Health of a loop's valve by NAMUR NE 107, in the names and numbers of OPC UA's DeviceHealthEnumeration.
 
-    Attributes
-    ----------
-    NORMAL
-        No dead band was found, or all of it is acceptable; also where no fit could tell.
-    FAILURE
-        u_FF in the plant is not 0 though it had to be by now, and the service cannot take it away. A dead band alone is
-        no failure: the valve still works.
-    CHECK_FUNCTION
-        The loop cannot be watched now: no value came yet, its connection is lost, or PV is bad. Also where its answers
-        were set aside with a damaged database and no fit has answered since.
-    OFF_SPEC
-        Never used.
-    MAINTENANCE_REQUIRED
-        The last fit found backlash or stiction, more than what is acceptable where that is known.
+    - `NORMAL`: no dead band was found, or all of it is acceptable; also where no fit could tell.
+    - `FAILURE`: u_FF in the plant is not 0 though it had to be by now, and the service cannot take it away. A dead band
+      alone is no failure: the valve still works.
+    - `CHECK_FUNCTION`: the loop cannot be watched now: no value came yet, its connection is lost, or PV is bad. Also
+      where its answers were set aside with a damaged database and no fit has answered since.
+    - `OFF_SPEC`: never used.
+    - `MAINTENANCE_REQUIRED`: the last fit found backlash or stiction, more than what is acceptable where that is known.
     """
 
     NORMAL = 0
@@ -56,44 +49,25 @@ class Health(IntEnum):
 class WatchedLoop:
     """A loop under watch.
 
-    Attributes
-    ----------
-    loop : Loop
-        With what persons have set.
-    id : int
-        Its number in the store.
-    period : float
-        Usual time between values of PV, > 0 [s].
-    resampler : Resampler
-        Makes samples of its values.
-    detector : Estimator or None
-        None where K and Ti are not known.
-    plant_limits : (float, float) or None
-        The greatest |u_FF| and rate that the plant takes [OP unit, OP unit per s]; None without a node for u_FF.
-    half_periods : int
-        How many half-periods the detector found.
-    entry_ids : array of int
-        Of each sample that is not on disk yet, the number of the entry that made it.
-    samples : array of float
-        Those samples, one after another.
-    latest : dict of Signal to Value
-        The newest value of each signal.
-    lost : bool
-        Whether nothing came yet, or the connection was lost since.
-    alive_entered : float
-        The last sign of life that was entered in the journal [s since 1970 UTC].
-    compensator : Compensator or None
-        Computes u_FF; None where the loop cannot be compensated.
-    pv_came : asyncio.Event
-        Wakes whoever computes u_FF.
-    u_ff_time : float
-        Source time of the PV from which u_FF was last computed [s since 1970 UTC].
-    u_ff_stuck : bool
-        Whether u_FF in the plant is not 0 though it had to be by now.
-    watchdog_tested : bool
-        Whether a watchdog test is under way: its u_FF is for the plant to take away.
-    answer : dict or None
-        The last answer of a fit, a row of `Reader.answers`.
+    - `loop`: with what persons have set.
+    - `id`: its number in the store.
+    - `period`: usual time between values of PV, > 0 [s].
+    - `resampler`: makes samples of its values.
+    - `detector`: None where K and Ti are not known.
+    - `plant_limits`: the greatest |u_FF| and rate that the plant takes [OP unit, OP unit per s]; None without a node
+      for u_FF.
+    - `half_periods`: how many half-periods the detector found.
+    - `entry_ids` (array of int): of each sample that is not on disk yet, the number of the entry that made it.
+    - `samples` (array of float): those samples, one after another.
+    - `latest`: the newest value of each signal.
+    - `lost`: whether nothing came yet, or the connection was lost since.
+    - `alive_entered`: the last sign of life that was entered in the journal [s since 1970 UTC].
+    - `compensator`: computes u_FF; None where the loop cannot be compensated.
+    - `pv_came`: wakes whoever computes u_FF.
+    - `u_ff_time`: source time of the PV from which u_FF was last computed [s since 1970 UTC].
+    - `u_ff_stuck`: whether u_FF in the plant is not 0 though it had to be by now.
+    - `watchdog_tested`: whether a watchdog test is under way: its u_FF is for the plant to take away.
+    - `answer`: the last answer of a fit, a row of `Reader.answers`.
     """
 
     loop: Loop
@@ -157,10 +131,8 @@ class WatchedLoop:
     def health(self, *, answers_lost: bool) -> Health:
         """NE 107: whether the loop can be watched, and what its last answer says of the valve.
 
-        Parameters
-        ----------
-        answers_lost : bool
-            Whether the answers were set aside with a damaged database: then no answer does not mean that all is well.
+        - `answers_lost`: whether the answers were set aside with a damaged database: then no answer does not mean that
+          all is well.
         """
         pv, answer = self.latest.get(Signal.PV), self.answer
         if self.u_ff_stuck:
@@ -181,10 +153,7 @@ def loop_with(
 
     All settings are checked against their bounds. Of several that are out of bounds, the error names one in `changed`.
 
-    Raises
-    ------
-    InputError
-        With the parameter, its value and its bounds.
+    Raises InputError with the parameter, its value and its bounds.
     """
     alone = bounds_of(given, {}, None)
     for name, bound in alone.items():

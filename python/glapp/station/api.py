@@ -107,14 +107,7 @@ class Happened(BaseModel):
 def api_of(station: Station) -> FastAPI:
     """The interface of a station, to be mounted at `/api`.
 
-    Parameters
-    ----------
-    station : Station
-        What it tells of.
-
-    Returns
-    -------
-    FastAPI
+    - `station`: what it tells of.
     """
     app = FastAPI(
         title="glapp station",

@@ -55,6 +55,19 @@ document.getElementById("dark").value = "1"; }}</script></body></html>""",
     )
 
 
+def _no_page() -> HTMLResponse:
+    return HTMLResponse(
+        """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>No such page – glapp</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="stylesheet" href="/static/station.css"></head>
+<body class="login"><main class="card"><h1>There is no such page</h1>
+<p>The address may be mistyped. <a href="/">Overview</a></p></main>
+<script>if (matchMedia("(prefers-color-scheme: dark)").matches) document.body.classList.add("dark");</script>
+</body></html>""",
+        404,
+    )
+
+
 def _first_login(path: Path | None) -> tuple[str, str]:
     """Name and password of a demonstration's first user; two empty texts without one."""
     if path is None or not path.is_file():
@@ -66,20 +79,11 @@ def _first_login(path: Path | None) -> tuple[str, str]:
 def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login: Path | None = None) -> FastAPI:
     """The window of a station; once in a process, since the library has one set of pages.
 
-    Parameters
-    ----------
-    station : Station
-        What the pages stand on.
-    hosts : sequence of str
-        Names that it may be addressed by.
-    secure : bool
-        Whether it is served by TLS.
-    first_login : Path, optional
-        `first-login.txt` of a demonstration: name and password in it stand on the login page. Never given for a plant.
-
-    Returns
-    -------
-    FastAPI
+    - `station`: what the pages stand on.
+    - `hosts`: names that it may be addressed by.
+    - `secure`: whether it is served by TLS.
+    - `first_login`: `first-login.txt` of a demonstration: name and password in it stand on the login page. Never given
+      for a plant.
     """
     app = FastAPI(title="glapp station", docs_url=None, redoc_url=None, openapi_url=None)
     app.mount("/api", api_of(station))
@@ -160,6 +164,10 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     @ui.page("/laboratory")
     def _laboratory(request: Request) -> None:
         lab_page(station, bench, request)
+
+    @pages.exception_handler(404)
+    async def _missing(request: Request, error: Exception) -> Response:
+        return _no_page()
 
     tasks: list[asyncio.Task[None]] = []
 

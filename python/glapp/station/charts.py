@@ -8,6 +8,7 @@ from datetime import datetime
 from itertools import pairwise
 from typing import Any
 
+from ..palette import FONT
 from ..report.words import NAMES, REASONS, number
 from ..step_test import StepTest
 
@@ -71,7 +72,7 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     return {
         "animation": False,
         "backgroundColor": "transparent",
-        "textStyle": {"color": tone["ink"], "fontFamily": "Roboto, system-ui, sans-serif"},
+        "textStyle": {"color": tone["ink"], "fontFamily": FONT},
         "tooltip": {"trigger": "axis", "confine": True, "order": "seriesAsc"},
         "legend": {"textStyle": {"color": tone["ink"]}, "top": 0, "itemHeight": 10, "itemWidth": 16},
         "aria": {"enabled": True},
@@ -79,7 +80,7 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _of_lines(tone: Mapping[str, str]) -> dict[str, Any]:
-    """The same where all that is drawn are lines, and the legend shows lines."""
+    """A legend of lines, for a chart of lines alone."""
     base = _base(tone)
     return {**base, "legend": {**base["legend"], "icon": "rect", "itemHeight": 3}}
 
@@ -165,20 +166,13 @@ def live(
 ) -> dict[str, Any]:
     """SP and PV above, OP and the valve below; the half-periods are shaded behind PV.
 
-    Parameters
-    ----------
-    values : mapping
-        `time` [s since 1970 UTC], `SP`, `PV`, `OP`.
-    halves : sequence
-        Rows of half-periods.
-    pv_unit, op_unit : str
-        For the axes.
-    dark : bool
-        On a dark page.
-    valve : sequence, optional
-        Where the valve is by the model, at the times of the values; None without a width.
-    spans : ((float, float) or None, (float, float) or None)
-        Spans of PV and OP where the axes go by them; where not they go by the signals, and noise may fill the picture.
+    - `values`: `time` [s since 1970 UTC], `SP`, `PV`, `OP`.
+    - `halves`: rows of half-periods.
+    - `pv_unit`, `op_unit`: for the axes.
+    - `dark`: on a dark page.
+    - `valve`: where the valve is by the model, at the times of the values; None without a width.
+    - `spans`: spans of PV and OP where the axes go by them; where not they go by the signals, and noise may fill the
+      picture.
     """
     tone = _tone(dark)
     longest = _longest(values["time"])
@@ -239,16 +233,10 @@ def effect(
 ) -> dict[str, Any]:
     """PV about SP above, u_FF below, before a compensation was enabled and since.
 
-    Parameters
-    ----------
-    values : mapping
-        `time` [s since 1970 UTC], `SP`, `PV`, `U_FF`.
-    enabled : float
-        When it was [s since 1970 UTC].
-    pv_unit, op_unit : str
-        For the axes.
-    dark : bool
-        On a dark page.
+    - `values`: `time` [s since 1970 UTC], `SP`, `PV`, `U_FF`.
+    - `enabled`: when it was [s since 1970 UTC].
+    - `pv_unit`, `op_unit`: for the axes.
+    - `dark`: on a dark page.
     """
     error = [None if sp is None or pv is None else pv - sp for sp, pv in zip(values["SP"], values["PV"], strict=True)]
     shown = live(
@@ -286,18 +274,11 @@ def detections(
 
     The first three series are empty: `glapp.detections` in the browser fills them.
 
-    Parameters
-    ----------
-    answers : sequence
-        Rows of answers.
-    unit : str
-        Of the width as it is drawn.
-    scale : float
-        That unit per OP unit.
-    dark : bool
-        On a dark page.
-    alone : sequence
-        What each recording of the newest fit says alone: `t0`, `d`; those with a width are drawn.
+    - `answers`: rows of answers.
+    - `unit`: of the width as it is drawn.
+    - `scale`: that unit per OP unit.
+    - `dark`: on a dark page.
+    - `alone`: what each recording of the newest fit says alone: `t0`, `d`; those with a width are drawn.
     """
     tone = _tone(dark)
 
@@ -377,17 +358,10 @@ def detections(
 def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
     """A step test: PV above, OP below; what was held is shaded, from when PV had settled more strongly.
 
-    Parameters
-    ----------
-    found : StepTest
-        What was read.
-    dark : bool
-        On a dark page.
+    - `found`: what was read.
+    - `dark`: on a dark page.
 
-    Returns
-    -------
-    dict or None
-        None where nothing was in manual.
+    Returns: None where nothing was in manual.
     """
     rows = found.signals
     if rows is None or rows.op is None or not len(rows):
@@ -448,26 +422,18 @@ def phase(
 ) -> dict[str, Any]:
     """PV over OP, and the two flanks of a gap: the lines along which PV follows OP up and down, its width apart.
 
-    Parameters
-    ----------
-    op, pv : sequence
-        The signals; None where they are bad.
-    name : str
-        Of the upright axis, with its unit.
-    op_unit : str
-        Unit of OP.
-    dark : bool
-        On a dark page.
-    flanks : (float, float), optional
-        Width of the gap [OP unit] and PV's move per move of the valve; without them no flank is drawn.
-    times : sequence of float, optional
-        When each sample was [s since 1970 UTC]; no line is drawn where none came for a while.
+    - `op`, `pv`: the signals; None where they are bad.
+    - `name`: of the upright axis, with its unit.
+    - `op_unit`: unit of OP.
+    - `dark`: on a dark page.
+    - `flanks`: width of the gap [OP unit] and PV's move per move of the valve; without them no flank is drawn.
+    - `times`: when each sample was [s since 1970 UTC]; no line is drawn where none came for a while.
 
     Examples
     --------
     >>> drawn = phase([0.0, 2.0, 4.0], [0.0, 0.0, 4.0], "PV [%]", "%", dark=False, flanks=(2.0, 2.0))
     >>> [one["name"] for one in drawn["series"]]
-    ['recorded', 'flank, OP rising', 'flank, OP falling']
+    ['recorded', 'OP rising', 'OP falling']
     """
     tone = _tone(dark)
     data = [[x, y] for x, y in zip(op, pv, strict=True) if x is not None and y is not None]
@@ -493,7 +459,7 @@ def phase(
         # Through the middle of what is drawn: the load moves PV up and down beside OP.
         middle = _median([y - gain * x for x, y in data])
         bottom, top = (limit(y for _, y in data) for limit in (min, max))
-        for label, side, kind in (("flank, OP rising", 1.0, "solid"), ("flank, OP falling", -1.0, "dashed")):
+        for label, side, kind in (("OP rising", 1.0, "solid"), ("OP falling", -1.0, "dashed")):
             ends = [(x, middle + gain * (x - side * width / 2.0)) for x in (low - width, high + width)]
             ends = _within(ends, bottom, top)
             series.append(

@@ -32,10 +32,7 @@ class Gone(Exception):  # noqa: N818 - a state of the service, not a fault of th
 class Refused(Exception):  # noqa: N818 - a refusal is an answer
     """The service answered no.
 
-    Attributes
-    ----------
-    status : int
-        As HTTP has it; 401: the token is good for nothing any more.
+    - `status`: as HTTP has it; 401: the token is good for nothing any more.
     """
 
     def __init__(self, text: str, status: int) -> None:
@@ -46,19 +43,11 @@ class Refused(Exception):  # noqa: N818 - a refusal is an answer
 class ApiClient:
     """The API of a service.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder, where the service writes down where its API is.
-    url : str, optional
-        Where it is instead.
-    trust : Path, optional
-        A certificate to trust, for an API with TLS whose certificate no public authority has signed.
+    - `folder`: the data folder, where the service writes down where its API is.
+    - `url`: where it is instead.
+    - `trust`: a certificate to trust, for an API with TLS whose certificate no public authority has signed.
 
-    Raises
-    ------
-    InputError
-        Where the certificate cannot be used.
+    Raises InputError where the certificate cannot be used.
     """
 
     def __init__(self, folder: Path, url: str | None = None, trust: Path | None = None) -> None:
@@ -77,10 +66,7 @@ class ApiClient:
     def url(self) -> str:
         """Where it is; the service may have started again at another port.
 
-        Raises
-        ------
-        Gone
-            Where nothing says so.
+        Raises Gone where nothing says so.
         """
         if self._given is not None:
             return self._given.rstrip("/")
@@ -96,16 +82,10 @@ class ApiClient:
     async def log_in(self, user: str, password: str, address: str) -> dict[str, Any]:
         """A token for a user: `token`, `user`, `role`.
 
-        Parameters
-        ----------
-        user, password : str
-            As they were typed.
-        address : str
-            Where: the service counts tries by it, and believes it of who knows `station-key` of its folder.
+        - `user`, `password`: as they were typed.
+        - `address`: where: the service counts tries by it, and believes it of who knows `station-key` of its folder.
 
-        Raises
-        ------
-        Refused, Gone
+        Raises Refused, Gone.
         """
         headers = {}
         with suppress(OSError):
@@ -120,9 +100,7 @@ class ApiClient:
     ) -> Any:
         """What the service answers; `more` are headers.
 
-        Raises
-        ------
-        Refused, Gone
+        Raises Refused, Gone.
         """
         headers = {**({} if token is None else {"Authorization": f"Bearer {token}"}), **(more or {})}
         content = None
@@ -153,14 +131,10 @@ class ApiClient:
     async def live(self, loop: str, token: str, after: float | None = None) -> dict[str, Any]:
         """The newest values of a loop; the tabs of one person that look at it at the same time ask once.
 
-        Parameters
-        ----------
-        loop : str
-            Which.
-        token : str
-            Whose.
-        after : float or None
-            Not before one with a PV newer than this is there [s since 1970 UTC], or a second has passed; None: at once.
+        - `loop`: which.
+        - `token`: whose.
+        - `after`: not before one with a PV newer than this is there [s since 1970 UTC], or a second has passed; None:
+          at once.
         """
         wait = "" if after is None else f"&after={after!r}"
         path = f"/live?loop={quote(loop, safe='')}{wait}"

@@ -36,14 +36,10 @@ _WAY = {1: "error", 2: "derivative", 3: "inverse"}
 class Plan:
     """What will be done.
 
-    Attributes
-    ----------
-    size, delta : float or None
-        The width it goes by, and how far u_FF goes from side to side [OP unit]; None where nothing is known of it.
-    lines : tuple of str
-        The same, and how it ends, in sentences.
-    why_not : str
-        Why it cannot be enabled; empty where nothing stands against it here.
+    - `size`, `delta`: the width it goes by, and how far u_FF goes from side to side [OP unit]; None where nothing is
+      known of it.
+    - `lines`: the same, and how it ends, in sentences.
+    - `why_not`: why it cannot be enabled; empty where nothing stands against it here.
     """
 
     size: float | None
@@ -58,12 +54,8 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
     The width and the share are the core's rule: share·size, for the inverse less the band, which is a fifth of the size
     where nobody says (`docs/compensation.md`). What is really done, the service shows afterwards.
 
-    Parameters
-    ----------
-    parameters : mapping
-        As the API gives them.
-    unit : str
-        Of OP.
+    - `parameters`: as the API gives them.
+    - `unit`: of OP.
 
     Examples
     --------
@@ -130,12 +122,8 @@ class Calm:
     The median and not the standard deviation: a load that steps takes PV away for some Ti, compensated or not, and
     most of the scatter of an hour may be of that one step. The cycle that a gap keeps up is there all the time.
 
-    Attributes
-    ----------
-    before, since : float
-        Median of |SP − PV| [PV unit].
-    seconds : float
-        How long u_FF has moved [s].
+    - `before`, `since`: median of |SP − PV| [PV unit].
+    - `seconds`: how long u_FF has moved [s].
     """
 
     before: float
@@ -149,7 +137,7 @@ class Calm:
 
     @property
     def word(self) -> str:
-        """The same in words; a tenth is not told.
+        """How much calmer PV is, in words; a tenth is not told.
 
         >>> Calm(1.0, 0.5, 60.0).word, Calm(1.0, 0.95, 60.0).word, Calm(1.0, 2.0, 60.0).word
         ('calmer by a factor of 2', 'as calm as before', 'less calm by a factor of 2')
@@ -166,23 +154,13 @@ def calm(
 ) -> Calm | None:
     """How far PV is from SP before u_FF began to move, and since.
 
-    Parameters
-    ----------
-    times : sequence of float
-        [s]
-    sp, pv : sequence of float
-        [PV unit]; NaN where they are bad.
-    u_ff : sequence of float
-        [OP unit]
-    enabled : float
-        When the compensation was enabled [s]: it begins with the first u_FF after that which is not 0.
-    least : float
-        So long it must have been watched on either side [s].
+    - `times`: [s]
+    - `sp`, `pv`: [PV unit]; NaN where they are bad.
+    - `u_ff`: [OP unit]
+    - `enabled`: when the compensation was enabled [s]: it begins with the first u_FF after that which is not 0.
+    - `least`: so long it must have been watched on either side [s].
 
-    Returns
-    -------
-    Calm or None
-        None where it is too early.
+    Returns: None where it is too early.
 
     Examples
     --------

@@ -36,18 +36,9 @@ Ask = Callable[[str], Awaitable[Any]]
 class CompensationPage:
     """What stands in the dialog, built anew after each command.
 
-    Parameters
-    ----------
-    station : Station
-        What the pages stand on.
-    session : Session
-        Who looks.
-    loop : str
-        Which loop.
-    ask : callable
-        Something from the API, by its path; None where it does not say.
-    signals : callable
-        Samples from when to when [s since 1970 UTC].
+    - `station`: what the pages stand on.
+    - `ask`: something from the API, by its path; None where it does not say.
+    - `signals`: samples from when to when [s since 1970 UTC].
     """
 
     def __init__(self, station: Station, session: Session, loop: str, ask: Ask, signals: ReadSignals) -> None:

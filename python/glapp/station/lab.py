@@ -57,14 +57,9 @@ KINDS: dict[str, type[Module]] = {
 class Part:
     """A module as it is written in the form.
 
-    Attributes
-    ----------
-    name : str
-        Its name in the loop.
-    kind : str
-        Which module, one of `KINDS`.
-    settings : str
-        Its parameters, as in "k=2, ti=2".
+    - `name`: its name in the loop.
+    - `kind`: which module, one of `KINDS`.
+    - `settings`: its parameters, as in "k=2, ti=2".
     """
 
     name: str
@@ -74,10 +69,7 @@ class Part:
     def module(self) -> Module:
         """The module.
 
-        Raises
-        ------
-        InputError
-            For a kind or a parameter that is none, or a value that is no number.
+        Raises InputError for a kind or a parameter that is none, or a value that is no number.
 
         Examples
         --------
@@ -114,18 +106,11 @@ class Part:
 class Project:
     """A loop as it is written in the form.
 
-    Attributes
-    ----------
-    h : float
-        Scan time, > 0 [s].
-    parts : tuple of Part
-        Its modules.
-    wires : tuple of str
-        As `glapp.modules.Graph` takes them.
-    shown : tuple of str
-        What is drawn first.
-    called : mapping
-        What signals are called where they are drawn, by the module's name; the others by that.
+    - `h`: scan time, > 0 [s].
+    - `parts`: its modules.
+    - `wires`: as `glapp.modules.Graph` takes them.
+    - `shown`: what is drawn first.
+    - `called`: what signals are called where they are drawn, by the module's name; the others by that.
     """
 
     h: float
@@ -164,14 +149,7 @@ THESIS = Project(
 class Lab:
     """A project that runs.
 
-    Parameters
-    ----------
-    project : Project
-
-    Raises
-    ------
-    InputError
-        For a project that is no loop; it names the module.
+    Raises InputError for a project that is no loop; it names the module.
 
     Examples
     --------
@@ -220,10 +198,7 @@ class Lab:
     def __setitem__(self, path: str, value: float | None) -> None:
         """Set a variable while it runs.
 
-        Raises
-        ------
-        InputError
-            With the bound that it breaks; all is as it was.
+        Raises InputError with the bound that it breaks; all is as it was.
         """
         if path not in self.editable:
             raise InputError("is only shown", parameter=path)
@@ -234,10 +209,7 @@ class Lab:
 
         Where they are more than can be made at once, what is too much is given up, and `late` tells how much that was.
 
-        Parameters
-        ----------
-        elapsed : float
-            ≥ 0 [s].
+        - `elapsed`: ≥ 0 [s].
         """
         if not self.running:
             return

@@ -20,20 +20,12 @@ def _first() -> int:
 class Listed:
     """The overview as of one look; the next look makes a new one.
 
-    Attributes
-    ----------
-    rows : sequence of LoopRow
-        In their order.
-    version : int
-        Greater after each look at which something had changed.
-    first : int
-        Its version before the first look: whoever has an older one has nothing of this window.
-    since : mapping
-        By loop the version since which its row is as it is.
-    texts : mapping
-        By loop its row as JSON.
-    gone : mapping
-        By loop that is not watched any more the version since which it is not.
+    - `rows`: in their order.
+    - `version`: greater after each look at which something had changed.
+    - `first`: its version before the first look: whoever has an older one has nothing of this window.
+    - `since`: by loop the version since which its row is as it is.
+    - `texts`: by loop its row as JSON.
+    - `gone`: by loop that is not watched any more the version since which it is not.
     """
 
     rows: Sequence[LoopRow] = ()

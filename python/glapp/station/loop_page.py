@@ -35,6 +35,9 @@ from .under_way import UnderWay
 
 __all__ = ["loop_page"]
 
+_LONG = 8
+"""Letters of a width beyond which it is set smaller, to stay on one line."""
+
 WINDOWS = {900: "15 min", 7200: "2 h", 86400: "1 d", 604800: "7 d"}
 """How far back the signals are drawn [s]."""
 
@@ -408,7 +411,8 @@ class _Page:
         urgency = "unjudged" if answer is None else answer["urgency"]
         tone = urgency if urgency in ("high", "medium", "unjudged") else ""
         self.verdict.classes(remove="high medium unjudged").classes(tone)
-        self.one.classes(remove="high medium unjudged text").classes("" if first else f"text {tone}")
+        kind = "long" if len(first) > _LONG else ""
+        self.one.classes(remove="high medium unjudged text long").classes(kind if first else f"text {tone}")
         if answer is None:
             so = status.get("why", "")
         else:  # an answer that an older version stored has no sentence of its own

@@ -42,16 +42,10 @@ PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory")
 class Station:
     """What the pages stand on.
 
-    Attributes
-    ----------
-    view : View
-        The database.
-    api : ApiClient
-        The service.
-    sessions : Sessions
-        Who is logged in.
-    listed : Listed
-        The overview, as of the last look.
+    - `view`: the database.
+    - `api`: the service.
+    - `sessions`: who is logged in.
+    - `listed`: the overview, as of the last look.
     """
 
     view: View
@@ -236,10 +230,10 @@ def _overview_columns() -> list[dict[str, Any]]:
         ),
         column("verdict", "Verdict", 118, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
         column("todo", "What to do", 260, flex=1, minWidth=232),
-        column("trend", "Trend", 128, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
+        column("trend", "Trend", 132, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 118, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
         column("seen", "PV age", 80, headerTooltip="How old the newest PV is", suppressHeaderFilterButton=True),
-        column("compensation", "Compensation", 112, suppressHeaderFilterButton=True),
+        column("compensation", "Compensation", 116, suppressHeaderFilterButton=True),
         column(
             "card", "Answer", 200, flex=1, hide=True, sortable=False, filter=False, **{":cellRenderer": "glapp.card"}
         ),
@@ -303,10 +297,7 @@ def overview_page(station: Station, request: Request) -> None:
 def all_events(station: Station, most: int, loop: str | None = None) -> list[dict[str, Any]]:
     """Events and commands together, the newest first.
 
-    Raises
-    ------
-    InputError
-        Where the database cannot be read.
+    Raises InputError where the database cannot be read.
     """
     from .parameters import command_text
 

@@ -22,12 +22,8 @@ NO_LIMIT = 1e30
 class Parameter:
     """What is told of a parameter; its unit and its bounds are the service's.
 
-    Attributes
-    ----------
-    meaning : str
-        What it is.
-    default : str
-        What it is where nobody sets it.
+    - `meaning`: what it is.
+    - `default`: what it is where nobody sets it.
     """
 
     meaning: str
@@ -116,17 +112,10 @@ def allowed(bound: Bound) -> str:
 def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[str, Any]:
     """What to ask the API: the values that are not as they were seen, and what was seen of just those.
 
-    Parameters
-    ----------
-    seen : mapping
-        The parameters as the page showed them.
-    typed : mapping
-        What stands in the fields now; None: as by default.
+    - `seen`: the parameters as the page showed them.
+    - `typed`: what stands in the fields now; None: as by default.
 
-    Returns
-    -------
-    dict
-        The body of the command; without values where nothing is changed.
+    Returns the body of the command; without values where nothing is changed.
 
     Examples
     --------

@@ -48,16 +48,8 @@ ReadSignals = Callable[[float, float], Awaitable[dict[str, Any]]]
 class ProofCards:
     """The cards of one loop.
 
-    Parameters
-    ----------
-    station : Station
-        What the pages stand on.
-    session : Session
-        Who looks.
-    loop : str
-        Which loop.
-    signals : callable
-        Samples from when to when [s since 1970 UTC].
+    - `station`: what the pages stand on.
+    - `signals`: samples from when to when [s since 1970 UTC].
     """
 
     def __init__(self, station: Station, session: Session, loop: str, signals: ReadSignals) -> None:

@@ -65,20 +65,12 @@ POLICY = (
 class Session:
     """Somebody who is logged in.
 
-    Attributes
-    ----------
-    id : str
-        The cookie.
-    token : str
-        The service's, in that person's name.
-    user, role : str
-        As the service knows them.
-    dark : bool
-        Whether pages are dark.
-    until : float
-        When it is over [s since 1970 UTC].
-    chosen : bool
-        Whether the person has chosen light or dark; else pages are as the person's system is.
+    - `id`: the cookie.
+    - `token`: the service's, in that person's name.
+    - `user`, `role`: as the service knows them.
+    - `dark`: whether pages are dark.
+    - `until`: when it is over [s since 1970 UTC].
+    - `chosen`: whether the person has chosen light or dark; else pages are as the person's system is.
     """
 
     id: str = field(repr=False)  # neither may stand in a log
@@ -101,10 +93,7 @@ class Session:
 class Tokens:
     """The service's tokens, by its database: whose they are now.
 
-    Parameters
-    ----------
-    folder : Path
-        The service's data folder.
+    - `folder`: the service's data folder.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -115,10 +104,7 @@ class Tokens:
     def of(self, token: str, now: float) -> tuple[str, str] | None:
         """Name and role of whom a token stands for; None where it does not, or no longer.
 
-        Raises
-        ------
-        InputError
-            Where the database is not there, or cannot be read.
+        Raises InputError where the database is not there, or cannot be read.
         """
         try:
             stat = (self._folder / NAME).stat()
@@ -144,12 +130,8 @@ class Tokens:
 class Sessions:
     """All who are logged in.
 
-    Parameters
-    ----------
-    tokens : Tokens
-        Whom the service's tokens stand for.
-    clock : callable
-        The time [s since 1970 UTC].
+    - `tokens`: whom the service's tokens stand for.
+    - `clock`: the time [s since 1970 UTC].
     """
 
     def __init__(self, tokens: Tokens, clock: Callable[[], float] = time.time) -> None:
@@ -194,10 +176,7 @@ class Sessions:
     def token(self, token: str) -> bool:
         """Whether a token of the service stands.
 
-        Raises
-        ------
-        InputError
-            Where the database is not there, or cannot be read.
+        Raises InputError where the database is not there, or cannot be read.
         """
         return self._tokens.of(token, self._clock()) is not None
 
@@ -209,17 +188,11 @@ class Sessions:
 class Guard:
     """What every request passes through first.
 
-    Parameters
-    ----------
-    app : ASGI application
-        The pages behind it.
-    sessions : Sessions
-        Who is logged in.
-    hosts : sequence of str
-        Names that requests may be addressed to: another one, which a page elsewhere may have made to stand for this
-        computer, is refused.
-    secure : bool
-        Whether it is served by TLS.
+    - `app`: the pages behind it.
+    - `sessions`: who is logged in.
+    - `hosts`: names that requests may be addressed to: another one, which a page elsewhere may have made to stand for
+      this computer, is refused.
+    - `secure`: whether it is served by TLS.
     """
 
     def __init__(self, app: ASGIApp, sessions: Sessions, hosts: tuple[str, ...], *, secure: bool) -> None:

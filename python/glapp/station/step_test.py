@@ -27,12 +27,8 @@ FORMS = ("CSV", "Excel", "Parquet", "Arrow")
 def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
     """What a test in samples of the service tells; None where the controller was in automatic all the time.
 
-    Parameters
-    ----------
-    values : mapping
-        Columns as the API gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
-    loop : Loop
-        Settings that go with them.
+    - `values`: columns as the API gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
+    - `loop`: settings that go with them.
     """
     flags = np.zeros(len(values["time"]), np.uint8)
     for column, value, flag in (
@@ -54,21 +50,12 @@ def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
 def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> StepTest:
     """What a test in a recording of the person's own tells.
 
-    Parameters
-    ----------
-    path : Path
-        One of `FORMS`.
-    loop : Loop
-        Settings that go with it; its name chooses among the loops of a file that holds several.
-    columns : mapping
-        Columns by role ("time", "pv", "op", "mode"), where the guess is wrong.
-    manual : bool
-        All of it was made in manual; for one without a mode column.
+    - `path`: one of `FORMS`.
+    - `loop`: settings that go with it; its name chooses among the loops of a file that holds several.
+    - `columns`: columns by role ("time", "pv", "op", "mode"), where the guess is wrong.
+    - `manual`: all of it was made in manual; for one without a mode column.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be read; with the file's own name, and not where it lies meanwhile.
+    Raises InputError where it cannot be read; with the file's own name, and not where it lies meanwhile.
     """
     named = Columns(**{key: value for key, value in columns.items() if value})
     try:
@@ -82,12 +69,10 @@ def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manu
 
 
 def read_apart(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> StepTest:
-    """As `read_file`, in a process of its own: whatever the file holds, this one goes on, and has its memory.
+    """Read a file in a process of its own, as `read_file` does: this one goes on whatever it holds, and has its memory.
 
-    Raises
-    ------
-    InputError
-        As `read_file`; where it ends that process, or takes more time or memory than `glapp.reading.bounds` allows.
+    Raises InputError as `read_file`; where it ends that process, or takes more time or memory than
+    `glapp.reading.bounds` allows.
     """
     with Worker() as worker:
         return worker.call(path.name, read_file, path, loop, columns, manual=manual)
@@ -121,12 +106,8 @@ def steps(width: float | None, unit: str) -> tuple[str, ...]:
 def place(found: StepTest | None, manual: bool) -> int:
     """Which of the `steps` is the next.
 
-    Parameters
-    ----------
-    found : StepTest or None
-        What was read so far.
-    manual : bool
-        Whether the controller is in manual now.
+    - `found`: what was read so far.
+    - `manual`: whether the controller is in manual now.
 
     Examples
     --------

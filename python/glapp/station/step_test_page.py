@@ -36,20 +36,12 @@ COLUMNS = {"time": "time", "pv": "PV", "op": "OP", "mode": "mode"}
 class Wizard:
     """A step test of one loop, in a dialog.
 
-    Attributes
-    ----------
-    loop : Loop
-        Which.
-    width : float or None
-        How wide its gap may be, by what is known [OP unit].
-    windows : mapping
-        How far back may be looked, and how that is called [s].
-    window : int
-        How far back is looked at first [s].
-    signals : callable
-        The samples of the last seconds.
-    dark : bool
-        On a dark page.
+    - `loop`: which.
+    - `width`: how wide its gap may be, by what is known [OP unit].
+    - `windows`: how far back may be looked, and how that is called [s].
+    - `window`: how far back is looked at first [s].
+    - `signals`: the samples of the last seconds.
+    - `dark`: on a dark page.
     """
 
     loop: Loop

@@ -21,12 +21,8 @@ __all__ = ["UnderWay"]
 class UnderWay:
     """A detector on the samples of one loop.
 
-    Parameters
-    ----------
-    loop : Loop
-        With a controller.
-    period : float
-        Usual time between samples, > 0 [s].
+    - `loop`: with a controller.
+    - `period`: usual time between samples, > 0 [s].
 
     Examples
     --------
@@ -46,14 +42,9 @@ class UnderWay:
     def take(self, t: float, sp: float | None, pv: float | None, op: float | None, *, auto: bool) -> None:
         """A sample; one that is not newer than the last is left out.
 
-        Parameters
-        ----------
-        t : float
-            [s]
-        sp, pv, op : float or None
-            None for a bad value.
-        auto : bool
-            Whether the controller is in automatic.
+        - `t`: [s]
+        - `sp`, `pv`, `op`: None for a bad value.
+        - `auto`: whether the controller is in automatic.
         """
         if self._last is not None and t <= self._last:
             return

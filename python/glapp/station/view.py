@@ -60,16 +60,10 @@ HEALTH = {
 class Trend:
     """How a width moves.
 
-    Attributes
-    ----------
-    slope : float
-        [OP unit per 30 days]
-    spread : float
-        Half of its 95 % interval [the same].
-    days : float
-        Over how many days it was seen.
-    moves : bool
-        Whether it is more than chance.
+    - `slope`: [OP unit per 30 days]
+    - `spread`: half of its 95 % interval [the same].
+    - `days`: over how many days it was seen.
+    - `moves`: whether it is more than chance.
     """
 
     slope: float
@@ -81,19 +75,11 @@ class Trend:
 def trend(days: Sequence[float], widths: Sequence[float], errors: Sequence[float] | None = None) -> Trend | None:
     """The straight line through widths, by the one rule that the fit and the fleet go by too (`crates/fit`, `Trend`).
 
-    Parameters
-    ----------
-    days : sequence of float
-        When, in order [d].
-    widths : sequence of float
-        How wide [OP unit].
-    errors : sequence of float, optional
-        Their standard errors [OP unit], where they are known.
+    - `days`: when, in order [d].
+    - `widths`: how wide [OP unit].
+    - `errors`: their standard errors [OP unit], where they are known.
 
-    Returns
-    -------
-    Trend or None
-        None with fewer than five widths.
+    Returns: None with fewer than five widths.
 
     Examples
     --------
@@ -114,33 +100,19 @@ def trend(days: Sequence[float], widths: Sequence[float], errors: Sequence[float
 class LoopRow:
     """A loop in the overview.
 
-    Attributes
-    ----------
-    loop : str
-        Its name.
-    rank : int
-        Its place in the list: what maintenance should do first comes first.
-    width : str
-        The one answer in a line: width with interval in % of span where that is known, else with its unit.
-    percent : float or None
-        The width that lists rank by [% of span].
-    verdict : str
-        The one verdict.
-    urgency : str
-        How soon: "high", "medium", "low", "none"; "signal" where its signal is bad or missing, "unjudged" before its
-        first fit.
-    soon : str
-        The same in words.
-    trend : str
-        How the width moves.
-    health : str
-        NE 107, in its own words.
-    seen : str
-        How old the newest PV is.
-    todo : str
-        What to do.
-    compensation : str
-        What the compensation does; empty where there is none.
+    - `loop`: its name.
+    - `rank`: its place in the list: what maintenance should do first comes first.
+    - `width`: the one answer in a line: width with interval in % of span where that is known, else with its unit.
+    - `percent`: the width that lists rank by [% of span].
+    - `verdict`: the one verdict.
+    - `urgency`: how soon: "high", "medium", "low", "none"; "signal" where its signal is bad or missing, "unjudged"
+      before its first fit.
+    - `soon`: the same in words.
+    - `trend`: how the width moves.
+    - `health`: NE 107, in its own words.
+    - `seen`: how old the newest PV is.
+    - `todo`: what to do.
+    - `compensation`: what the compensation does; empty where there is none.
     """
 
     loop: str
@@ -160,12 +132,8 @@ class LoopRow:
 class View:
     """What the service has put down, as it is now.
 
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
-    clock : callable
-        The time [s since 1970 UTC].
+    - `folder`: the data folder.
+    - `clock`: the time [s since 1970 UTC].
     """
 
     def __init__(self, folder: Path, clock: Callable[[], float] = time.time) -> None:
@@ -189,10 +157,7 @@ class View:
     def read(self, what: Callable[[Reader], Any]) -> Any:
         """Something from the database, in the caller's thread.
 
-        Raises
-        ------
-        InputError
-            Where there is none, or it cannot be read.
+        Raises InputError where there is none, or it cannot be read.
         """
         with self._lock:
             return self._read(what)
@@ -306,6 +271,8 @@ class View:
         """
         status = self.shown["loops"].get(loop) or {}
         fit = status.get("fit")
+        if self.behind is not None:
+            return ""  # a service that does not write may not be fitting either
         if fit is None:
             return "Being judged." if status.get("fitting") else ""
         if fit["since"] is None:

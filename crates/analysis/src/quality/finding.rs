@@ -62,6 +62,8 @@ faults! {
     NotANumber = "not_a_number": Info Warning Refuse;
     /// The quality column says not good.
     BadQuality = "bad_quality": Info Warning Refuse;
+    /// A signal leaves the span that it is said to have, or OP looks as if it had another one.
+    Span = "span": Warning Refuse;
     /// The loop is in manual.
     NotAuto = "not_auto": Info Warning Refuse;
     /// OP is at a limit.

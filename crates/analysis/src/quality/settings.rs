@@ -16,6 +16,12 @@ const EXCHANGED_ROWS: usize = 20_000;
 const HANGS: f64 = 0.1;
 
 pub(super) fn settings(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let seen = look.known.law.filter(|law| law.usable).and_then(|law| law.k.value).or(look.known.k);
+    if let (Some(kp), Some(k)) = (look.known.kp, seen)
+        && kp * k < 0.0
+    {
+        found.push(Finding::new(Fault::Sign, Severity::Warning).with("kp", kp).with("k_seen", k));
+    }
     let Some(law) = look.known.law.filter(|law| law.usable) else { return };
     let (Some(k_seen), Some(_)) = (law.k.value, law.ti.value) else { return };
     if let Some(k) = look.known.k.filter(|k| k * k_seen < 0.0) {

@@ -68,14 +68,11 @@ const SENTENCES: &[(&str, &str)] = &[
     ("so oscillation", "{name} swings in a smooth wave that its valve does not cause."),
     ("so cannot_tell", "OP and PV of {name} do not show whether the valve has a dead band."),
     ("so cannot_tell contradicts", "The valve position and PV of {name} contradict each other."),
-    ("so cannot_tell open", "{name}: probably {d:about}, but no gap would explain the data too."),
-    (
-        "so cannot_tell open bound",
-        "{name}: probably {d:about}, at most {high:about}, but no gap would explain the data too.",
-    ),
+    ("so cannot_tell open", "The dead band of {name}, if it has one, is about {d:about}."),
+    ("so cannot_tell open bound", "The dead band of {name}, if it has one, is about {d:about}, at most {high:about}."),
     (
         "so cannot_tell open weak",
-        "{name}: probably {d:about} ({low:number} to {high:number}), but the evidence is weak.",
+        "The dead band of {name}, if it has one, is about {d:about} ({low:number} to {high:number}).",
     ),
     ("so cannot_tell open up_to", "{name} may have a dead band of up to {high:about}, or none."),
     ("so cannot_tell misfit", "No model of the loop explains PV of {name}."),

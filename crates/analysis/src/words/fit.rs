@@ -179,10 +179,10 @@ const SENTENCES: &[(&str, &str)] = &[
     ),
     ("cannot_tell may_be", concat!("probably {d:op}, but ", enough!(), longer!())),
     ("cannot_tell may_be bound", concat!("probably {d:op}, at most {high:.3g}, but ", enough!(), longer!())),
-    ("cannot_tell as_well", concat!("probably {d:op}, but no gap would explain the data too", longer!())),
+    ("cannot_tell as_well", concat!("a valve without a gap explains the data as well as one with {d:op}", longer!())),
     (
         "cannot_tell as_well bound",
-        concat!("probably {d:op}, at most {high:.3g}, but no gap would explain the data too", longer!()),
+        concat!("a valve without a gap explains the data as well as one with {d:op}; at most {high:.3g}", longer!()),
     ),
     ("op_rests", "OP stands still all the time, and only an OP that moves shows a gap"),
     ("sinusoidal", "{finding}"),

@@ -62,7 +62,7 @@ const MEANINGS: &[(&str, &str)] = &[
     ("oscillation", "the loop swings in a smooth wave, and its valve is not why. A gap beside it does not show."),
     (
         "cannot_tell",
-        "a gap would explain the data, and so would none, or no model does. It does not mean that all is well.",
+        "a valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean that all is well.",
     ),
     ("estimate", "nothing was fitted. At least N detections of the zero crossings stand behind the width."),
     ("provisional", "nothing was fitted. Fewer than N detections stand behind the width, and it may still move."),

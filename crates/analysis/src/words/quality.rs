@@ -79,7 +79,10 @@ const SENTENCES: &[(&str, &str)] = &[
     ),
     (
         "time_reversed clock_set_back",
-        concat!(reversed!(), "the clock seems to have been set back an hour: export in UTC or name the time zone"),
+        concat!(
+            reversed!(),
+            "the clock seems to have been set back an hour: export in UTC, or name the time zone (--time-zone, time_zone)"
+        ),
     ),
     (
         "time_reversed unsorted",
@@ -102,6 +105,21 @@ const SENTENCES: &[(&str, &str)] = &[
         "bad_quality",
         "the quality is not good in {share:share} of the rows, which are not used: repair the signal, or check which quality \
          codes mean good",
+    ),
+    (
+        "span outside",
+        "{signal} goes from {low:.4g} to {high:.4g}, beyond its span of {span_low:.4g} to {span_high:.4g}: check the span and \
+         the column, and name numbers that stand for a missing value in bad_values",
+    ),
+    (
+        "span fraction",
+        "OP stays between {low:.4g} and {high:.4g}, as a fraction of 1 does and hardly any percentage: write op_span = [0, 1] \
+         (--op-span 0 1) if it is one",
+    ),
+    (
+        "span current",
+        "OP stays between {low:.4g} and {high:.4g}, as a current in mA does: write op_span = [4, 20] (--op-span 4 20) if it is \
+         one, else op_span = [0, 100]",
     ),
     (
         "not_auto",
@@ -174,6 +192,15 @@ const SENTENCES: &[(&str, &str)] = &[
          record with more digits",
     ),
     (
+        "sign kp",
+        concat!(
+            "the settings say Kp {kp:.3g} {pv_unit} per {op_unit}, and K is ",
+            gain!("k_seen"),
+            ": a loop controls only where both have one sign, and PV's answer to OP was sought the wrong way; check kp (negative \
+             where PV falls as OP rises) and the action"
+        ),
+    ),
+    (
         "sign",
         concat!(
             "the settings say K ",
@@ -236,12 +263,13 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     let one = match code {
         "time_assumed" | "time_repeated" => n.word("severity"),
         "own_times" => counts(n.number("rows") != n.number("pv_rows"), "joined"),
-        "time_reversed" | "compressed_pv" => n.word("looks_like"),
+        "time_reversed" | "compressed_pv" | "span" => n.word("looks_like"),
         "not_a_number" => counts(n.number("rows") == n.number("of"), "all"),
         "winding_up" => counts(n.number("error").is_some_and(|error| error > 0.0), "below"),
         "sampling" => counts(n.number("ratio").is_some_and(|ratio| ratio > 1.0), "slow"),
         "spikes" if n.number("count") == Some(1.0) => "one".into(),
         "spikes" | "shifts" => counts(n.number("count") > named, "more"),
+        "sign" => counts(n.number("kp").is_some(), "kp"),
         "settings" => n.word("parameter"),
         _ => String::new(),
     };

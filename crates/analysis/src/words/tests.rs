@@ -185,9 +185,9 @@ fn what_cannot_be_told_says_what_is_probable() {
         "verdict": "cannot_tell", "valve": "unknown", "evidence": "weak", "next": {"code": "record_more"},
         "fit": {"why": "may_be_a_gap", "d": 4.01, "reason": "x"}, "crossings": {"verdict": "no_estimate"},
     });
-    assert_eq!(texts_for(open.clone()).so, "FIC1: probably 4.0\u{a0}%, but no gap would explain the data too.");
+    assert_eq!(texts_for(open.clone()).so, "The dead band of FIC1, if it has one, is about 4.0\u{a0}%.");
     let bound = texts_for(with(open.clone(), json!({"high": 5.0})));
-    assert_eq!(bound.so, "FIC1: probably 4.0\u{a0}%, at most 5\u{a0}%, but no gap would explain the data too.");
+    assert_eq!(bound.so, "The dead band of FIC1, if it has one, is about 4.0\u{a0}%, at most 5\u{a0}%.");
     let next_to_none = texts_for(with(open, json!({"high": 50.0})));
     assert_eq!(next_to_none.so, "FIC1 may have a dead band of up to 50\u{a0}%, or none.");
     let refused = json!({

@@ -8,4 +8,3 @@ mod pid_tuner;
 mod properties;
 mod settings;
 mod single_precision;
-mod vectors;

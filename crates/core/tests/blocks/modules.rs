@@ -123,16 +123,8 @@ fn gains_so_small_still_have_a_sign() {
 
 /// What can go wrong in a scan, and what can change with it.
 const FAULTS: [&str; 10] = [
-    "none",
-    "pv not a number",
-    "pv flagged",
-    "sp bad",
-    "ff bad",
-    "time jumps",
-    "time stands still",
-    "limits cross",
-    "limits are no number",
-    "not followed",
+    "none", "pv not a number", "pv flagged", "sp bad", "ff bad", "time jumps", "time stands still", "limits cross",
+    "limits are no number", "not followed",
 ];
 const CHANGES: [(Mode, Mode); 9] = [
     (Mode::Manual, Mode::Manual),

@@ -225,20 +225,8 @@ fn bits(value: &impl std::fmt::Debug) -> String {
 fn numbers(record: &HalfPeriodResult<f64>) -> Vec<f64> {
     let (half, parts) = (&record.half, &record.parts);
     let mut all = vec![
-        half.delta_t,
-        half.delta_y,
-        half.e_max,
-        half.delta_sp,
-        half.sp_change,
-        half.slope_change,
-        half.op_change,
-        parts.delta_u,
-        parts.delta_u_d,
-        parts.delta_u_sp,
-        parts.op_travel,
-        parts.free,
-        parts.kp_part,
-        parts.d,
+        half.delta_t, half.delta_y, half.e_max, half.delta_sp, half.sp_change, half.slope_change, half.op_change,
+        parts.delta_u, parts.delta_u_d, parts.delta_u_sp, parts.op_travel, parts.free, parts.kp_part, parts.d,
     ];
     all.extend(record.previous_delta_y);
     all.extend(record.d_hat_before);

@@ -102,18 +102,18 @@ impl Cells {
         self.stretches.iter().map(|s| s.y.iter().map(&mut of).collect()).collect()
     }
 
-    /// The same record without a mark.
+    /// The record without a mark.
     pub(crate) fn unmarked(&self) -> Self {
         self.with_changes(vec![Vec::new(); self.stretches.len()])
     }
 
-    /// The same record with other changes of the load.
+    /// The record with other changes of the load.
     pub(crate) fn with_changes(&self, changes: Vec<Vec<f64>>) -> Self {
         let stretches = self.stretches.iter().zip(changes).map(|(s, changes)| Strip { changes, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
-    /// The same record with a load that is known.
+    /// The record with a load that is known.
     pub(crate) fn with_load(&self, load: Positions) -> Self {
         let stretches = self.stretches.iter().zip(load).map(|(s, load)| Strip { load, ..s.clone() }).collect();
         Self { stretches, ..*self }
@@ -124,7 +124,7 @@ impl Cells {
         self.stretches.iter().map(|s| s.y.len()).max().unwrap_or(0)
     }
 
-    /// The same record with other PV.
+    /// The record with another PV.
     pub(crate) fn with(&self, ys: Vec<Vec<f64>>) -> Self {
         let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Strip { y: y.into(), ..s.clone() }).collect();
         Self { stretches, ..*self }

@@ -136,7 +136,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// The same rows, lent.
+    /// The rows, lent.
     pub fn batch(&self) -> Batch<'_> {
         let Self { t, sp, pv, op, flags, position } = self;
         let samples = Samples { t, sp: sp.as_deref(), pv, op: op.as_deref(), flags: flags.as_deref() };

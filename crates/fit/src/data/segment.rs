@@ -13,7 +13,7 @@ pub struct Stretch<'a> {
     pub sp: Cow<'a, [f64]>,
     /// [PV unit]
     pub pv: Cow<'a, [f64]>,
-    /// As many as of `pv` [OP unit].
+    /// OP, one value for each of `pv` [OP unit].
     pub op: Cow<'a, [f64]>,
 }
 
@@ -57,7 +57,7 @@ impl Segment<'_> {
         self.stretches.iter().map(|s| s.start).collect()
     }
 
-    /// The same record, its signals not copied.
+    /// The record with its signals lent.
     fn borrowed(&self) -> Segment<'_> {
         let stretches = self.stretches.iter();
         let of = stretches.map(|s| Stretch {
@@ -69,7 +69,7 @@ impl Segment<'_> {
         Segment { h: self.h, stretches: of.collect() }
     }
 
-    /// The same record with signals of its own.
+    /// The record with signals of its own.
     pub(crate) fn owned(self) -> Segment<'static> {
         let of = |s: Stretch| Stretch {
             start: s.start,

@@ -30,7 +30,7 @@ pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const MORE: us
 /// What the last state is, where there is one more.
 pub(crate) const DRIFT: usize = 1;
 pub(crate) const SLOPE: usize = 2;
-/// The same, and it is the slope that changes where changes are marked, not the load.
+/// A slope that changes where changes are marked, in the place of the load.
 pub(crate) const LINES: usize = 3;
 
 /// A cell before which the load may have jumped in some of the models.
@@ -91,7 +91,7 @@ pub(crate) const START: usize = 6;
 pub(crate) enum Delayed<'d> {
     /// Of each model its own.
     Each(&'d [Lanes]),
-    /// The same positions with a cell before the first, a part of a cell late: as many whole cells late in all models.
+    /// Positions with a cell before the first, a part of a cell late: as many whole cells late in all models.
     Same { shifted: &'d [f64], part: Lanes },
     /// Of each model its own, all as late: before their beginning what they were there, and at the end what they are there.
     Late { positions: &'d [Lanes], delay: f64 },
@@ -572,7 +572,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
     }
 
-    /// The same with a sample of PV. What was not foreseen comes last, since it waits for the states.
+    /// One cell with a sample of PV. What was not foreseen comes last, since it waits for the states.
     #[inline(always)]
     fn step(&self, x: &mut [Wide<S, R>; N], l: &[Wide<S, R>; N], unforeseen: Wide<S, R>, v: Option<Wide<S, R>>) {
         self.pass(x, v);

@@ -24,21 +24,8 @@ pub(super) const PARAMETERS: &[Parameter] = &[
 ];
 
 pub(super) const VARIABLES: &[&str] = &[
-    "d",
-    "reason",
-    "d_hat",
-    "noise_floor",
-    "count",
-    "detections",
-    "whole",
-    "u_ff",
-    "standing",
-    "over",
-    "source",
-    "unfit",
-    "size",
-    "delta",
-    "left",
+    "d", "reason", "d_hat", "noise_floor", "count", "detections", "whole", "u_ff", "standing", "over", "source",
+    "unfit", "size", "delta", "left",
 ];
 
 /// The inner variables, as the core has them.

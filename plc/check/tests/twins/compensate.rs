@@ -208,13 +208,8 @@ fn random<R: Number>() {
     at_the_bounds::<R>();
     still::<R>();
     cover.holds(&[
-        "GlappOverCompensation",
-        "GlappWrongSign",
-        "GlappCompensation",
-        "GlappCompensationCheck",
-        "GlappHarm",
-        "GlappMean",
-        "GlappBeyond",
+        "GlappOverCompensation", "GlappWrongSign", "GlappCompensation", "GlappCompensationCheck", "GlappHarm",
+        "GlappMean", "GlappBeyond",
     ]);
 }
 

@@ -5,14 +5,11 @@
 //! scan costs.
 
 use crate::common::control::{AUTO_TUNER, Experiments, INSIDE, POUS, POWER_CUT, Row, TWINS, Twin, core, scan};
+use crate::common::cover::{Cost, Cover, sequences};
 use crate::common::{Block, Case, Draw, Number, cases, folder, same};
 use glapp_core::NoiseState;
 use glapp_plc_check::{Build, Instance};
 use serde_json::Value;
-
-fn sequences() -> u64 {
-    std::env::var("GLAPP_SEQUENCES").map_or(200, |count| count.parse().expect("a number of sequences"))
-}
 
 fn flag(mask: f64, flag: u16) -> f64 {
     f64::from(mask as u16 & flag != 0)
@@ -285,17 +282,8 @@ impl Signals {
             "process_sim" => &["Gain", "T1", "T2", "DeadTime", "H"],
             "pid_module" => &["K", "Ti", "Td", "B", "C", "Tf", "Low", "High", "Rate", "MaxH"],
             "auto_tuner_module" => &[
-                "Amplitude",
-                "RelayHysteresis",
-                "D",
-                "WaitTime",
-                "Longest",
-                "MaxH",
-                "PvLow",
-                "PvHigh",
-                "OpLow",
-                "OpHigh",
-                "Rule",
+                "Amplitude", "RelayHysteresis", "D", "WaitTime", "Longest", "MaxH", "PvLow", "PvHigh", "OpLow",
+                "OpHigh", "Rule",
             ],
             _ => &[],
         };
@@ -480,23 +468,8 @@ impl Signals {
 /// What a controller lets overflow: numbers at the ends of what is one. Nothing stops; the library calls too large what is beyond 1E37.
 fn extreme(row: &mut Row, d: &mut Draw) {
     let pins = [
-        "X",
-        "Load",
-        "Pv",
-        "Sp",
-        "Ff",
-        "OwnSp",
-        "ManualOutput",
-        "K",
-        "Ti",
-        "Td",
-        "Rate",
-        "MaxH",
-        "H",
-        "Gain",
-        "Lead",
-        "Lag",
-        "Start",
+        "X", "Load", "Pv", "Sp", "Ff", "OwnSp", "ManualOutput", "K", "Ti", "Td", "Rate", "MaxH", "H", "Gain", "Lead",
+        "Lag", "Start",
     ];
     for pin in pins {
         if row.pins.contains(&pin) && d.chance(0.2) {
@@ -508,21 +481,8 @@ fn extreme(row: &mut Row, d: &mut Draw) {
     }
 }
 
-#[derive(Default)]
-struct Cost {
-    sum: u64,
-    most: u64,
-    scans: u64,
-}
-
-fn collect(taken: &mut [bool], block: &Block) {
-    for (all, one) in taken.iter_mut().zip(block.0.borrow().taken()) {
-        *all |= one;
-    }
-}
-
 fn random<R: Number>() {
-    let mut taken = vec![false; R::library().ways.len()];
+    let mut cover = Cover::new::<R>();
     let mut done = 0;
     for twin in TWINS.iter().filter(|twin| twin.name != "auto_tuner").chain([&AUTO_TUNER]) {
         let mut cost = Cost::default();
@@ -532,11 +492,11 @@ fn random<R: Number>() {
             let mut draw = Draw::new(seed + 1);
             let mut signals = Signals::new(twin, &mut draw);
             let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
-            let (mut shown, mut before) = (vec![], 0);
+            let mut shown = vec![];
             for i in 0..scans {
                 let row = signals.next(&shown, &mut draw);
                 let expected = reference(&row);
-                shown = scan(twin, &block, &row);
+                shown = cost.of(&block, || scan(twin, &block, &row));
                 let told = || {
                     format!(
                         "{} {seed}, scan {i}: {:?}",
@@ -545,26 +505,16 @@ fn random<R: Number>() {
                     )
                 };
                 assert!(same(&expected, &shown), "{}\n{shown:?} instead of\n{expected:?}\n{:?}", told(), twin.shown);
-                let now = block.0.borrow().operations();
-                cost.sum += now - before;
-                cost.most = cost.most.max(now - before);
-                cost.scans += 1;
-                before = now;
                 refused += u64::from(twin.shown.contains(&"Error") && block.on("Error"));
                 if twin.pins.contains(&"Execute") && !block.on("HasOffer") {
                     assert_eq!(block.all(&["OfferK", "OfferTi", "OfferTd"]), [0.0; 3]);
                 }
                 done += u64::from(twin.pins.contains(&"Execute") && block.get("Phase") == 4.0);
             }
-            collect(&mut taken, &block);
+            cover.collect(&block);
         }
-        let (name, mean) = (twin.pou, cost.sum as f64 / cost.scans as f64);
-        let bytes = R::library().bytes(name).unwrap();
-        println!(
-            "{name} {:?}: {mean:.0} operations a scan, {} at most, {bytes} bytes; {refused} scans with a setting out of bounds",
-            R::BUILD,
-            cost.most
-        );
+        cost.tell::<R>(twin.pou);
+        println!("{refused} scans with a setting out of bounds");
         assert!(twin.name == "pid" || refused > sequences(), "{}: {refused}", twin.name);
     }
     println!("{done} scans after an experiment that came to its end");
@@ -580,7 +530,7 @@ fn random<R: Number>() {
                 extreme(&mut row, &mut draw);
                 shown = scan(twin, &block, &row);
             }
-            collect(&mut taken, &block);
+            cover.collect(&block);
         }
     }
     large::<R>();
@@ -588,14 +538,16 @@ fn random<R: Number>() {
     endless_dead_time::<R>();
     told_before_it_is_good::<R>();
     begins_beyond_numbers::<R>();
-    two_at_the_ends::<R>(&mut taken);
+    two_at_the_ends::<R>(&mut cover);
     beyond_numbers::<R>();
-    experiments::<R>(&mut taken);
-    waves::<R>(&mut taken);
-    no_offer::<R>(&mut taken);
-    rules::<R>(&mut taken);
-    another_version::<R>(&mut taken);
-    every_way::<R>(&taken);
+    experiments::<R>(&mut cover);
+    waves::<R>(&mut cover);
+    no_offer::<R>(&mut cover);
+    rules::<R>(&mut cover);
+    another_version::<R>(&mut cover);
+    // What only the block around it uses is taken there.
+    let inside = |line: &str| INSIDE.iter().any(|begin| line.starts_with(begin));
+    cover.holds_but(&POUS, |way, line| inside(line) || (line.contains("2147483647") && way.branch == 1));
 }
 
 /// Each number by itself so large that it is one, and beyond what can be measured: from the first scan on, and later.
@@ -696,7 +648,7 @@ fn coarse<R: Number>() {
 }
 
 /// Settings and signals that are good but for two, at the ends of what is a number: nothing stops.
-fn two_at_the_ends<R: Number>(taken: &mut [bool]) {
+fn two_at_the_ends<R: Number>(cover: &mut Cover) {
     for twin in TWINS.iter().filter(|twin| twin.name != "auto_tuner") {
         let within = |pin: &&&str| {
             let law = twin.name == "pid" && ["B", "Low", "High"].contains(*pin);
@@ -722,7 +674,7 @@ fn two_at_the_ends<R: Number>(taken: &mut [bool]) {
                 }
                 shown = scan(twin, &block, &row);
             }
-            collect(taken, &block);
+            cover.collect(&block);
         }
     }
 }
@@ -822,7 +774,7 @@ fn told_before_it_is_good<R: Number>() {
 }
 
 /// Experiments on waves that no process makes, with numbers at the ends of what is one; and those of the vectors.
-fn experiments<R: Number>(taken: &mut [bool]) {
+fn experiments<R: Number>(cover: &mut Cover) {
     let twin = &TWINS[8];
     for case in cases(twin.name) {
         let block = Block::new::<R>(twin.pou);
@@ -830,7 +782,7 @@ fn experiments<R: Number>(taken: &mut [bool]) {
         for (h, x) in &case.input {
             scan(twin, &block, &of_vector(twin, &case, x, *h));
         }
-        collect(taken, &block);
+        cover.collect(&block);
     }
     // PV balanced and biased, its mean when biased, amplitude, time between scans at first and then; whether the core has the same.
     let ends = [
@@ -877,13 +829,13 @@ fn experiments<R: Number>(taken: &mut [bool]) {
             last = f64::signum(block.get("Bias"));
             row.set("Starts", 0.0);
         }
-        collect(taken, &block);
+        cover.collect(&block);
     }
 }
 
 /// Experiments on waves that are drawn: skewed, drifting, of other periods and heights in the next cycle or phase, a few samples a cycle or
 /// many, and whatever ends one. What both remember is the same too.
-fn waves<R: Number>(taken: &mut [bool]) {
+fn waves<R: Number>(cover: &mut Cover) {
     let (mut phases, mut stops) = ([0; 6], [0; 11]);
     for seed in 0..60 {
         let mut draw = Draw::new(600_000 + seed);
@@ -949,13 +901,13 @@ fn waves<R: Number>(taken: &mut [bool]) {
         }
         phases[one.block.get("Phase") as usize] += 1;
         stops[one.block.get("StopReason") as usize] += 1;
-        collect(taken, &one.block);
+        cover.collect(&one.block);
     }
     println!("phases {phases:?}, stops {stops:?}");
 }
 
 /// Nothing is offered by a rule that has no answer: of a process that is nearly all dead time, or whose static gain did not show.
-fn no_offer<R: Number>(taken: &mut [bool]) {
+fn no_offer<R: Number>(cover: &mut Cover) {
     for (rule, delay) in [(1.0, 8), (1.0, 0), (2.0, 0), (3.0, 0)] {
         let (mut reference, block) = (core::<R>(&AUTO_TUNER), Block::new::<R>(AUTO_TUNER.pou));
         let (order, fast) = if delay > 0 { (1, 5.0) } else { (3, 1.0) };
@@ -985,12 +937,12 @@ fn no_offer<R: Number>(taken: &mut [bool]) {
             "{rule}, {delay}"
         );
         assert!(offers || block.all(&["OfferK", "OfferTi", "OfferTd"]) == [0.0; 3]);
-        collect(taken, &block);
+        cover.collect(&block);
     }
 }
 
 /// What an autotuner offers.
-fn rules<R: Number>(taken: &mut [bool]) {
+fn rules<R: Number>(cover: &mut Cover) {
     use glapp_core::tuning::{Gains, Kind, amigo_frequency, point_placement};
     let (placement, amigo) = (Block::new::<R>("GlappPointPlacement"), Block::new::<R>("GlappAmigoFrequency"));
     let mut draw = Draw::new(11);
@@ -1036,12 +988,12 @@ fn rules<R: Number>(taken: &mut [bool]) {
         }
     }
     for block in [&placement, &amigo] {
-        collect(taken, block);
+        cover.collect(block);
     }
 }
 
 /// A program with another version of the retained output is loaded: it is dropped, and that is told.
-fn another_version<R: Number>(taken: &mut [bool]) {
+fn another_version<R: Number>(cover: &mut Cover) {
     let block = Block::new::<R>("GlappPid");
     block.set_all(&[("Enable", 1.0), ("H", 0.1), ("K", 1.0), ("Ti", 1.0), ("Start", 7.0)]);
     block.call();
@@ -1061,32 +1013,7 @@ fn another_version<R: Number>(taken: &mut [bool]) {
     block.set("Reset", 1.0);
     block.call();
     assert!(!block.on("Dropped"));
-    collect(taken, &block);
-}
-
-fn every_way<R: Number>(taken: &[bool]) {
-    let real = if R::BUILD == Build::Real { "real/" } else { "" };
-    let text = |pou: &str| {
-        let name = format!("{}.st", &pou["Glapp".len()..]);
-        std::fs::read_to_string(folder().join(real).join(&name))
-            .or_else(|_| std::fs::read_to_string(folder().join(&name)))
-            .unwrap()
-    };
-    let mut never = vec![];
-    for (way, taken) in R::library().ways.iter().zip(taken) {
-        if !POUS.contains(&&*way.pou) || *taken {
-            continue;
-        }
-        let source = text(&way.pou);
-        let line = source.lines().nth(way.line - 1).unwrap();
-        // What only the block around it uses is taken there.
-        let inside = INSIDE.iter().any(|begin| line.trim().starts_with(begin));
-        let at_the_end = line.contains("2147483647") && way.branch == 1;
-        if !inside && !at_the_end {
-            never.push(format!("{}:{}, branch {}: {line}", way.pou, way.line, way.branch));
-        }
-    }
-    assert!(never.is_empty(), "no sequence takes\n{}", never.join("\n"));
+    cover.collect(&block);
 }
 
 #[test]

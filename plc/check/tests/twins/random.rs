@@ -4,36 +4,19 @@
 //! what a scan costs.
 
 use crate::common::blocks::{BLOCKS, core, library};
+use crate::common::cover::{Cost, Cover, sequences};
 use crate::common::detector::{Loop, NUMBERS, Pins, Reference, scan};
-use crate::common::{Block, Case, Draw, Number, compare, folder, same};
+use crate::common::{Block, Case, Draw, Number, compare, same};
 use glapp_core::Conditions;
 use glapp_plc_check::Build;
 use serde_json::json;
-use std::cell::RefCell;
-use std::rc::Rc;
 
 /// The blocks and functions that a detector is made of; others have a file of their own.
 const OF_DETECTOR: [&str; 15] = [
-    "Detector",
-    "DetectorCheck",
-    "HalfPeriod",
-    "IsNumber",
-    "Measurable",
-    "MedianMean",
-    "NoiseFloor",
-    "NoiseLevel",
-    "ProductFits",
-    "QuotientFits",
-    "SafetyNet",
-    "SecondOrderFilter",
-    "Sum",
-    "Width",
-    "ZeroCrossing",
+    "GlappDetector", "GlappDetectorCheck", "GlappHalfPeriod", "GlappIsNumber", "GlappMeasurable", "GlappMedianMean",
+    "GlappNoiseFloor", "GlappNoiseLevel", "GlappProductFits", "GlappQuotientFits", "GlappSafetyNet",
+    "GlappSecondOrderFilter", "GlappSum", "GlappWidth", "GlappZeroCrossing",
 ];
-
-fn sequences() -> u64 {
-    std::env::var("GLAPP_SEQUENCES").map_or(200, |count| count.parse().expect("a number of sequences"))
-}
 
 /// A case of a block, drawn.
 fn drawn(block: &str, draw: &mut Draw) -> Case {
@@ -105,92 +88,43 @@ fn drawn(block: &str, draw: &mut Draw) -> Case {
     Case { name: block.to_owned(), params, input, output: None }
 }
 
-/// Operations of each scan: their sum, the most, and how many scans.
-#[derive(Default)]
-struct Cost {
-    sum: u64,
-    most: u64,
-    scans: u64,
-}
-
-impl Cost {
-    fn count(&mut self, operations: u64) {
-        self.sum += operations;
-        self.most = self.most.max(operations);
-        self.scans += 1;
-    }
-
-    fn tell<R: Number>(&self, name: &str) {
-        let bytes = R::library().bytes(name).unwrap();
-        let mean = self.sum as f64 / self.scans as f64;
-        println!("{name} {:?}: {mean:.0} operations a scan, {} at most, {bytes} bytes", R::BUILD, self.most);
-    }
-}
-
-fn collect(taken: &mut [bool], block: &Block) {
-    for (all, one) in taken.iter_mut().zip(block.0.borrow().taken()) {
-        *all |= one;
-    }
-}
-
 fn all<R: Number>() {
-    let mut taken = vec![false; R::library().ways.len()];
+    let mut cover = Cover::new::<R>();
     for name in BLOCKS {
-        let cost = Rc::new(RefCell::new(Cost::default()));
+        let cost = Cost::default();
         let mut of = String::new();
         for seed in 0..sequences() {
             let case = drawn(name, &mut Draw::new(seed + 1));
-            let (mut scan, block) = library::<R>(name, &case);
-            let counted = block.clone();
-            let (mut before, costs) = (0, cost.clone());
-            let scan = move |x: &[f64], h: f64| {
-                let row = scan(x, h);
-                let now = counted.0.borrow().operations();
-                costs.borrow_mut().count(now - before);
-                before = now;
-                row
-            };
-            compare(&case, core::<R>(name, &case), Box::new(scan), false);
-            collect(&mut taken, &block);
+            let (scan, block) = library::<R>(name, &case);
+            compare(&case, core::<R>(name, &case), cost.counting(scan, &block), false);
+            cover.collect(&block);
             of = block.0.borrow().name().to_owned();
         }
-        cost.borrow().tell::<R>(&of);
+        cost.tell::<R>(&of);
     }
     if R::BUILD == Build::Real {
-        too_large::<R>(&mut taken);
+        too_large::<R>(&mut cover);
     }
-    detectors::<R>(&mut taken);
-    long_noise::<R>(&mut taken);
-    extremes::<R>(&mut taken);
-    large::<R>(&mut taken);
-    coarse::<R>(&mut taken);
+    detectors::<R>(&mut cover);
+    long_noise::<R>(&mut cover);
+    extremes::<R>(&mut cover);
+    large::<R>(&mut cover);
+    coarse::<R>(&mut cover);
     told_before_it_begins_anew::<R>();
-    smaller_and_smaller::<R>(&mut taken);
+    smaller_and_smaller::<R>(&mut cover);
     at_their_bounds::<R>();
     two_wrong::<R>();
-    another_version::<R>(&mut taken);
-    // A changed library is told by its outputs alone.
-    if std::env::var_os("GLAPP_PLC").is_some() {
-        return;
-    }
+    another_version::<R>(&mut cover);
     // What no sequence gets to: the ends of counters of 32 bits; a noise floor without end, which has a test of its own; and what only
     // a block that has the detector inside asks for.
-    let text = |pou: &str| std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
-    for (way, taken) in R::library().ways.iter().zip(&taken) {
-        if !OF_DETECTOR.contains(&&way.pou["Glapp".len()..]) {
-            continue;
-        }
-        let source = text(&way.pou);
-        let line = source.lines().nth(way.line - 1).unwrap();
-        let inside = line.trim().starts_with("IF Inner.Checked") || line.contains("GlappIsOpen(Inner.Raw)");
-        let never = (line.contains("2147483647") || way.pou == "GlappNoiseFloor") && way.branch == 1;
-        let never = never || inside;
-        assert!(*taken || never, "no sequence takes {}:{}, branch {}: {line}", way.pou, way.line, way.branch);
-    }
+    let inside = |line: &str| line.starts_with("IF Inner.Checked") || line.contains("GlappIsOpen(Inner.Raw)");
+    cover.holds_but(&OF_DETECTOR, |way, line| {
+        inside(line) || (way.branch == 1 && (line.contains("2147483647") || way.pou == "GlappNoiseFloor"))
+    });
 }
 
 /// Products beyond the numbers, each factor by itself. All are powers of 10^10: what overflows in the core in `f32` is beyond 1E37 here.
-fn too_large<R: Number>(taken: &mut [bool]) {
+fn too_large<R: Number>(cover: &mut Cover) {
     for name in ["width", "safety_net"] {
         for seed in 0..sequences() {
             let mut draw = Draw::new(40_000 + seed);
@@ -214,25 +148,25 @@ fn too_large<R: Number>(taken: &mut [bool]) {
             }
             let (scan, block) = library::<R>(name, &case);
             compare(&case, core::<R>(name, &case), scan, false);
-            collect(taken, &block);
+            cover.collect(&block);
         }
     }
 }
 
 /// Long enough for the gain to come to its least value and for the counters of eight bits to end; then held.
-fn long_noise<R: Number>(taken: &mut [bool]) {
+fn long_noise<R: Number>(cover: &mut Cover) {
     let mut draw = Draw::new(7);
     let noise = (0..3000).map(|_| (0.0, vec![draw.between(-1.0, 1.0)]));
     let held = (0..300).map(|_| (0.0, vec![0.5]));
     let case = Case { name: "long".into(), params: json!({}), input: noise.chain(held).collect(), output: None };
     let (scan, block) = library::<R>("noise_level", &case);
     compare(&case, core::<R>("noise_level", &case), scan, false);
-    collect(taken, &block);
+    cover.collect(&block);
 }
 
 /// Settings at the ends of what is a number: no run stops. In REAL what overflows is what overflows in the core; LREAL in the core
 /// goes on to 1E308.
-fn extremes<R: Number>(taken: &mut [bool]) {
+fn extremes<R: Number>(cover: &mut Cover) {
     let ends = [1.0, 1.0, 1e30, 1e-30, -1e30];
     let mut bad = 0.0;
     for seed in 0..sequences() {
@@ -272,13 +206,13 @@ fn extremes<R: Number>(taken: &mut [bool]) {
             }
             bad += block.get("Record.Half.Bad");
         }
-        collect(taken, &block);
+        cover.collect(&block);
     }
     assert!(bad > sequences() as f64);
 }
 
 /// Each number by itself so large that it is one, and beyond what can be measured.
-fn large<R: Number>(taken: &mut [bool]) {
+fn large<R: Number>(cover: &mut Cover) {
     for (number, put) in NUMBERS.iter().enumerate() {
         for value in [1e33, -1e33, 0.0, 5.0, -5.0] {
             let conditions = Conditions { too_short: false, ..Conditions::default() };
@@ -292,7 +226,7 @@ fn large<R: Number>(taken: &mut [bool]) {
                 }
                 beside(&mut reference, &block, &pins, &format!("number {number}, {value}, scan {i}"));
             }
-            collect(taken, &block);
+            cover.collect(&block);
         }
     }
 }
@@ -359,7 +293,7 @@ fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Pins, t
 }
 
 /// Signals and times of a few values, so that bounds are met exactly; a detector that begins anew in the middle of everything.
-fn coarse<R: Number>(taken: &mut [bool]) {
+fn coarse<R: Number>(cover: &mut Cover) {
     for seed in 0..60 {
         let mut draw = Draw::new(60_000 + seed);
         let d = &mut draw;
@@ -383,7 +317,7 @@ fn coarse<R: Number>(taken: &mut [bool]) {
             pins.h = if still > 0 { 0.0 } else { h };
             beside(&mut reference, &block, &pins, &format!("coarse {seed}, scan {i}"));
         }
-        collect(taken, &block);
+        cover.collect(&block);
     }
     // The usual time between scans is the longest that there is, or one longer.
     for h in [1e9, 1.5e9, 3e8] {
@@ -412,7 +346,7 @@ fn told_before_it_begins_anew<R: Number>() {
 
 /// A gap that becomes smaller again and again, alone and with half-periods between that count neither way: what is too small at first takes
 /// the place of what was there.
-fn smaller_and_smaller<R: Number>(taken: &mut [bool]) {
+fn smaller_and_smaller<R: Number>(cover: &mut Cover) {
     let mut turned = 0;
     for (seed, n) in [1, 1, 3, 3, 3, 5, 5, 5].into_iter().enumerate() {
         let mut draw = Draw::new(70_000 + seed as u64);
@@ -436,13 +370,13 @@ fn smaller_and_smaller<R: Number>(taken: &mut [bool]) {
                 turned += usize::from(block.peek("Turned") != 0.0);
             }
         }
-        collect(taken, &block);
+        cover.collect(&block);
     }
     assert!(turned > 0);
 }
 
 /// A program with another version of the retained variables is loaded: they are dropped, and that is told.
-fn another_version<R: Number>(taken: &mut [bool]) {
+fn another_version<R: Number>(cover: &mut Cover) {
     let block = Block::new::<R>("GlappDetector");
     let mut draw = Draw::new(3);
     let mut signals = Loop::new(&mut draw);
@@ -463,38 +397,34 @@ fn another_version<R: Number>(taken: &mut [bool]) {
     }
     scan(&block, &Pins { reset: true, ..pins });
     assert!(!block.on("Dropped"));
-    collect(taken, &block);
+    cover.collect(&block);
 }
 
-fn detectors<R: Number>(taken: &mut [bool]) {
+fn detectors<R: Number>(cover: &mut Cover) {
     let mut cost = Cost::default();
     let (mut accepted, mut records, mut refused) = (0.0, 0, 0);
     for seed in 0..sequences() {
         let mut draw = Draw::new(1000 + seed);
         let mut signals = Loop::new(&mut draw);
         let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
-        let mut before = 0;
         for i in 0..400 {
             if draw.chance(0.001) {
                 block.0.borrow_mut().power_cut();
                 reference.power_cut();
             }
             let pins = signals.next::<R>(&mut draw);
-            let (expected, got) = (reference.scan(pins), scan(&block, pins));
+            let (expected, got) = (reference.scan(pins), cost.of(&block, || scan(&block, pins)));
             let agree = same(&expected.0, &got.0)
                 && match (&expected.1, &got.1) {
                     (Some(a), Some(b)) => same(a, b),
                     (a, b) => a.is_none() && b.is_none(),
                 };
             assert!(agree, "sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
-            let now = block.0.borrow().operations();
-            cost.count(now - before);
-            before = now;
             records += usize::from(got.1.is_some());
             refused += usize::from(block.on("Error"));
         }
         accepted += block.get("Accepted");
-        collect(taken, &block);
+        cover.collect(&block);
     }
     println!("{records} half-periods, {accepted} accepted in the end, {refused} scans with a setting out of bounds");
     cost.tell::<R>("GlappDetector");

@@ -3,180 +3,38 @@
 
 use super::blocks::{record_of, record_row};
 use super::compensate::{Settings, is_withdrawn};
-use super::control::{self, POWER_CUT, Row, Twin, checked, found_row, number, on};
+use super::control::{
+    self, POWER_CUT, Row, Twin, checked, found_row, nobody, number, offered, on, pid_settings, pid_shown, rule_of,
+    set_by_hand,
+};
 use super::detection::{Shown, restarted, shown_by, shown_of};
 use super::{Block, Number};
-use glapp_core::auto_tuner::{Phase, Rule};
-use glapp_core::modules::{
-    AutoTunerState, Gains, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, SCHEDULE_ROWS,
-};
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
-use glapp_core::{AutoTunerSettings, Backward, Saturation, Sum, tuning};
+use glapp_core::modules::{AutoTunerState, Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
+use glapp_core::{AutoTunerSettings, Backward, Saturation, Sum};
 
 /// Its pins, and what it shows of the controller and the autotuner; what it shows of the detection comes after that.
 pub const PID_ADVANCED: Twin = Twin {
     name: "pid_advanced",
     pou: "GlappPidAdvanced",
     pins: &[
-        POWER_CUT,
-        "Enable",
-        "Reset",
-        "Restart",
-        "Compensate",
-        "Execute",
-        "Cut",
-        "Start",
-        "H",
-        "Pv",
-        "PvBad",
-        "Sp",
-        "SpBad",
-        "Ff",
-        "FfBad",
-        "Mode",
-        "HasOwnSp",
-        "OwnSp",
-        "HasManualOutput",
-        "ManualOutput",
-        "BackAtLow",
-        "BackAtHigh",
-        "BackNotAuto",
-        "BackTracking",
-        "HasBackLimits",
-        "BackLow",
-        "BackHigh",
-        "K",
-        "Ti",
-        "Td",
-        "B",
-        "C",
-        "Tf",
-        "HasLow",
-        "Low",
-        "HasHigh",
-        "High",
-        "HasRate",
-        "Rate",
-        "HasMaxH",
-        "MaxH",
-        "HasKp",
-        "Kp",
-        "HasPvSpan",
-        "PvSpan",
-        "HasOpSpan",
-        "OpSpan",
-        "Integrating",
-        "HasDetectorTf",
-        "DetectorTf",
-        "N",
-        "HasSpRate",
-        "SpRate",
-        "ScheduleBy",
-        "ScheduleByBad",
-        "Rows",
-        "At1",
-        "K1",
-        "Ti1",
-        "Td1",
-        "At2",
-        "K2",
-        "Ti2",
-        "Td2",
-        "At3",
-        "K3",
-        "Ti3",
-        "Td3",
-        "At4",
-        "K4",
-        "Ti4",
-        "Td4",
-        "At5",
-        "K5",
-        "Ti5",
-        "Td5",
-        "At6",
-        "K6",
-        "Ti6",
-        "Td6",
-        "At7",
-        "K7",
-        "Ti7",
-        "Td7",
-        "At8",
-        "K8",
-        "Ti8",
-        "Td8",
-        "HasCompensation",
-        "Way",
-        "Source",
-        "Size",
-        "Share",
-        "HasMaxWidth",
-        "MaxWidth",
-        "HasBand",
-        "Band",
-        "OpTf",
-        "HasFfRate",
-        "FfRate",
-        "HasRampTime",
-        "RampTime",
-        "HasRelease",
-        "Release",
-        "HasTravel",
-        "Travel",
-        "HasReversals",
-        "Reversals",
-        "HasWatch",
-        "Watch",
-        "Withdraw",
-        "ReduceByEstimate",
-        "Contradicted",
-        "HasTuner",
-        "Amplitude",
-        "HasRelayHysteresis",
-        "RelayHysteresis",
-        "D",
-        "WaitTime",
-        "Longest",
-        "PvLow",
-        "PvHigh",
-        "Rule",
+        POWER_CUT, "Enable", "Reset", "Restart", "Compensate", "Execute", "Cut", "Start", "H", "Pv", "PvBad", "Sp",
+        "SpBad", "Ff", "FfBad", "Mode", "HasOwnSp", "OwnSp", "HasManualOutput", "ManualOutput", "BackAtLow",
+        "BackAtHigh", "BackNotAuto", "BackTracking", "HasBackLimits", "BackLow", "BackHigh", "K", "Ti", "Td", "B", "C",
+        "Tf", "HasLow", "Low", "HasHigh", "High", "HasRate", "Rate", "HasMaxH", "MaxH", "HasKp", "Kp", "HasPvSpan",
+        "PvSpan", "HasOpSpan", "OpSpan", "Integrating", "HasDetectorTf", "DetectorTf", "N", "HasSpRate", "SpRate",
+        "ScheduleBy", "ScheduleByBad", "Rows", "At1", "K1", "Ti1", "Td1", "At2", "K2", "Ti2", "Td2", "At3", "K3",
+        "Ti3", "Td3", "At4", "K4", "Ti4", "Td4", "At5", "K5", "Ti5", "Td5", "At6", "K6", "Ti6", "Td6", "At7", "K7",
+        "Ti7", "Td7", "At8", "K8", "Ti8", "Td8", "HasCompensation", "Way", "Source", "Size", "Share", "HasMaxWidth",
+        "MaxWidth", "HasBand", "Band", "OpTf", "HasFfRate", "FfRate", "HasRampTime", "RampTime", "HasRelease",
+        "Release", "HasTravel", "Travel", "HasReversals", "Reversals", "HasWatch", "Watch", "Withdraw",
+        "ReduceByEstimate", "Contradicted", "HasTuner", "Amplitude", "HasRelayHysteresis", "RelayHysteresis", "D",
+        "WaitTime", "Longest", "PvLow", "PvHigh", "Rule",
     ],
     shown: &[
-        "Valid",
-        "Error",
-        "ErrorID",
-        "Output",
-        "Ysp",
-        "Yf",
-        "Bad",
-        "Gap",
-        "BadSp",
-        "BadFf",
-        "BadLimits",
-        "AtLow",
-        "AtHigh",
-        "NotAuto",
-        "SpAtLow",
-        "SpAtHigh",
-        "SpNotAuto",
-        "SpTracking",
-        "FfAtLow",
-        "FfAtHigh",
-        "FfNotAuto",
-        "FfTracking",
-        "Busy",
-        "Phase",
-        "StopReason",
-        "UsedHysteresis",
-        "Bias",
-        "HasFound?Ku",
-        "HasFound?Tu",
-        "HasFoundKp?FoundKp",
-        "HasKappa?Kappa",
-        "HasOffer?OfferK",
-        "HasOffer?OfferTi",
-        "HasOffer?OfferTd",
+        "Valid", "Error", "ErrorID", "Output", "Ysp", "Yf", "Bad", "Gap", "BadSp", "BadFf", "BadLimits", "AtLow",
+        "AtHigh", "NotAuto", "SpAtLow", "SpAtHigh", "SpNotAuto", "SpTracking", "FfAtLow", "FfAtHigh", "FfNotAuto",
+        "FfTracking", "Busy", "Phase", "StopReason", "UsedHysteresis", "Bias", "HasFound?Ku", "HasFound?Tu",
+        "HasFoundKp?FoundKp", "HasKappa?Kappa", "HasOffer?OfferK", "HasOffer?OfferTi", "HasOffer?OfferTd",
     ],
 };
 
@@ -251,16 +109,6 @@ fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
 
 fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     let of = |pin: &str| row.r::<R>(pin);
-    let pid = PidSettings {
-        b: of("B"),
-        c: of("C"),
-        tf: of("Tf"),
-        low: row.maybe("Low").unwrap_or(-R::LARGEST),
-        high: row.maybe("High").unwrap_or(R::LARGEST),
-        rate: row.maybe("Rate").unwrap_or(R::LARGEST),
-        max_h: row.maybe("MaxH").unwrap_or(of("Ti") / R::of(2.0)),
-        ..PidSettings::ideal(of("K"), of("Ti"), of("Td"))
-    };
     let mut settings = PidAdvancedSettings {
         kp: row.maybe("Kp"),
         pv_span: row.maybe("PvSpan"),
@@ -270,8 +118,8 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
         n: row.get("N").max(0.0) as u32,
         sp_rate: row.maybe("SpRate").unwrap_or(R::LARGEST),
         rows: if row.get("Rows") < 0.0 { usize::MAX } else { row.get("Rows") as usize },
-        rule: Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule")).unwrap_or_default(),
-        ..PidAdvancedSettings::new(pid)
+        rule: rule_of(row).unwrap_or_default(),
+        ..PidAdvancedSettings::new(pid_settings(row))
     };
     for (to, [at, k, ti, td]) in settings.schedule.iter_mut().zip(ROWS) {
         *to = Gains { at: of(at), k: of(k), ti: of(ti), td: of(td) };
@@ -352,9 +200,8 @@ impl<R: Number> Default for Reference<R> {
 
 impl<R: Number> Reference<R> {
     fn begin(&mut self, output: R) -> PidAdvancedState<R> {
-        let nobody = Backward { flags: NOT_AUTO, ..Backward::default() };
-        let told = [nobody, Backward { tracking: output, ..nobody }];
-        *self = Self { told, output, pv_filtered: self.pv_filtered, u_fb: self.u_fb, ..Self::default() };
+        *self =
+            Self { told: nobody(output), output, pv_filtered: self.pv_filtered, u_fb: self.u_fb, ..Self::default() };
         PidAdvancedState::at(output)
     }
 
@@ -419,11 +266,7 @@ impl<R: Number> Reference<R> {
                 if core::mem::take(&mut self.missed) {
                     h = -R::ONE;
                 }
-                if let Some(mode) = Mode::ALL.get(row.get("Mode") as usize).filter(|_| row.get("Mode") >= 0.0) {
-                    state.pid.mode = *mode;
-                }
-                state.pid.sp = row.maybe("OwnSp").unwrap_or(state.pid.sp);
-                state.pid.manual = row.maybe("ManualOutput").unwrap_or(state.pid.manual);
+                set_by_hand(row, &mut state.pid);
                 if row.on("Cut") {
                     state.detection.cut();
                 }
@@ -442,28 +285,13 @@ impl<R: Number> Reference<R> {
         self.missed |= !runs || self.good.is_none();
         self.run_before = row.on("Execute");
         self.state = Some(state);
-        let mut shown = vec![on(row.on("Enable") && error == 0.0), on(error != 0.0), error];
-        shown.extend([self.output, state.pid.ysp.value(), state.pid.yf].map(R::as_f64));
-        shown.extend([BAD, GAP, BAD_SP, BAD_FF, BAD_LIMITS].map(|flag| on(state.pid.error & flag != 0)));
-        let of = |flags: Status| [AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(flags & flag != 0));
-        shown.extend(of(state.pid.flags));
-        for told in &self.told {
-            shown.extend(of(told.flags));
-            shown.push(told.tracking.as_f64());
-        }
+        let mut shown = pid_shown(row, error, self.output, &state.pid, &self.told);
         let e = &state.tuner.experiment;
         shown.extend([on(e.phase.is_running()), f64::from(e.phase as u8), f64::from(e.stop as u8)]);
         shown.extend([e.relay_hysteresis, e.bias].map(R::as_f64));
         shown.extend(found_row(e.found));
-        // By the rule of this scan, in force or not; one that is none offers nothing.
-        let rule = Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"));
-        let rows = self.good.as_ref().map_or(0, |block| block.settings().rows);
-        let offer = match (e.phase, e.found, rule) {
-            (Phase::Done, Some(found), Some(rule)) if rows == 0 => found.by(rule).ok(),
-            _ => None,
-        };
-        let unknown = f64::NAN;
-        shown.extend(offer.map_or([unknown; 3], |tuning::Gains { k, ti, td }| [k, ti, td].map(R::as_f64)));
+        let scheduled = self.good.as_ref().is_some_and(|block| block.settings().rows > 0);
+        shown.extend(if scheduled { [f64::NAN; 3] } else { offered(row, e) });
         let state = &state.detection;
         if let Some(block) = &self.good {
             shown.extend(shown_of(block.detection(), state, self.pv_filtered, self.u_fb));

@@ -240,67 +240,14 @@ pub const TWINS: [Twin; 9] = [
         name: "pid_module",
         pou: "GlappPid",
         pins: &[
-            POWER_CUT,
-            "Enable",
-            "Reset",
-            "Restart",
-            "Start",
-            "H",
-            "Pv",
-            "PvBad",
-            "Sp",
-            "SpBad",
-            "Ff",
-            "FfBad",
-            "Mode",
-            "HasOwnSp",
-            "OwnSp",
-            "HasManualOutput",
-            "ManualOutput",
-            "BackAtLow",
-            "BackAtHigh",
-            "BackNotAuto",
-            "BackTracking",
-            "HasBackLimits",
-            "BackLow",
-            "BackHigh",
-            "K",
-            "Ti",
-            "Td",
-            "B",
-            "C",
-            "Tf",
-            "HasLow",
-            "Low",
-            "HasHigh",
-            "High",
-            "HasRate",
-            "Rate",
-            "HasMaxH",
-            "MaxH",
+            POWER_CUT, "Enable", "Reset", "Restart", "Start", "H", "Pv", "PvBad", "Sp", "SpBad", "Ff", "FfBad", "Mode",
+            "HasOwnSp", "OwnSp", "HasManualOutput", "ManualOutput", "BackAtLow", "BackAtHigh", "BackNotAuto",
+            "BackTracking", "HasBackLimits", "BackLow", "BackHigh", "K", "Ti", "Td", "B", "C", "Tf", "HasLow", "Low",
+            "HasHigh", "High", "HasRate", "Rate", "HasMaxH", "MaxH",
         ],
         shown: &[
-            "Valid",
-            "Error",
-            "ErrorID",
-            "Output",
-            "Ysp",
-            "Yf",
-            "Bad",
-            "Gap",
-            "BadSp",
-            "BadFf",
-            "BadLimits",
-            "AtLow",
-            "AtHigh",
-            "NotAuto",
-            "SpAtLow",
-            "SpAtHigh",
-            "SpNotAuto",
-            "SpTracking",
-            "FfAtLow",
-            "FfAtHigh",
-            "FfNotAuto",
+            "Valid", "Error", "ErrorID", "Output", "Ysp", "Yf", "Bad", "Gap", "BadSp", "BadFf", "BadLimits", "AtLow",
+            "AtHigh", "NotAuto", "SpAtLow", "SpAtHigh", "SpNotAuto", "SpTracking", "FfAtLow", "FfAtHigh", "FfNotAuto",
             "FfTracking",
         ],
     },
@@ -331,16 +278,8 @@ pub const TWINS: [Twin; 9] = [
             "Used.OpHigh",
         ],
         shown: &[
-            "Output",
-            "Phase",
-            "StopReason",
-            "RelayHysteresis",
-            "Bias",
-            "HasFound?Ku",
-            "HasFound?Tu",
-            "HasKp?Kp",
-            "HasKappa?Kappa",
-            "Centre",
+            "Output", "Phase", "StopReason", "RelayHysteresis", "Bias", "HasFound?Ku", "HasFound?Tu", "HasKp?Kp",
+            "HasKappa?Kappa", "Centre",
         ],
     },
 ];
@@ -349,55 +288,14 @@ pub const AUTO_TUNER: Twin = Twin {
     name: "auto_tuner_module",
     pou: "GlappAutoTuner",
     pins: &[
-        POWER_CUT,
-        "Enable",
-        "Reset",
-        "Restart",
-        "Execute",
-        "H",
-        "X",
-        "XBad",
-        "Pv",
-        "PvBad",
-        "BackAtLow",
-        "BackAtHigh",
-        "BackNotAuto",
-        "BackTracking",
-        "Amplitude",
-        "HasRelayHysteresis",
-        "RelayHysteresis",
-        "D",
-        "WaitTime",
-        "Longest",
-        "MaxH",
-        "PvLow",
-        "PvHigh",
-        "OpLow",
-        "OpHigh",
-        "Rule",
+        POWER_CUT, "Enable", "Reset", "Restart", "Execute", "H", "X", "XBad", "Pv", "PvBad", "BackAtLow", "BackAtHigh",
+        "BackNotAuto", "BackTracking", "Amplitude", "HasRelayHysteresis", "RelayHysteresis", "D", "WaitTime",
+        "Longest", "MaxH", "PvLow", "PvHigh", "OpLow", "OpHigh", "Rule",
     ],
     shown: &[
-        "Valid",
-        "Error",
-        "ErrorID",
-        "Y",
-        "YBad",
-        "AtLow",
-        "AtHigh",
-        "NotAuto",
-        "Tracking",
-        "Busy",
-        "Phase",
-        "StopReason",
-        "UsedHysteresis",
-        "Bias",
-        "HasFound?Ku",
-        "HasFound?Tu",
-        "HasKp?Kp",
-        "HasKappa?Kappa",
-        "HasOffer?OfferK",
-        "HasOffer?OfferTi",
-        "HasOffer?OfferTd",
+        "Valid", "Error", "ErrorID", "Y", "YBad", "AtLow", "AtHigh", "NotAuto", "Tracking", "Busy", "Phase",
+        "StopReason", "UsedHysteresis", "Bias", "HasFound?Ku", "HasFound?Tu", "HasKp?Kp", "HasKappa?Kappa",
+        "HasOffer?OfferK", "HasOffer?OfferTi", "HasOffer?OfferTd",
     ],
 };
 
@@ -567,6 +465,61 @@ fn pid_law<R: Number>() -> Core {
     })
 }
 
+/// The settings of a controller by its pins; an open pin is no limit.
+pub fn pid_settings<R: Number>(row: &Row) -> PidSettings<R> {
+    let of = |pin: &str| row.r::<R>(pin);
+    PidSettings {
+        b: of("B"),
+        c: of("C"),
+        tf: of("Tf"),
+        low: row.maybe("Low").unwrap_or(-R::LARGEST),
+        high: row.maybe("High").unwrap_or(R::LARGEST),
+        rate: row.maybe("Rate").unwrap_or(R::LARGEST),
+        max_h: row.maybe("MaxH").unwrap_or(of("Ti") / R::of(2.0)),
+        ..PidSettings::ideal(of("K"), of("Ti"), of("Td"))
+    }
+}
+
+/// Mode, setpoint and manual output, where the pins give them.
+pub fn set_by_hand<R: Number>(row: &Row, state: &mut modules::PidState<R>) {
+    if let Some(mode) = Mode::ALL.get(row.get("Mode") as usize).filter(|_| row.get("Mode") >= 0.0) {
+        state.mode = *mode;
+    }
+    state.sp = row.maybe("OwnSp").unwrap_or(state.sp);
+    state.manual = row.maybe("ManualOutput").unwrap_or(state.manual);
+}
+
+/// What setpoint and feed-forward are told before the first scan: the output is not in automatic.
+pub fn nobody<R: Number>(output: R) -> [Backward<R>; 2] {
+    let nobody = Backward { flags: NOT_AUTO, ..Backward::default() };
+    [nobody, Backward { tracking: output, ..nobody }]
+}
+
+/// Whether the settings of the scan are good, and the first of them that is not.
+pub fn judged(row: &Row, error: f64) -> Vec<f64> {
+    vec![on(row.on("Enable") && error == 0.0), on(error != 0.0), error]
+}
+
+/// The outputs of a controller.
+pub fn pid_shown<R: Number>(
+    row: &Row,
+    error: f64,
+    output: R,
+    state: &modules::PidState<R>,
+    told: &[Backward<R>; 2],
+) -> Vec<f64> {
+    let mut shown = judged(row, error);
+    shown.extend([output, glapp_core::Sum::value(state.ysp), state.yf].map(R::as_f64));
+    shown.extend([BAD, GAP, BAD_SP, BAD_FF, BAD_LIMITS].map(|flag| on(state.error & flag != 0)));
+    let of = |flags: Status| [AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(flags & flag != 0));
+    shown.extend(of(state.flags));
+    for told in told {
+        shown.extend(of(told.flags));
+        shown.push(told.tracking.as_f64());
+    }
+    shown
+}
+
 /// What the controller is held to.
 struct PidReference<R: Number> {
     state: Option<modules::PidState<R>>,
@@ -585,9 +538,7 @@ impl<R: Number> Default for PidReference<R> {
 
 impl<R: Number> PidReference<R> {
     fn begin(&mut self, output: R) -> modules::PidState<R> {
-        let nobody = Backward { flags: NOT_AUTO, ..Backward::default() };
-        let told = [nobody, Backward { tracking: output, ..nobody }];
-        *self = Self { told, ..Self::default() };
+        *self = Self { told: nobody(output), ..Self::default() };
         modules::PidState::at(output)
     }
 
@@ -601,17 +552,7 @@ impl<R: Number> PidReference<R> {
             None => unreachable!(),
         };
         self.seen_h |= of("H") != R::ZERO;
-        let settings = PidSettings {
-            b: of("B"),
-            c: of("C"),
-            tf: of("Tf"),
-            low: row.maybe("Low").unwrap_or(-R::LARGEST),
-            high: row.maybe("High").unwrap_or(R::LARGEST),
-            rate: row.maybe("Rate").unwrap_or(R::LARGEST),
-            max_h: row.maybe("MaxH").unwrap_or(of("Ti") / R::of(2.0)),
-            ..PidSettings::ideal(of("K"), of("Ti"), of("Td"))
-        };
-        let mut error = checked(&mut self.good, modules::Pid::new(settings));
+        let mut error = checked(&mut self.good, modules::Pid::new(pid_settings(row)));
         if error == 0.0 && !self.seen_h {
             error = 12.0;
         }
@@ -622,11 +563,7 @@ impl<R: Number> PidReference<R> {
                     state.missed();
                     h = -R::ONE;
                 }
-                if let Some(mode) = Mode::ALL.get(row.get("Mode") as usize).filter(|_| row.get("Mode") >= 0.0) {
-                    state.mode = *mode;
-                }
-                state.sp = row.maybe("OwnSp").unwrap_or(state.sp);
-                state.manual = row.maybe("ManualOutput").unwrap_or(state.manual);
+                set_by_hand(row, &mut state);
                 pid.forward(&mut state, row.forward("Pv"), row.forward("Sp"), row.forward("Ff"), h);
                 let (sp, ff) = pid.backward(&mut state, row.backward());
                 self.told = [sp, ff];
@@ -634,17 +571,8 @@ impl<R: Number> PidReference<R> {
             _ => self.missed = true,
         }
         self.state = Some(state);
-        let mut shown = vec![on(row.on("Enable") && error == 0.0), on(error != 0.0), error];
-        shown.extend([state.output, glapp_core::Sum::value(state.ysp), state.yf].map(R::as_f64));
-        shown.extend([BAD, GAP, BAD_SP, BAD_FF, BAD_LIMITS].map(|flag| on(state.error & flag != 0)));
-        let of = |flags: Status| [AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(flags & flag != 0));
-        shown.extend(of(state.flags));
-        for told in &self.told {
-            shown.extend(of(told.flags));
-            shown.push(told.tracking.as_f64());
-        }
         assert_eq!(state.error & WRONG_SIGN, 0);
-        shown
+        pid_shown(row, error, state.output, &state, &self.told)
     }
 }
 
@@ -652,6 +580,20 @@ pub fn found_row<R: Real>(found: Option<Found<R>>) -> [f64; 4] {
     let unknown = f64::NAN;
     let or_nan = |x: Option<R>| x.map_or(unknown, R::as_f64);
     found.map_or([unknown; 4], |f| [f.ku.as_f64(), f.tu.as_f64(), or_nan(f.kp), or_nan(f.kappa)])
+}
+
+/// The rule that a pin names.
+pub fn rule_of(row: &Row) -> Option<Rule> {
+    Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"))
+}
+
+/// What an experiment offers by the rule of this scan, in force or not; one that is none offers nothing.
+pub fn offered<R: Number>(row: &Row, e: &AutoTunerState<R>) -> [f64; 3] {
+    let offer = match (e.phase, e.found, rule_of(row)) {
+        (Phase::Done, Some(found), Some(rule)) => found.by(rule).ok(),
+        _ => None,
+    };
+    offer.map_or([f64::NAN; 3], |tuning::Gains { k, ti, td }| [k, ti, td].map(R::as_f64))
 }
 
 fn tuner_settings<R: Number>(row: &Row, within: &str) -> AutoTunerSettings<R> {
@@ -723,43 +665,22 @@ impl<R: Number> TunerReference<R> {
             None => (x, back),
         };
         let e = &s.experiment;
-        let mut shown = vec![on(row.on("Enable") && error == 0.0), on(error != 0.0), error];
+        let mut shown = judged(row, error);
         shown.extend([y.value.as_f64(), on(!y.is_good())]);
         shown.extend([AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(told.flags & flag != 0)));
         shown.extend([told.tracking.as_f64(), on(e.phase.is_running())]);
         shown.extend([f64::from(e.phase as u8), f64::from(e.stop as u8), e.relay_hysteresis.as_f64(), e.bias.as_f64()]);
         shown.extend(found_row(e.found));
-        let rule = Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"));
-        let offer = match (e.phase, e.found, rule) {
-            (Phase::Done, Some(found), Some(rule)) => found.by(rule).ok(),
-            _ => None,
-        };
-        let unknown = f64::NAN;
-        shown.extend(offer.map_or([unknown; 3], |tuning::Gains { k, ti, td }| [k, ti, td].map(R::as_f64)));
+        shown.extend(offered(row, e));
         shown
     }
 }
 
 /// The units that the random sequences of these blocks have to go all ways through.
 pub const POUS: [&str; 18] = [
-    "GlappIntegral",
-    "GlappNoise",
-    "GlappBacklash",
-    "GlappSaturation",
-    "GlappRateLimit",
-    "GlappRamp",
-    "GlappPhaseLead",
-    "GlappProcessSim",
-    "GlappPidLaw",
-    "GlappPidCheck",
-    "GlappPid",
-    "GlappExperiment",
-    "GlappAutoTuner",
-    "GlappAutoTunerCheck",
-    "GlappPointPlacement",
-    "GlappAmigoFrequency",
-    "GlappRoot",
-    "GlappCyclePower",
+    "GlappIntegral", "GlappNoise", "GlappBacklash", "GlappSaturation", "GlappRateLimit", "GlappRamp", "GlappPhaseLead",
+    "GlappProcessSim", "GlappPidLaw", "GlappPidCheck", "GlappPid", "GlappExperiment", "GlappAutoTuner",
+    "GlappAutoTunerCheck", "GlappPointPlacement", "GlappAmigoFrequency", "GlappRoot", "GlappCyclePower",
 ];
 
 /// Conditions in `GlappPid` and `GlappAutoTuner` that only `GlappPidAdvanced` asks both ways.

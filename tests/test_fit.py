@@ -106,7 +106,8 @@ def test_steps_that_make_up_for_a_wrong_width_are_marked_anew(h: float, seed: in
     )
     found = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op)
     assert found.verdict == "backlash" and found.d == pytest.approx(1.5, rel=0.02)
-    assert found.low <= 1.5 <= found.high and found.high - found.low < 0.1
+    # By the likelihood less than 0.1 apart, and 5 % further out either way.
+    assert found.low <= 1.5 <= found.high and found.high - found.low < 0.25
     assert 4 <= found.best["load_steps"] < 8
 
 
@@ -526,13 +527,15 @@ def test_the_same_valve_three_months_apart() -> None:
     late, early = refinery("FIC46005_0902"), refinery("FIC46005_0614")
     assert late.verdict in GAP
     assert late.low is not None and late.high is not None and early.low is not None
-    assert 0.4 < late.low < late.high < 0.7
+    assert 0.4 < late.low < late.high < 0.75
     assert late.why == "gap_and_more" and "strays" in late.reason, "its PV is nearly square"
     assert early.low < late.high and (early.high is None or late.low < early.high), "the intervals overlap"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "reason"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "80 needed")])
+@pytest.mark.parametrize(
+    ("name", "reason"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "in one direction only")]
+)
 def test_a_single_step_of_op_gives_no_bound(name: str, reason: str) -> None:
     """Each once had a bound: OP went through the gap once, and a step of PV of any size and time explains as much."""
     f = refinery(name)

@@ -240,8 +240,8 @@ const Cells = (data, folded) => {
     const sure = plan(blank(beginning));
     if (sure === null) throw new CellFault(0, `'${beginning}' is not a time that is known here`, "write for instance 2024-01-31 13:45:00");
     const zoned = sure.of.zone !== undefined;
-    const said = { "day first": true, "month first": false }[format] ?? null;
-    const order = said ?? (sure.spans.a ? dayFirst(first) : null);
+    const by_format = { "day first": true, "month first": false }[format] ?? null;
+    const order = by_format ?? (sure.spans.a ? dayFirst(first) : null);
     return (text, i) => {
       const found = plan(blank(text));
       if (text === "") throw new CellFault(i, "the time is empty");

@@ -27,9 +27,9 @@ class Engine {
   ask(what, more = null) {
     this.#say(JSON.stringify({ [what]: more }));
     const length = this.exports.ask();
-    const said = JSON.parse(new TextDecoder().decode(new Uint8Array(this.exports.memory.buffer, this.exports.answered(), length)));
-    if (said.error !== undefined) throw new Error(said.error);
-    return said.ok;
+    const reply = JSON.parse(new TextDecoder().decode(new Uint8Array(this.exports.memory.buffer, this.exports.answered(), length)));
+    if (reply.error !== undefined) throw new Error(reply.error);
+    return reply.ok;
   }
 }
 

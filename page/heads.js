@@ -78,8 +78,8 @@ const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
     if (below.length && saysValue(rows[below[0]].cells)) names = under(names, rows[below.shift()].cells);
     else if (lines.includes(named - 1) && saysValue(rows[named].cells)) names = under(rows[named - 1].cells.map(tidy), rows[named].cells);
     const of_units = below.filter((i) => areUnits(rows[i].cells));
-    const told = of_units.length ? of_units : below.filter((i) => areShort(rows[i].cells));
-    if (told.length) units = rows[told.at(-1)].cells.map((cell) => bare(cell) || null);
+    const unit_rows = of_units.length ? of_units : below.filter((i) => areShort(rows[i].cells));
+    if (unit_rows.length) units = rows[unit_rows.at(-1)].cells.map((cell) => bare(cell) || null);
     return { named, names, units };
   }
 

@@ -31,8 +31,8 @@ const Influx = (data, { understand }, { NO_ROWS, records, raggedly, ofColumns })
   // --- annotated CSV
 
   /** Columns of each kind: time, series (measurement and tags), field and value, or fields. */
-  function rolesOf(names, said) {
-    const [kinds, group] = [said["#datatype"] ?? [], said["#group"] ?? []];
+  function rolesOf(names, notes) {
+    const [kinds, group] = [notes["#datatype"] ?? [], notes["#group"] ?? []];
     const having = (wanted) => names.flatMap((name, i) => (wanted(name, kinds[i] ?? "", i) ? [i] : []));
     let times = having((name) => name === "_time");
     if (!times.length) times = having((name, kind) => kind.startsWith("dateTime") && !OWN.has(name));
@@ -69,13 +69,13 @@ const Influx = (data, { understand }, { NO_ROWS, records, raggedly, ofColumns })
     const rows = [];
     let names = null;
     let roles = null;
-    let said = {};
+    let notes = {};
     for (const record of records(text, ",")) {
       const { cells } = record;
-      if (!cells.length) [names, said] = [null, {}];
-      else if (ANNOTATIONS.includes(cells[0])) [names, said[cells[0]]] = [null, cells];
-      else if (cells[0].startsWith(EXTENDED)) [names, said] = [null, { "#datatype": [cells[0].slice(EXTENDED.length), ...cells.slice(1)] }];
-      else if (names === null) [names, roles] = [cells, rolesOf(cells, said)];
+      if (!cells.length) [names, notes] = [null, {}];
+      else if (ANNOTATIONS.includes(cells[0])) [names, notes[cells[0]]] = [null, cells];
+      else if (cells[0].startsWith(EXTENDED)) [names, notes] = [null, { "#datatype": [cells[0].slice(EXTENDED.length), ...cells.slice(1)] }];
+      else if (names === null) [names, roles] = [cells, rolesOf(cells, notes)];
       else for (const one of samples(record, names, roles)) rows.push(one);
     }
     return tableOf(rows);

@@ -20,7 +20,7 @@ const Laboratory = (() => {
   let shown = false;
   let charts = null;
   let pictures = [];
-  let told = 0;
+  let shown_at = 0;
   let late = new Set(); // charts that show less than there is
 
   const wrong = (text) => {
@@ -77,8 +77,8 @@ const Laboratory = (() => {
       while (pictures[0] < now - 1000) pictures.shift();
       if (running && advance(elapsed)) late = new Set(charts);
       draw(now);
-      if (now - told > 250) {
-        told = now;
+      if (now - shown_at > 250) {
+        shown_at = now;
         tell();
       }
     }
@@ -224,12 +224,12 @@ const Laboratory = (() => {
   let fitter = null;
   let fitting = null;
 
-  function end_fit(said) {
+  function end_fit(text) {
     fitter?.terminate();
     fitting?.end();
     [fitter, fitting] = [null, null];
     $("lab-fit").textContent = "Fit what is recorded";
-    $("lab-fitted").textContent = said;
+    $("lab-fitted").textContent = text;
   }
 
   async function fit() {
@@ -241,9 +241,9 @@ const Laboratory = (() => {
     const stage = `Fitting the last ${duration(Math.round(t.at(-1) - t[0]))} …`;
     $("lab-fitted").textContent = stage;
     const module = await module_ready;
-    const told = (said) => {
-      const { answer } = said.answer;
-      const { headline, so } = said.told.parts;
+    const sentence_of = (reply) => {
+      const { answer } = reply.answer;
+      const { headline, so } = reply.told.parts;
       const gap = quantity(now["gap.d"], "%OP");
       return headline ? `${verdict(answer)} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
     };
@@ -253,15 +253,15 @@ const Laboratory = (() => {
         if (windows.length > 1) $("lab-fitted").textContent = `${stage} 0 of ${windows.length} windows`;
         fitting = new Windows(module, windows, mine, { broke: (reason) => end_fit(`The fit broke off (${reason}).`) });
       },
-      so_far(said) {
-        $("lab-fitted").textContent = `${stage} ${said.windows} of ${said.of} windows so far: ${told(said)}`;
+      so_far(reply) {
+        $("lab-fitted").textContent = `${stage} ${reply.windows} of ${reply.of} windows so far: ${sentence_of(reply)}`;
       },
-      answered(said) {
-        end_fit(`${told(said)} ${number((performance.now() - began) / 1000, 2)} s`);
+      answered(reply) {
+        end_fit(`${sentence_of(reply)} ${number((performance.now() - began) / 1000, 2)} s`);
       },
       wrong: ({ text }) => end_fit(text),
     };
-    mine.onmessage = ({ data: said }) => mine === fitter && hears[said.kind](said);
+    mine.onmessage = ({ data: reply }) => mine === fitter && hears[reply.kind](reply);
     mine.onerror = (event) => mine === fitter && end_fit(`The fit broke off (${event.message || "its worker died"}).`);
     mine.postMessage({ kind: "begin", module, data: data.reading });
     const controller = { k: now["pid.k"], ti: now["pid.ti"], td: now["pid.td"], b: now["pid.b"] };

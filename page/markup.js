@@ -113,7 +113,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
   }
 
   /** Rows or cells that an XML Spreadsheet leaves out before this one. */
-  const skipped = (said, have) => Math.max(number(said.index, have + 1) - have - 1, 0);
+  const skipped = (given, have) => Math.max(number(given.index, have + 1) - have - 1, 0);
 
   /** Rows of cells of every table, those of a table within a cell apart. */
   class Tables {
@@ -121,7 +121,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
     open = []; // { rows, below: column to the rows below that a cell spans }
     cell = null; // text, across, down
 
-    start(tag, said) {
+    start(tag, given) {
       const table = this.open.at(-1);
       if (tag === "table") {
         this.ended();
@@ -129,14 +129,14 @@ const Markup = (data, { checkColumns, ofSheet }) => {
         this.tables.push(this.open.at(-1).rows);
       } else if (["tr", "row"].includes(tag) && table) {
         this.ended();
-        for (let left = skipped(said, table.rows.length); left >= 0; left -= 1) table.rows.push([]);
+        for (let left = skipped(given, table.rows.length); left >= 0; left -= 1) table.rows.push([]);
         checkCells(table.rows.length);
         this.spanned();
       } else if (["td", "th", "cell"].includes(tag) && table?.rows.length) {
         this.ended();
         const row = table.rows.at(-1);
-        for (let left = skipped(said, row.length); left > 0; left -= 1) row.push("");
-        this.cell = { text: "", across: number(said.colspan, 1) + number(said.mergeacross, 0), down: number(said.rowspan, 1) };
+        for (let left = skipped(given, row.length); left > 0; left -= 1) row.push("");
+        this.cell = { text: "", across: number(given.colspan, 1) + number(given.mergeacross, 0), down: number(given.rowspan, 1) };
       } else if (["br", "p"].includes(tag) && this.cell) this.cell.text += " ";
     }
 

@@ -39,7 +39,7 @@ async function begin() {
   dismiss();
   const mine = new Worker(worker_address);
   worker = mine;
-  mine.onmessage = ({ data: said }) => mine === worker && hears[said.kind](said);
+  mine.onmessage = ({ data: reply }) => mine === worker && hears[reply.kind](reply);
   mine.onerror = (event) => mine === worker && broke("analysis", event.message || "its worker died");
   await words_ready;
   mine.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
@@ -58,9 +58,9 @@ const hears = {
     }
     $("working").hidden = false;
   },
-  opened(said) {
+  opened(reply) {
     if (!file.opened) {
-      file.opened = said;
+      file.opened = reply;
       file.loop = 0;
       offer();
     }
@@ -70,18 +70,18 @@ const hears = {
       $("settings").open = true;
     } else analyse();
   },
-  first(said) {
-    show(said, CROSSINGS);
+  first(reply) {
+    show(reply, CROSSINGS);
   },
-  so_far(said) {
-    if (fitting) show(said, `From zero crossings, and from ${said.windows} of the ${said.of} windows of the fit`);
+  so_far(reply) {
+    if (fitting) show(reply, `From zero crossings, and from ${reply.windows} of the ${reply.of} windows of the fit`);
   },
-  windows(said) {
-    fit_windows(said);
+  windows(reply) {
+    fit_windows(reply);
   },
-  answered(said) {
+  answered(reply) {
     rest();
-    show(said, null);
+    show(reply, null);
   },
   wrong({ text }) {
     rest();
@@ -249,10 +249,10 @@ let shown = null;
 const CROSSINGS = "From zero crossings alone";
 
 /** Shows an answer; `from`: what it is from, where the fit still goes on. */
-function show(said, from) {
+function show(reply, from) {
   const provisional = from !== null;
-  shown = { ...said, from };
-  const { answer: doc, read, unit, told: { parts } } = said;
+  shown = { ...reply, from };
+  const { answer: doc, read, unit, told: { parts } } = reply;
   const { answer } = doc;
   const [op_unit, pv_unit] = [ofOp(unit), read.units.pv ?? "PV unit"];
   const name = read.loop;
@@ -276,16 +276,16 @@ function show(said, from) {
       ["Recording", `${moment(read.t0, t[0])} to ${moment(read.t0, t.at(-1))}, ${duration(span)}, ${count(t.length, "row")}`],
       ["Columns", Object.entries(read.chosen).map(([role, column]) => `${data.reading.columns.labels[role]}: ${column}`).join(", ")],
       ["Not used", unused(read) || "nothing"],
-      ["Analysed in", `${number(said.took / 1000, 2)} s`]]),
+      ["Analysed in", `${number(reply.took / 1000, 2)} s`]]),
     h("details", { class: "engineer", open: true }, h("summary", {}, h("h3", {}, "The evidence, for the engineer")),
-      fitted ? fit(said, op_unit, pv_unit, place) : null,
-      crossings(said, op_unit),
-      quality(said),
-      settings(said, op_unit, pv_unit)),
+      fitted ? fit(reply, op_unit, pv_unit, place) : null,
+      crossings(reply, op_unit),
+      quality(reply),
+      settings(reply, op_unit, pv_unit)),
     provisional ? null : h("p", { class: "screen" }, h("button", { type: "button", id: "save", onclick: save }, "Save the report"), " ",
       h("button", { type: "button", onclick: () => print() }, "Print")));
   $("result").replaceChildren(section);
-  draw(said, op_unit, pv_unit);
+  draw(reply, op_unit, pv_unit);
 }
 
 const unused = (read) => {
@@ -293,21 +293,21 @@ const unused = (read) => {
   return file.opened.loops[file.loop].names.filter((name) => !used.has(name)).join(", ");
 };
 
-function fit(said, unit, pv_unit, place) {
-  const { fit: found } = said.answer;
+function fit(reply, unit, pv_unit, place) {
+  const { fit: found } = reply.answer;
   const rows = [["Width", quantity(found.d, unit)], ["95 % interval", limits(found.low, found.high)]];
   if (found.lr_no_gap !== null) {
     rows.push(["Likelihood ratio", `${number(found.lr_no_gap)}, ${number(found.lr_needed)} needed`]);
   }
-  if (said.pv) rows.push(["OP crossed it", `${said.pv.traversals[0]} times up, ${said.pv.traversals[1]} down`]);
+  if (reply.pv) rows.push(["OP crossed it", `${reply.pv.traversals[0]} times up, ${reply.pv.traversals[1]} down`]);
   const process = found.process === null ? [] : [
     [found.process.integrating ? "Velocity gain" : "Process gain Kp", found.process.kp, `${pv_unit} per ${unit}${found.process.integrating ? " and s" : ""}`],
     ["Dead time", found.process.dead_time, "s"],
     ["Lags together", found.process.lag, "s"],
   ].map(([label, [value, low, high], of]) => [label, quantity(value, of), limits(low, high)]);
-  return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(said.told.fit)), facts(rows),
-    said.pv ? place("likelihood", "likelihood over the width") : null,
-    said.pv ? h("p", { class: "note" }, "A line is a family of models, the thick one the best. The lower it is, the better that width explains PV. The shaded band is the 95 % interval.") : null,
+  return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(reply.told.fit)), facts(rows),
+    reply.pv ? place("likelihood", "likelihood over the width") : null,
+    reply.pv ? h("p", { class: "note" }, "A line is a family of models, the thick one the best. The lower it is, the better that width explains PV. The shaded band is the 95 % interval.") : null,
     process.length ? table("The process between valve and PV, from the same fit.", ["Process", "Value", "95 % interval"], process) : null);
 }
 
@@ -328,9 +328,9 @@ function crossings({ answer: doc, told }, unit) {
 
 const swatch = (name) => h("span", {}, h("i", { class: `swatch r-${name}` }), words.reasons[name].label);
 
-function quality(said) {
-  const { answer: doc, read, told } = said;
-  const reader = reader_of(said);
+function quality(reply) {
+  const { answer: doc, read, told } = reply;
+  const reader = reader_of(reply);
   // As in the package: what was found in reading comes before what is as grave.
   const weight = ({ code, severity }) => (code === "kp_assumed" ? 3 : Object.keys(EXPLAINED).indexOf(severity));
   const read_of = read.told.map((one) => ({ ...one, text: finding(one, reader) }));
@@ -386,19 +386,19 @@ function interpolated(at, t, x) {
   });
 }
 
-function draw(said, op_unit, pv_unit) {
-  const { columns, t0 } = said.read;
-  const { fit: found, answer } = said.answer;
+function draw(reply, op_unit, pv_unit) {
+  const { columns, t0 } = reply.read;
+  const { fit: found, answer } = reply.answer;
   const zoomed = [];
-  const bands = said.half_periods
-    ? said.half_periods.t_start.slice(0, 20_000).map((from, i) => [from + (t0 ?? 0) / 1000, said.half_periods.t_end[i] + (t0 ?? 0) / 1000, `r-${data.names[said.half_periods.reason[i]]}`])
+  const bands = reply.half_periods
+    ? reply.half_periods.t_start.slice(0, 20_000).map((from, i) => [from + (t0 ?? 0) / 1000, reply.half_periods.t_end[i] + (t0 ?? 0) / 1000, `r-${data.names[reply.half_periods.reason[i]]}`])
     : null;
   if (columns.op) {
     const lines = [{ label: "OP", stroke: "output" }];
     const drawn = [columns.op];
-    if (said.pv) {
+    if (reply.pv) {
       lines.push({ label: "valve (model)", stroke: "position", width: 2 });
-      drawn.push(interpolated(Array.from(columns.t), said.pv.t, said.pv.valve));
+      drawn.push(interpolated(Array.from(columns.t), reply.pv.t, reply.pv.valve));
     }
     zoomed.push(chart($("op-picture"), thinned(columns.t, drawn), lines, { y: `OP [${op_unit}]`, t0, height: 230, sync: "recording" }));
   }
@@ -409,13 +409,13 @@ function draw(said, op_unit, pv_unit) {
     drawn.push(columns.sp);
   }
   zoomed.push(chart($("pv-picture"), thinned(columns.t, drawn), lines, { y: `PV [${pv_unit}]`, t0, height: 230, sync: "recording", bands }));
-  if (!said.pv || !columns.op) return;
-  const { pv } = said;
+  if (!reply.pv || !columns.op) return;
+  const { pv } = reply;
   const op = interpolated(pv.t, Array.from(columns.t), Array.from(columns.op));
   const [from, to] = ["backlash", "stiction", "both", "at_least"].includes(found.verdict) ? stretch(pv.valve, op) : [0, pv.t.length - 1];
   const [begin, end] = [pv.t[from], pv.t[to]].map((t) => t + (t0 ?? 0) / 1000);
   for (const plot of zoomed) plot.setScale("x", { min: begin, max: end });
-  $("gap-place").append(...parallelogram(said, op.slice(from, to + 1), [from, to + 1], op_unit, pv_unit));
+  $("gap-place").append(...parallelogram(reply, op.slice(from, to + 1), [from, to + 1], op_unit, pv_unit));
   if ($("likelihood")) likelihood(pv, found, answer, op_unit);
 }
 

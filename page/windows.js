@@ -17,13 +17,13 @@ class Windows {
       const helper = new Worker(worker_address);
       this.workers.push(helper);
       helper.onerror = (event) => hear.broke(event.message || "one of its workers died");
-      helper.onmessage = ({ data: said }) => {
+      helper.onmessage = ({ data: reply }) => {
         if (!this.workers.includes(helper)) return;
-        if (said.kind === "wrong") {
-          hear.broke(said.text);
+        if (reply.kind === "wrong") {
+          hear.broke(reply.text);
           return;
         }
-        alone[said.place] = said.alone;
+        alone[reply.place] = reply.alone;
         done += 1;
         give(helper);
         hear.done?.(done);

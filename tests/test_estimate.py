@@ -10,11 +10,12 @@ import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pytest
+from filtered import filtered
 
 import glapp
 from glapp import Estimator, InputError, Loop, recording_from
 from glapp.result import REASONS
-from glapp.simulate import Simulation, closed_loop
+from glapp.simulate import Simulation
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 PI = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
@@ -22,16 +23,7 @@ PI = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
 
 @pytest.fixture(scope="module")
 def worn() -> Simulation:
-    return closed_loop(
-        "P3",
-        (0.48, 0.3117, 0, 0),
-        d=0.05,
-        noise=0.002,
-        t_end=800,
-        setpoint=[(1, 1.0)],
-        load=[(100, 0.3)],
-        filter_in_loop=True,
-    )
+    return filtered("P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.002, t_end=800, setpoint=[(1, 1.0)], load=[(100, 0.3)])
 
 
 def loop(**changes: Any) -> Loop:
@@ -295,16 +287,7 @@ def feed(s: Simulation, **changes: Any) -> Estimator:
 @pytest.fixture(scope="module")
 def noisy() -> Simulation:
     """No gap: noise alone makes hundreds of half-periods, and dozens of them look like backlash."""
-    return closed_loop(
-        "P3",
-        (0.48, 0.3117, 0, 0),
-        d=0.0,
-        noise=0.002,
-        t_end=3000,
-        setpoint=[(1, 1.0)],
-        load=[(100, 0.3)],
-        filter_in_loop=True,
-    )
+    return filtered("P3", (0.48, 0.3117, 0, 0), d=0.0, noise=0.002, t_end=3000, setpoint=[(1, 1.0)], load=[(100, 0.3)])
 
 
 def test_a_stream_shows_no_width_below_the_noise_limit(noisy: Simulation) -> None:

@@ -11,10 +11,11 @@ from bench.lengths import made
 from bench.loads.answer import LoadsAnswer
 from bench.loads.records import record as confusing
 from bench.truth.records import record
+from filtered import filtered
 from fits import made_anew
 
 import glapp
-from glapp.simulate import Simulation, closed_loop, random_walk
+from glapp.simulate import Simulation, random_walk
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 LOADS: dict[str, Any] = {"load": [(50, 0.3), (120, -0.2), (180, 0.1)]}
@@ -28,7 +29,7 @@ def fitted(t: Any, pv: Any, op: Any, **settings: Any) -> glapp.Fit:
 
 def simulation(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.05, **kw: Any) -> Simulation:
     kw = {"noise": 0.005, "h": 0.1, "t_end": 250, "setpoint": [(1, 1.0)], "seed": 1, **kw}
-    return closed_loop(plant, (*controller, 0.0, 0.0)[:4], d=d, **kw, filter_in_loop=True)
+    return filtered(plant, (*controller, 0.0, 0.0)[:4], d=d, **kw)
 
 
 def simulated(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.05, **kw: Any) -> glapp.Fit:
@@ -93,20 +94,13 @@ def test_small_steps_of_the_load_are_found_beside_the_lost_motion(name: str, ver
 def test_steps_that_make_up_for_a_wrong_width_are_marked_anew(h: float, seed: int) -> None:
     # Eleven steps beside a width of 1.25 (1.19 to 1.34) were believed, where four beside 1.5 explain far more.
     steps = [(300.0 * k, 5.0 * (k % 3)) for k in range(5)]
-    sim = closed_loop(
-        ([1.5], [30, 13, 1], 2.0),
-        (0.6, 12.0, 0, 0),
-        d=1.5,
-        noise=0.1,
-        h=h,
-        t_end=1500,
-        seed=seed,
-        load=steps,
-        filter_in_loop=True,
+    sim = filtered(
+        ([1.5], [30, 13, 1], 2.0), (0.6, 12.0, 0, 0), d=1.5, noise=0.1, h=h, t_end=1500, seed=seed, load=steps
     )
     found = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op)
     assert found.verdict == "backlash" and found.d == pytest.approx(1.5, rel=0.02)
-    assert found.low <= 1.5 <= found.high and found.high - found.low < 0.1
+    # By the likelihood less than 0.1 apart, and 5 % further out either way.
+    assert found.low <= 1.5 <= found.high and found.high - found.low < 0.25
     assert 4 <= found.best["load_steps"] < 8
 
 
@@ -189,16 +183,7 @@ def test_units_scale_through() -> None:
 def test_no_unit_changes_the_answer(pv: float, op: float, seconds: float, zero: float) -> None:
     """Rounding in another unit once led the search elsewhere: 1.36 for 1.50, and 14 steps of the load for 4."""
     load = [(300.0 * k, 5.0 * (k % 3)) for k in range(5)]
-    s = closed_loop(
-        ([1.5], [30, 13, 1], 2.0),
-        (0.6, 12.0, 0, 0),
-        d=1.5,
-        noise=0.1,
-        seed=1,
-        t_end=1500,
-        load=load,
-        filter_in_loop=True,
-    )
+    s = filtered(([1.5], [30, 13, 1], 2.0), (0.6, 12.0, 0, 0), d=1.5, noise=0.1, seed=1, t_end=1500, load=load)
     f, g = fitted(s.t, s.pv, s.op), fitted(s.t * seconds, s.pv * pv + zero, s.op * op)
     assert g.verdict == f.verdict == "backlash"
     for here, there in ((f.d, g.d), (f.low, g.low), (f.high, g.high)):
@@ -263,9 +248,7 @@ def test_a_gap_is_told_under_a_load_along_lines(name: str) -> None:
 @pytest.mark.parametrize(("h", "seed"), [(0.02, 1), (0.05, 2)])
 def test_a_gap_in_little_noise_has_no_jump(h: float, seed: int, acting: Any) -> None:
     """Under MIGO PI with Ms 2.0 a gap of 1 was once told as one of 2.3 with a jump: its valley was passed by."""
-    s = closed_loop(
-        "P1", (0.781, 4.04, 0, 0), d=1.0, noise=0.02, h=h, seed=seed, t_end=300.0, **acting, filter_in_loop=True
-    )
+    s = filtered("P1", (0.781, 4.04, 0, 0), d=1.0, noise=0.02, h=h, seed=seed, t_end=300.0, **acting)
     f = fitted(s.t, s.pv, s.op)
     assert f.verdict == "backlash" and f.jump == 0.0, f.reason
     assert f.low is not None and f.high is not None and f.low < 1.0 < f.high
@@ -439,17 +422,7 @@ def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
 @pytest.mark.slow
 def test_the_valve_position_settles_it() -> None:
     """PV alone cannot tell: OP hardly moves through the gap, and the noise is as large as what PV shows of it."""
-    s = closed_loop(
-        "P2",
-        (0.4, 2.3, 0, 0),
-        d=0.05,
-        noise=0.05,
-        h=0.2,
-        t_end=300,
-        load=walk(0.02, 0.2, 300, 1),
-        seed=1,
-        filter_in_loop=True,
-    )
+    s = filtered("P2", (0.4, 2.3, 0, 0), d=0.05, noise=0.05, h=0.2, t_end=300, load=walk(0.02, 0.2, 300, 1), seed=1)
     positioned = glapp.Loop(name="P2", op_unit="1", positioner={"dead_band": 0.2})
     position = s.position + np.random.default_rng(1).normal(0.0, 0.002, len(s.t))
     table = {"time": s.t, "SP": s.sp, "PV": s.pv, "OP": s.op, "POSITION": position}
@@ -463,17 +436,7 @@ def test_the_valve_position_settles_it() -> None:
 
 @pytest.mark.slow
 def test_the_zero_crossing_estimate_takes_the_fitted_gain(monkeypatch: pytest.MonkeyPatch) -> None:
-    s = closed_loop(
-        "P3",
-        (0.48, 0.3117, 0, 0),
-        d=0.05,
-        noise=0.002,
-        h=0.1,
-        t_end=400,
-        setpoint=[(1, 1.0)],
-        **LOADS,
-        filter_in_loop=True,
-    )
+    s = filtered("P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.002, h=0.1, t_end=400, setpoint=[(1, 1.0)], **LOADS)
     spans = {"pv_span": (0, 1), "op_span": (0, 1)}
     loop = glapp.Loop(name="P3", op_unit="1", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, **spans)
     recording = glapp.recording_from(s.to_arrow().drop_columns("POSITION"), loop)
@@ -491,16 +454,8 @@ def test_the_zero_crossing_estimate_takes_the_fitted_gain(monkeypatch: pytest.Mo
 @pytest.mark.verify
 def test_the_controllers_filter_time_does_not_matter_to_it() -> None:
     """The zero-crossing estimate of the same loops reads the lower the longer its filter."""
-    table = closed_loop(
-        "P3",
-        (0.48, 0.3117, 0, 0),
-        d=0.05,
-        noise=0.002,
-        h=0.1,
-        t_end=400,
-        setpoint=[(1, 1.0)],
-        **LOADS,
-        filter_in_loop=True,
+    table = filtered(
+        "P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.002, h=0.1, t_end=400, setpoint=[(1, 1.0)], **LOADS
     ).to_arrow()
     table = table.drop_columns("POSITION")
     widths = []
@@ -526,13 +481,15 @@ def test_the_same_valve_three_months_apart() -> None:
     late, early = refinery("FIC46005_0902"), refinery("FIC46005_0614")
     assert late.verdict in GAP
     assert late.low is not None and late.high is not None and early.low is not None
-    assert 0.4 < late.low < late.high < 0.7
+    assert 0.4 < late.low < late.high < 0.75
     assert late.why == "gap_and_more" and "strays" in late.reason, "its PV is nearly square"
     assert early.low < late.high and (early.high is None or late.low < early.high), "the intervals overlap"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "reason"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "80 needed")])
+@pytest.mark.parametrize(
+    ("name", "reason"), [("FIC20102_0609", "would hardly move"), ("FIC20102_1207", "in one direction only")]
+)
 def test_a_single_step_of_op_gives_no_bound(name: str, reason: str) -> None:
     """Each once had a bound: OP went through the gap once, and a step of PV of any size and time explains as much."""
     f = refinery(name)

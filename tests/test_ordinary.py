@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench.ordinary import design, oracle
-from bench.ordinary.__main__ import tasks
+from bench.ordinary.__main__ import answers, tasks
 from bench.ordinary.answers import Line, Said, ask, done
-from bench.ordinary.design import FAULTS, ROWS, draw, fractional_lag, half, names, sensitivity
+from bench.ordinary.design import FAULTS, JUDGES, ROWS, draw, fractional_lag, half, names, sensitivity
 from bench.ordinary.records import record, reversals, swept
 from bench.ordinary.score import tables
 
@@ -47,6 +47,7 @@ def test_halves_do_not_overlap_and_lie_in_and_out_of_the_family_alike():
     numbers = range(40)
     halves = {which: {n for n in numbers if half(n) == which} for which in "AB"}
     assert not halves["A"] & halves["B"] and halves["A"] | halves["B"] == set(numbers)
+    assert {half(n, JUDGES) for n in numbers} == {"C"}
     outside = {n for n in range(16) if draw(f"drift/none/{n}/1").outside}
     assert len(outside & halves["A"]) == len(outside & halves["B"]) == 4
 
@@ -210,8 +211,17 @@ def test_what_is_asked_keeps_to_its_half():
     asked = list(tasks(["steps", "perstorp"], "A", 3, 1, several=False))
     assert {int(name.split("/")[2]) for name, _ in asked} == {0, 2, 4}
     assert len(asked) == 3 * (2 + 3) and {count for _, count in asked} == {1}
+    judges = list(tasks(["steps"], "C", 2, JUDGES, several=False))
+    assert judges == [(f"steps/{fault}/{n}/{JUDGES}", 1) for n in (0, 1) for fault in ("none", "gap")]
     days = list(tasks(["steps", "perstorp"], "B", 1, 1, several=True))
     assert days == [("steps/gap/1/1", n) for n in (1, 2, 4, 8)]
+
+
+def test_a_loop_that_cannot_be_drawn_is_named_and_left_out(capsys, monkeypatch):
+    # None of the loops of that number has a cycle; the first three are enough to show it.
+    monkeypatch.setattr(design, "ATTEMPTS", 3)
+    assert list(answers([("friction cycle/none/13/381", 1)], 1)) == []
+    assert "left out, and its twins: friction cycle/13/381: no cycle in 3 loops" in capsys.readouterr().err
 
 
 def test_another_day_is_the_same_valve_and_controller():

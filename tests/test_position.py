@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filtered import filtered
 
 import glapp
 from glapp import _glapp
 from glapp.fit import Fit, _at_valve, _together
 from glapp.recording import Batch
 from glapp.report.fit_figure import fit_figure
-from glapp.simulate import closed_loop
 
 LOOP = glapp.Loop(name="P3", op_unit="1")
 LOADS: dict[str, Any] = {"load": [(50, 0.3), (120, -0.2), (180, 0.1)], "setpoint": [(1, 1.0)]}
@@ -46,9 +46,7 @@ RECORDERS: dict[str, Any] = {
 
 def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.05) -> Fit:
     """What the position of a simulated loop says by itself."""
-    s = closed_loop(
-        plant, (*controller, 0.0, 0.0)[:4], d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS, filter_in_loop=True
-    )
+    s = filtered(plant, (*controller, 0.0, 0.0)[:4], d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS)
     return by_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))])
 
 
@@ -70,9 +68,7 @@ def test_without_a_gap_none_is_claimed(recorder: str) -> None:
 @pytest.mark.slow
 def test_a_position_that_is_op_tells_nothing_and_pv_answers() -> None:
     """It once was "at least 0.773" for no gap."""
-    s = closed_loop(
-        "P3", (0.482, 0.313, 0, 0), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS, filter_in_loop=True
-    )
+    s = filtered("P3", (0.482, 0.313, 0, 0), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
     f = glapp.fit(glapp.recording_from(s.to_arrow(), LOOP))
     assert not f.found, f.reason
     assert "equals OP in every row" in f.reason and f.to_dict()["signal"] == "PV"
@@ -128,9 +124,7 @@ def test_where_they_agree_the_position_settles_it() -> None:
 def test_a_history_of_windows_gives_one_answer_with_its_trend() -> None:
     batches = []
     for i in range(4):
-        s = closed_loop(
-            "P3", (0.482, 0.313, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=120, seed=i, **LOADS, filter_in_loop=True
-        )
+        s = filtered("P3", (0.482, 0.313, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=120, seed=i, **LOADS)
         position = RECORDERS["noisy"](s.position)
         batches.append(Batch(s.t + 1e5 * i, s.sp, s.pv, s.op, None, position))
     f = by_position(batches)
@@ -140,9 +134,7 @@ def test_a_history_of_windows_gives_one_answer_with_its_trend() -> None:
 
 @pytest.mark.slow
 def test_the_report_draws_it() -> None:
-    s = closed_loop(
-        "P3", (0.482, 0.313, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS, filter_in_loop=True
-    )
+    s = filtered("P3", (0.482, 0.313, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
     table = {"time": s.t, "SP": s.sp, "PV": s.pv, "OP": s.op, "POSITION": RECORDERS["noisy"](s.position)}
     result = glapp.analyze(glapp.recording_from(table, LOOP))
     assert result.fit is not None and result.fit.to_dict()["signal"] == "position"

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filtered import filtered
 
 import glapp
 from glapp.samples import Samples
-from glapp.simulate import Simulation, closed_loop
+from glapp.simulate import Simulation
 
 LOOP = glapp.Loop(name="P3", op_unit="1", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0})
 HEAVY = (
@@ -30,15 +31,7 @@ HEAVY = (
 @pytest.fixture(scope="module")
 def worn() -> Simulation:
     settings: dict[str, Any] = {"noise": 0.005, "h": 0.1, "t_end": 200, "seed": 1}
-    return closed_loop(
-        "P3",
-        (0.48, 0.3117, 0, 0),
-        d=0.05,
-        setpoint=[(1, 1.0)],
-        load=[(50, 0.3), (100, -0.2)],
-        **settings,
-        filter_in_loop=True,
-    )
+    return filtered("P3", (0.48, 0.3117, 0, 0), d=0.05, setpoint=[(1, 1.0)], load=[(50, 0.3), (100, -0.2)], **settings)
 
 
 def told(answer: Any) -> Any:
@@ -62,17 +55,7 @@ def test_arrays_get_the_answer_of_their_recording(worn: Simulation) -> None:
 def test_a_step_test_in_arrays() -> None:
     steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     plant = ([0.8], [5, 1], 0)
-    s = closed_loop(
-        plant,
-        (0.5, 10, 0, 0),
-        d=2.0,
-        noise=0.05,
-        h=1.0,
-        t_end=400,
-        manual=steps,
-        setpoint=[(0, 40.0)],
-        filter_in_loop=True,
-    )
+    s = filtered(plant, (0.5, 10, 0, 0), d=2.0, noise=0.05, h=1.0, t_end=400, manual=steps, setpoint=[(0, 40.0)])
     found = glapp.step_test(t=s.t, pv=s.pv, op=s.op, manual=True)
     assert found.low is not None and found.high is not None and found.low <= 2.0 <= found.high + 0.05
     assert glapp.step_test(t=s.t, pv=s.pv, op=s.op, flags=s.flags & 1).d == found.d

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from filtered import filtered, filtered_scenario
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -90,7 +91,7 @@ def test_open_loop_against_lsim(name: str) -> None:
     """In manual the loop is the plant alone, its input held between samples as lsim holds it."""
     h, n = 0.05, 1000
     s = run(
-        Scenario(
+        filtered_scenario(
             plant=name,
             controller=(*P2_PI, 0, 0),
             load=[
@@ -103,7 +104,6 @@ def test_open_loop_against_lsim(name: str) -> None:
             h=h,
             t_end=(n - 1) * h,
             seed=3,
-            filter_in_loop=True,
         )
     )
     _, y, _ = signal.lsim(signal.lti(PLANTS[name].num, PLANTS[name].den), s.op + s.load, s.t, interp=False)
@@ -176,14 +176,13 @@ def he(u: NDArray[np.float64], s: float, j: float) -> list[float]:
 @pytest.mark.parametrize(("model", "published"), [("kano", kano), ("he", he)])
 def test_friction_is_the_published_model(model: str, published: Any) -> None:
     s = run(
-        Scenario(
+        filtered_scenario(
             plant="P1",
             controller=(0.363, 7.06, 0, 0),
             friction={"model": model, "s": 0.3, "j": 0.1},
             noise=0.001,
             load=[(5, 0.2), (300, -0.2)],
             t_end=600,
-            filter_in_loop=True,
         )
     )
     from_rest = published(np.concatenate([[0.0], s.op]), 0.3, 0.1)
@@ -193,8 +192,8 @@ def test_friction_is_the_published_model(model: str, published: Any) -> None:
 def test_friction_makes_a_flow_loop_cycle_where_backlash_does_not() -> None:
     """A slip jump keeps a self-regulating process cycling under PI; a gap of the same width comes to rest."""
     common: dict[str, Any] = {"plant": "P2", "controller": (*P2_PI, 0, 0), "setpoint": [(1, 1.0)], "t_end": 4000}
-    sticks = run(Scenario(**common, friction=Friction(model="kano", s=0.1, j=0.05), filter_in_loop=True))
-    plays = run(Scenario(**common, d=0.1, filter_in_loop=True))
+    sticks = run(filtered_scenario(**common, friction=Friction(model="kano", s=0.1, j=0.05)))
+    plays = run(filtered_scenario(**common, d=0.1))
     late = sticks.t > 3000
     assert np.ptp(sticks.pv[late]) > 0.02
     assert np.ptp(plays.pv[late]) < 0.001
@@ -202,7 +201,7 @@ def test_friction_makes_a_flow_loop_cycle_where_backlash_does_not() -> None:
 
 def test_rate_gap_and_resolution_against_the_blocks() -> None:
     s = run(
-        Scenario(
+        filtered_scenario(
             plant="P2",
             controller=(*P2_PI, 0, 0),
             d=0.04,
@@ -212,7 +211,6 @@ def test_rate_gap_and_resolution_against_the_blocks() -> None:
             noise=0.01,
             setpoint=[(1, 1.0)],
             t_end=100,
-            filter_in_loop=True,
         )
     )
     assert np.abs(s.op / 0.05 - np.round(s.op / 0.05)).max() < 1e-9
@@ -253,7 +251,7 @@ def test_cascade_against_the_blocks_and_lsim() -> None:
     """Thesis 8.3: P2 as two processes; each outer signal is recomputed from the one before it."""
     controller, h = (0.6, 3.5), 0.05
     s = run(
-        Scenario(
+        filtered_scenario(
             plant=HALF_P2,
             controller=(2.0, 1.5, 0.0, 1.0),
             d=0.05,
@@ -262,7 +260,6 @@ def test_cascade_against_the_blocks_and_lsim() -> None:
             load=[(100, -0.5)],
             h=h,
             t_end=200,
-            filter_in_loop=True,
         )
     )
     assert s.outer_sp is not None and s.outer_pv is not None
@@ -289,8 +286,8 @@ def test_gap_in_the_inner_process_is_found_and_one_in_the_outer_is_not() -> None
     slow: dict[str, Any] = {"plant": ([1.0], [400.0, 40.0, 1.0], 0.0), "controller": (0.5, 60.0, 0, 0), "tf": 6.0}
     table = run_many(
         [
-            Scenario(**inner, d=0.05, outer=Outer(**slow), filter_in_loop=True),
-            Scenario(**inner, outer=Outer(**slow, d=0.05), filter_in_loop=True),
+            filtered_scenario(**inner, d=0.05, outer=Outer(**slow)),
+            filtered_scenario(**inner, outer=Outer(**slow, d=0.05)),
         ],
         keep="estimate",
         progress=False,
@@ -313,7 +310,7 @@ def test_toml_there_and_back() -> None:
     assert Scenario.from_toml(text) == scenario
     assert Scenario.from_toml(text).to_toml() == text
     assert same(run(Scenario.from_toml(text)), run(scenario))
-    array = Scenario(plant="P2", controller=(*P2_PI, 0, 0), load=np.zeros(20001), filter_in_loop=True)
+    array = filtered_scenario(plant="P2", controller=(*P2_PI, 0, 0), load=np.zeros(20001))
     with pytest.raises(InputError, match="an array has no form in TOML; write it to a file"):
         array.to_toml()
 
@@ -336,11 +333,8 @@ def test_signal_from_a_file_beside_the_scenario(tmp_path: Path, suffix: str) -> 
     assert np.array_equal(run(read_scenario(tmp_path / "loop.toml")).load, walk)
     with pytest.raises(InputError, match=r"missing\.csv, column LOAD"):
         run(
-            Scenario(
-                plant="P2",
-                controller=(*P2_PI, 0, 0),
-                load=File(path=tmp_path / "missing.csv", column="LOAD"),
-                filter_in_loop=True,
+            filtered_scenario(
+                plant="P2", controller=(*P2_PI, 0, 0), load=File(path=tmp_path / "missing.csv", column="LOAD")
             )
         )
     with pytest.raises(InputError, match=r"none\.toml: "):
@@ -358,13 +352,13 @@ def test_jitter_and_losses_are_of_the_recording_alone() -> None:
         "noise": 0.005,
         "setpoint": [(1, 1.0)],
     }
-    whole = run(Scenario(**common, filter_in_loop=True))
-    shaken = run(Scenario(**common, jitter=0.02, filter_in_loop=True))
+    whole = run(filtered_scenario(**common))
+    shaken = run(filtered_scenario(**common, jitter=0.02))
     off = shaken.t - whole.t
     assert np.array_equal(shaken.pv, whole.pv)
     assert np.abs(off).max() <= 0.02 and off.std() == pytest.approx(0.02 / 3**0.5, rel=0.02)
     assert np.all(np.diff(shaken.t) > 0)
-    thin = run(Scenario(**common, lost=0.3, filter_in_loop=True))
+    thin = run(filtered_scenario(**common, lost=0.3))
     kept = np.isin(whole.t, thin.t)
     assert len(thin.t) == pytest.approx(0.7 * len(whole.t), rel=0.02)
     assert all(np.array_equal(x, y[kept]) for x, y in zip(columns(thin), columns(whole), strict=True))
@@ -375,7 +369,7 @@ def variety() -> list[Scenario]:
     many = [Scenario(**EVERYTHING), Scenario(**EVERYTHING | {"outer": None, "lost": 0.0})]
     for i in range(45):
         many.append(
-            Scenario(
+            filtered_scenario(
                 name=f"{i}",
                 plant=("P2", "P3", "P4", "P1")[i % 4],
                 controller=(0.2 + 0.004 * i, 2.5 + 0.1 * i, 0.3 * (i % 3 == 0), 0.5 * (i % 2)),
@@ -388,7 +382,6 @@ def variety() -> list[Scenario]:
                 lost=0.05 * (i % 11 == 0),
                 t_end=400 if i % 9 else 250,
                 seed=i,
-                filter_in_loop=True,
             )
         )
     return many
@@ -415,14 +408,8 @@ def test_the_estimate_kept_is_that_of_the_detector_over_the_signals() -> None:
 
 
 def test_an_unstable_loop_among_many() -> None:
-    good = Scenario(
-        plant="P3",
-        controller=(*P3_PI, 0, 0),
-        d=0.05,
-        noise=0.002,
-        setpoint=[(1, 1.0)],
-        load=[(100, 0.3)],
-        filter_in_loop=True,
+    good = filtered_scenario(
+        plant="P3", controller=(*P3_PI, 0, 0), d=0.05, noise=0.002, setpoint=[(1, 1.0)], load=[(100, 0.3)]
     )
     wild = good.model_copy(update={"controller": Controller(k=5, ti=0.3, setpoint_weight=0)})
     many = [*[good.model_copy(update={"seed": seed}) for seed in range(20)], wild]
@@ -437,16 +424,11 @@ def test_an_unstable_loop_among_many() -> None:
 
 
 def test_plants_of_other_packages() -> None:
-    by_name = closed_loop("P4", (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True)
+    by_name = filtered("P4", (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)])
     thing = SimpleNamespace(num=np.array([1.0]), den=np.array([2.0, 1.0]), dead_time=4.0)
-    assert same(closed_loop(thing, (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True), by_name)
-    without_delay = closed_loop(
-        control.tf([1.0], [2.0, 1.0]), (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True
-    )
-    assert same(
-        without_delay,
-        closed_loop(Plant([1], [2, 1]), (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True),
-    )
+    assert same(filtered(thing, (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)]), by_name)
+    without_delay = filtered(control.tf([1.0], [2.0, 1.0]), (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)])
+    assert same(without_delay, filtered(Plant([1], [2, 1]), (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)]))
 
 
 @pytest.mark.parametrize(
@@ -472,21 +454,15 @@ def test_plants_in_series() -> None:
 
 
 def test_short_forms() -> None:
-    long = Scenario(
+    long = filtered_scenario(
         plant=Plant([1], [1, 1]),
         controller=Controller(k=0.5, ti=3, action="direct", setpoint_weight=0),
         noise=(Uniform(amplitude=0.1),),
         manual=(Manual(begin=1, end=2), Manual(begin=3, end=4, op=5)),
-        filter_in_loop=True,
     )
-    short = Scenario(
-        plant=([1], [1, 1], 0), controller=(-0.5, 3, 0, 0), noise=0.1, manual=[(1, 2), (3, 4, 5)], filter_in_loop=True
-    )
+    short = filtered_scenario(plant=([1], [1, 1], 0), controller=(-0.5, 3, 0, 0), noise=0.1, manual=[(1, 2), (3, 4, 5)])
     assert long == short
-    loads = [
-        Scenario(plant="P2", controller=(*P2_PI, 0, 0), load=np.full(3, x), filter_in_loop=True)
-        for x in (0.0, 0.0, 1.0)
-    ]
+    loads = [filtered_scenario(plant="P2", controller=(*P2_PI, 0, 0), load=np.full(3, x)) for x in (0.0, 0.0, 1.0)]
     assert loads[0] == loads[1] and loads[0] != loads[2]
 
 
@@ -518,7 +494,7 @@ def test_short_forms() -> None:
 )
 def test_wrong_scenarios_are_refused_in_one_line(wrong: dict[str, Any], line: str) -> None:
     with pytest.raises(InputError) as refusal:
-        run(Scenario(**{"plant": "P2", "controller": P2_PI} | wrong, filter_in_loop=True))
+        run(filtered_scenario(**{"plant": "P2", "controller": P2_PI} | wrong))
     assert line in str(refusal.value) and "\n" not in str(refusal.value)
 
 
@@ -530,7 +506,7 @@ def test_a_short_controller_is_a_plain_pi_controller() -> None:
     plain = closed_loop("P2", (0.4, 2.4), **others)
     assert same(plain, closed_loop("P2", (0.4, 2.4, 0, 1), tf=0, **others))
     assert same(closed_loop("P2", (0.4, 2.4), tf=0.3, **others), closed_loop("P2", (0.4, 2.4, 0, 1), tf=0.3, **others))
-    assert not same(plain, closed_loop("P2", (0.4, 2.4), filter_in_loop=True, **others))
+    assert not same(plain, filtered("P2", (0.4, 2.4), **others))
 
 
 def test_a_tuning_is_a_controller() -> None:

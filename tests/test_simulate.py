@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.csv
 import pytest
+from filtered import filtered
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -27,7 +28,7 @@ def columns(s: Simulation) -> list[NDArray[np.float64] | NDArray[np.uint8]]:
 def test_plant_against_lsim(name: str) -> None:
     """The step response in manual, at a step that no dead time of the batch divides, from lsim at one that all do."""
     num, den, dead_time = PLANTS[name]
-    s = closed_loop(name, (1.0, 1.0, 0, 0), d=0, noise=0, h=0.03, t_end=30, manual=[(0, 99, 1.0)], filter_in_loop=True)
+    s = filtered(name, (1.0, 1.0, 0, 0), d=0, noise=0, h=0.03, t_end=30, manual=[(0, 99, 1.0)])
     exact = signal.lsim(signal.TransferFunction(num, den), np.ones(3001), np.linspace(0, 30, 3001))[1]
     at = 3 * np.arange(s.t.size) - round(100 * dead_time)
     assert np.abs(np.where(at >= 0, exact[np.maximum(at, 0)], 0.0) - s.pv).max() < 1e-9
@@ -35,7 +36,7 @@ def test_plant_against_lsim(name: str) -> None:
 
 def test_p3_cycles_through_the_gap_in_noise() -> None:
     """Thesis 5.2: half-periods much longer than 5 Ti, the output's travel just above d, the mean width near d."""
-    s = closed_loop("P3", (*P3_PI, 0, 0), d=0.05, noise=0.005, t_end=3000, **STEP_AND_LOAD, seed=4, filter_in_loop=True)
+    s = filtered("P3", (*P3_PI, 0, 0), d=0.05, noise=0.005, t_end=3000, **STEP_AND_LOAD, seed=4)
     late = s.t > 500
     assert 0.05 < np.ptp(s.op[late]) < 0.07
     assert np.ptp(s.position[late]) < 0.015
@@ -44,7 +45,7 @@ def test_p3_cycles_through_the_gap_in_noise() -> None:
 
 def test_without_integrator_and_noise_no_cycle_lasts() -> None:
     """P2 under PI: each passage through the gap takes half as long again as the one before, and the error fades."""
-    s = closed_loop("P2", (0.775, 2.05, 0, 0), d=0.05, noise=0, t_end=3000, **STEP_AND_LOAD, filter_in_loop=True)
+    s = filtered("P2", (0.775, 2.05, 0, 0), d=0.05, noise=0, t_end=3000, **STEP_AND_LOAD)
     e = s.sp - s.pv
     passages = np.diff(s.t[np.flatnonzero(np.diff(np.sign(e)))])[-5:]
     assert np.all(passages[1:] > 1.5 * passages[:-1])
@@ -55,7 +56,7 @@ def test_integrating_process_cycles_without_noise_and_in_proportion_to_the_gap()
     """P1: the describing function of backlash scales with d, so the cycle does too, at the same frequency."""
 
     def cycle(d: float) -> tuple[float, float]:
-        s = closed_loop("P1", (0.363, 7.06, 0, 0), d=d, noise=0, t_end=3000, load=[(10.0, -0.5)], filter_in_loop=True)
+        s = filtered("P1", (0.363, 7.06, 0, 0), d=d, noise=0, t_end=3000, load=[(10.0, -0.5)])
         e = s.pv[s.t > 1500]
         return float(np.ptp(e)), float(np.mean(np.diff(np.flatnonzero(np.diff(np.sign(e)) > 0))))
 
@@ -65,19 +66,14 @@ def test_integrating_process_cycles_without_noise_and_in_proportion_to_the_gap()
 
 
 def test_a_shorter_run_is_the_beginning_of_a_longer_one() -> None:
-    short = closed_loop("P1", (0.363, 7.06, 0, 0), t_end=50, **STEP_AND_LOAD, filter_in_loop=True)
-    long = closed_loop("P1", (0.363, 7.06, 0, 0), t_end=200, **STEP_AND_LOAD, filter_in_loop=True)
+    short = filtered("P1", (0.363, 7.06, 0, 0), t_end=50, **STEP_AND_LOAD)
+    long = filtered("P1", (0.363, 7.06, 0, 0), t_end=200, **STEP_AND_LOAD)
     assert all(np.array_equal(x, y[: len(x)]) for x, y in zip(columns(short), columns(long), strict=True))
 
 
 def test_limits_hold_and_are_flagged() -> None:
-    s = closed_loop(
-        "P2",
-        (*AMIGO_PI, 0, 0),
-        t_end=300,
-        limits=(0.1, 0.6),
-        setpoint=[(0, 0.3), (50, 1.0), (150, 0.3), (220, 0)],
-        filter_in_loop=True,
+    s = filtered(
+        "P2", (*AMIGO_PI, 0, 0), t_end=300, limits=(0.1, 0.6), setpoint=[(0, 0.3), (50, 1.0), (150, 0.3), (220, 0)]
     )
     assert s.op.min() == 0.1 and s.op.max() == 0.6
     assert np.array_equal((s.flags & AT_LOW) != 0, s.op == 0.1)
@@ -87,14 +83,8 @@ def test_limits_hold_and_are_flagged() -> None:
 
 
 def test_manual_and_auto_without_a_bump() -> None:
-    s = closed_loop(
-        "P2",
-        (0.5, 3.0, 0, 0),
-        noise=0,
-        t_end=200,
-        setpoint=[(0, 1.0), (20, 1.2)],
-        manual=[(30, 60), (100, 120, 0.9)],
-        filter_in_loop=True,
+    s = filtered(
+        "P2", (0.5, 3.0, 0, 0), noise=0, t_end=200, setpoint=[(0, 1.0), (20, 1.2)], manual=[(30, 60), (100, 120, 0.9)]
     )
     held = (s.t >= 30) & (s.t < 60)
     assert np.ptp(s.op[held]) == 0.0
@@ -108,54 +98,39 @@ def test_manual_and_auto_without_a_bump() -> None:
 
 
 def test_begins_at_rest() -> None:
-    s = closed_loop(
-        ([0.8], [5.0, 1.0], 1.3),
-        (2.0, 6.0, 0, 0),
-        noise=0,
-        h=0.5,
-        t_end=60,
-        setpoint=[(0, 120.0)],
-        load=[(0, 3.0)],
-        filter_in_loop=True,
+    s = filtered(
+        ([0.8], [5.0, 1.0], 1.3), (2.0, 6.0, 0, 0), noise=0, h=0.5, t_end=60, setpoint=[(0, 120.0)], load=[(0, 3.0)]
     )
     assert s.pv == pytest.approx(np.full(121, 120.0), abs=1e-9)
     assert s.op == pytest.approx(np.full(121, 120.0 / 0.8 - 3.0), abs=1e-9)
 
 
 def test_direct_acting_controller() -> None:
-    s = closed_loop(
-        ([-2.0], [5.0, 1.0], 0.0), (-0.5, 6.0, 0, 0), d=0, noise=0, t_end=200, setpoint=[(5, 1.0)], filter_in_loop=True
-    )
+    s = filtered(([-2.0], [5.0, 1.0], 0.0), (-0.5, 6.0, 0, 0), d=0, noise=0, t_end=200, setpoint=[(5, 1.0)])
     assert s.pv[-1] == pytest.approx(1.0, abs=1e-6)
     assert s.op[-1] == pytest.approx(-0.5, abs=1e-6)
 
 
 def test_a_dead_time_longer_than_the_run() -> None:
-    s = closed_loop(
-        ([1.0], [1.0, 1.0], 1e9), (*AMIGO_PI, 0, 0), noise=0, t_end=10, setpoint=[(1, 1.0)], filter_in_loop=True
-    )
+    s = filtered(([1.0], [1.0, 1.0], 1e9), (*AMIGO_PI, 0, 0), noise=0, t_end=10, setpoint=[(1, 1.0)])
     assert np.all(s.pv == 0.0)
 
 
 def test_controller_as_its_maker_writes_it() -> None:
     controller = Controller(k=0.5, ti=0.05, ti_unit="min", setpoint_weight=0)
-    as_written = closed_loop("P2", controller.ideal(), t_end=50, **STEP_AND_LOAD, filter_in_loop=True)
-    assert np.array_equal(
-        as_written.pv, closed_loop("P2", (0.5, 3.0, 0, 0), t_end=50, **STEP_AND_LOAD, filter_in_loop=True).pv
-    )
+    as_written = filtered("P2", controller.ideal(), t_end=50, **STEP_AND_LOAD)
+    assert np.array_equal(as_written.pv, filtered("P2", (0.5, 3.0, 0, 0), t_end=50, **STEP_AND_LOAD).pv)
 
 
 def test_random_walk_as_load() -> None:
     walk = random_walk(2001, h=0.05, rate=0.006, seed=1)
-    s = closed_loop("P2", (*AMIGO_PI, 0, 0), t_end=100, load=walk, filter_in_loop=True)
+    s = filtered("P2", (*AMIGO_PI, 0, 0), t_end=100, load=walk)
     assert np.array_equal(s.load, walk)
     assert walk[0] == 0.0 and not np.array_equal(walk, random_walk(2001, h=0.05, rate=0.006, seed=2))
 
 
 def test_csv_gives_the_same_numbers_back(tmp_path: Path) -> None:
-    s = closed_loop(
-        "P2", (*AMIGO_PI, 0, 0), t_end=20, limits=(-1, 1), manual=[(5, 10)], setpoint=[(1, 1.0)], filter_in_loop=True
-    )
+    s = filtered("P2", (*AMIGO_PI, 0, 0), t_end=20, limits=(-1, 1), manual=[(5, 10)], setpoint=[(1, 1.0)])
     s.write_csv(tmp_path / "loop.csv")
     table = pyarrow.csv.read_csv(tmp_path / "loop.csv")
     assert table.column_names == s.to_arrow().column_names
@@ -210,4 +185,4 @@ def test_an_unstable_loop_is_told_with_the_time(
     plant: Plant | str, controller: tuple[float, float], limits: tuple[float, float] | None, signal_name: str
 ) -> None:
     with pytest.raises(InputError, match=rf"unstable closed loop: {signal_name} went beyond .* at t = \d+\.\d+ s"):
-        closed_loop(plant, controller, t_end=2000, setpoint=[(1, 1.0)], limits=limits, filter_in_loop=True)
+        filtered(plant, controller, t_end=2000, setpoint=[(1, 1.0)], limits=limits)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filtered import filtered
 
 import glapp
 from glapp import _glapp
@@ -36,7 +37,7 @@ def accepted(found: dict[str, Any]) -> Any:
 
 def rest_then_load(d: float, seed: int, t_end: float = 1500.0, **changes: Any) -> Simulation:
     settings: dict[str, Any] = {"setpoint": [(1, 1.0)], "load": [(100, 0.3), (800, -0.2)], "h": 0.05} | changes
-    return closed_loop("P3", (*P3_PI, 0, 0), d=d, t_end=t_end, seed=seed, **settings, filter_in_loop=True)
+    return filtered("P3", (*P3_PI, 0, 0), d=d, t_end=t_end, seed=seed, **settings)
 
 
 def analyzed(s: Simulation, controller: tuple[float, ...] = P3_PI) -> glapp.Result:
@@ -60,15 +61,8 @@ def test_a_gap_is_found_within_a_quarter(d: float) -> None:
 def test_without_a_gap_no_width_is_shown(controller: tuple[str, tuple[float, ...]]) -> None:
     plant, pi = controller
     for seed in range(3):
-        s = closed_loop(
-            plant,
-            (*pi, 0, 0),
-            d=0.0,
-            t_end=2000,
-            setpoint=[(1, 1.0)],
-            load=[(300, 0.3), (900, -0.3)],
-            seed=seed,
-            filter_in_loop=True,
+        s = filtered(
+            plant, (*pi, 0, 0), d=0.0, t_end=2000, setpoint=[(1, 1.0)], load=[(300, 0.3), (900, -0.3)], seed=seed
         )
         result = analyzed(s, pi)
         assert result.verdict == "no_estimate"
@@ -93,17 +87,7 @@ def naive(found: dict[str, Any], k: float, ti: float, n: int = 9) -> list[int]:
 
 def with_false_ones(count: int, size: float) -> tuple[Simulation, _glapp.Detector]:
     """A limit cycle of 0.05 after a detector has taken `count` false detections of about 0.40, a square PV."""
-    s = closed_loop(
-        "P3",
-        (*P3_PI, 0, 0),
-        d=0.05,
-        noise=0.01,
-        t_end=1500,
-        setpoint=[(0, 1.0)],
-        load=[(10, 0.3)],
-        seed=1,
-        filter_in_loop=True,
-    )
+    s = filtered("P3", (*P3_PI, 0, 0), d=0.05, noise=0.01, t_end=1500, setpoint=[(0, 1.0)], load=[(10, 0.3)], seed=1)
     half = round(20.0 / 0.05)
     n = (count + 3) * half
     pv = np.where(np.arange(n) // half % 2 == 0, size, -size)
@@ -136,27 +120,10 @@ def test_false_detections_do_not_lock_out_the_truth(count: int) -> None:
 def test_noise_after_a_limit_cycle_stays_rejected() -> None:
     # Figure 5.4: 450 s of nothing but noise after a limit cycle of 0.05 has come to rest.
     for seed in range(3):
-        cycle = closed_loop(
-            "P3",
-            (*P3_PI, 0, 0),
-            d=0.05,
-            noise=0.002,
-            t_end=550,
-            setpoint=[(1, 1.0)],
-            load=[(100, 0.5)],
-            seed=seed,
-            filter_in_loop=True,
+        cycle = filtered(
+            "P3", (*P3_PI, 0, 0), d=0.05, noise=0.002, t_end=550, setpoint=[(1, 1.0)], load=[(100, 0.5)], seed=seed
         )
-        noise = closed_loop(
-            "P3",
-            (*P3_PI, 0, 0),
-            d=0.0,
-            t_end=450,
-            setpoint=[(0, 1.0)],
-            load=[(0, 0.5)],
-            seed=100 + seed,
-            filter_in_loop=True,
-        )
+        noise = filtered("P3", (*P3_PI, 0, 0), d=0.0, t_end=450, setpoint=[(0, 1.0)], load=[(0, 0.5)], seed=100 + seed)
         found = detector(P3_PI, P3_PI[1] / 2)
         table(found, cycle)
         assert found.estimate is not None and found.estimate[4] == 9
@@ -172,7 +139,7 @@ def test_noise_after_a_limit_cycle_stays_rejected() -> None:
 def test_a_direct_acting_loop_has_the_same_width() -> None:
     s = rest_then_load(0.05, 1)
     num, den, dead_time = glapp.plant.PLANTS["P3"]
-    turned = closed_loop(
+    turned = filtered(
         ([-x for x in num], den, dead_time),
         (-P3_PI[0], P3_PI[1], 0, 0),
         d=0.05,
@@ -180,7 +147,6 @@ def test_a_direct_acting_loop_has_the_same_width() -> None:
         setpoint=[(1, 1.0)],
         load=[(100, -0.3), (800, 0.2)],
         seed=1,
-        filter_in_loop=True,
     )
     ours, theirs = table(detector(P3_PI, 0.1), s), table(detector(P3_PI, 0.1, k=-P3_PI[0], kp=-1.0), turned)
     assert len(ours["d"]) == len(theirs["d"])
@@ -192,9 +158,7 @@ def test_a_direct_acting_loop_has_the_same_width() -> None:
 def test_the_derivative_part_opposes_and_op_travels_as_7_6_says() -> None:
     tf = P2_PID[2] / 5
     load = [(t, 0.3 * (-1) ** i) for i, t in enumerate(range(400, 6000, 400))]
-    s = closed_loop(
-        "P2", (*P2_PID, 0), d=0.1, noise=0.005, t_end=6000, setpoint=[(1, 1.0)], load=load, seed=2, filter_in_loop=True
-    )
+    s = filtered("P2", (*P2_PID, 0), d=0.1, noise=0.005, t_end=6000, setpoint=[(1, 1.0)], load=load, seed=2)
     rows = table(detector(P2_PID, tf), s)
     good = accepted(rows)
     assert good.sum() >= 4
@@ -226,7 +190,7 @@ def test_a_slowly_moving_setpoint_enters_with_its_weight() -> None:
 
 def saturated(seed: int = 0) -> Simulation:
     load = [(100 * i, -0.28 if i % 2 else -0.1) for i in range(1, 12)]
-    return closed_loop(
+    return filtered(
         "P3",
         (*P3_PI, 0, 0),
         d=0.05,
@@ -236,7 +200,6 @@ def saturated(seed: int = 0) -> Simulation:
         load=load,
         limits=(0.0, 1.2),
         seed=seed,
-        filter_in_loop=True,
     )
 
 
@@ -289,7 +252,7 @@ def test_what_breaks_a_half_period_is_its_reason() -> None:
 def recorded(plant: str, controller: tuple[float, ...], d: float, seed: int, **more: Any) -> Simulation:
     load = [(100.0 + 450 * i, 0.3 if i % 2 else -0.2) for i in range(6)]
     acting: dict[str, Any] = {"setpoint": [(1, 1.0)], "load": load, "t_end": 2700.0, "h": 0.05} | more
-    return closed_loop(plant, (*controller, 0.0, 0.0)[:4], d=d, seed=seed, **acting, filter_in_loop=True)
+    return filtered(plant, (*controller, 0.0, 0.0)[:4], d=d, seed=seed, **acting)
 
 
 def corrected(s: Simulation, controller: tuple[float, ...], op: bool = True, **more: Any) -> glapp.Result:

@@ -11,30 +11,7 @@ from typing import Any
 import jsonschema_rs
 import pytest
 
-from glapp import _glapp, modules
-from glapp.blocks import (
-    AutoTuner,
-    Backlash,
-    Compensation,
-    Correction,
-    Derivative,
-    HalfPeriod,
-    MedianMean,
-    Noise,
-    NoiseLevel,
-    OverCompensation,
-    PhaseLead,
-    Pid,
-    RateLimit,
-    SafetyNet,
-    Saturation,
-    SecondOrderFilter,
-    Stiction,
-    Swing,
-    Width,
-    WrongSign,
-    ZeroCrossing,
-)
+from glapp import _glapp, blocks, modules
 
 VECTORS = Path(__file__).parents[1] / "vectors"
 FILES = sorted(path for path in VECTORS.glob("*.json") if path.name not in ("schema.json", "catalogue.json"))
@@ -79,7 +56,7 @@ def flat(values: list[Any]) -> Iterator[float | None]:
 
 
 def auto_tuner(params: dict[str, float]) -> Callable[..., list[float | None]]:
-    block = AutoTuner(
+    block = blocks.AutoTuner(
         params["amplitude"],
         wait=params["wait"],
         longest=params["longest"],
@@ -102,17 +79,17 @@ def auto_tuner(params: dict[str, float]) -> Callable[..., list[float | None]]:
 
 
 def backlash(params: dict[str, float]) -> Callable[..., float]:
-    block = Backlash(params["d"], params.get("output"))
+    block = blocks.Backlash(params["d"], params.get("output"))
     return lambda x, h: block.update(x)
 
 
 def noise(params: dict[str, float]) -> Callable[..., float]:
-    block = Noise(params["amplitude"], int(params["integer"]))
+    block = blocks.Noise(params["amplitude"], int(params["integer"]))
     return lambda x, h: block.update(x)
 
 
 def noise_level(params: dict[str, float]) -> Callable[..., float]:
-    block = NoiseLevel()
+    block = blocks.NoiseLevel()
 
     def update(x: float, h: float) -> float:
         block.update(x)
@@ -123,17 +100,17 @@ def noise_level(params: dict[str, float]) -> Callable[..., float]:
 
 def pid(params: dict[str, float]) -> Callable[..., float]:
     limits = (params["low"], params["high"]) if "low" in params else None
-    block = Pid(params["k"], params["ti"], params["td"], params["b"], limits)
+    block = blocks.Pid(params["k"], params["ti"], params["td"], params["b"], limits)
     return lambda ysp, y, u, h: block.update(ysp, y, h) if math.isnan(u) else block.track(ysp, y, u, h)
 
 
 def phase_lead(params: dict[str, float]) -> Callable[..., float]:
-    return PhaseLead(params["lead"], params["lag"]).update
+    return blocks.PhaseLead(params["lead"], params["lag"]).update
 
 
 def stiction(params: dict[str, float]) -> Callable[..., tuple[float, int, int]]:
     names = ("k", "ti", "size", "limit", "hold", "period", "band", "far", "rate", "release", "travel", "watch")
-    block = Stiction(
+    block = blocks.Stiction(
         ("knocker", "reinforcement", "two_moves")[int(params["push"]) - 1],
         **{name: params[name] for name in names if name in params},
         withdraw=params.get("withdraw", 1) == 1,
@@ -149,11 +126,11 @@ def stiction(params: dict[str, float]) -> Callable[..., tuple[float, int, int]]:
 
 
 def rate_limit(params: dict[str, float]) -> Callable[..., float]:
-    return RateLimit(params["rate"]).update
+    return blocks.RateLimit(params["rate"]).update
 
 
 def saturation(params: dict[str, float]) -> Callable[..., float]:
-    block = Saturation(params["low"], params["high"])
+    block = blocks.Saturation(params["low"], params["high"])
     return lambda x, h: block.update(x)
 
 
@@ -163,7 +140,7 @@ def given(x: float) -> float | None:
 
 def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, int]]:
     names = ("k", "size", "share", "band", "tf", "rate", "release", "watch", "travel", "reversals")
-    block = Compensation(
+    block = blocks.Compensation(
         ("error", "derivative", "inverse")[int(params["way"]) - 1],
         **{name: params[name] for name in names},
         limit=params.get("limit", params["size"]),
@@ -195,7 +172,7 @@ def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, 
 
 
 def over_compensation(params: dict[str, float]) -> Callable[..., list[int]]:
-    block = OverCompensation(params["k"], params["ti"])
+    block = blocks.OverCompensation(params["k"], params["ti"])
 
     def update(delta_t: float, delta_y: float, delta_sp: float, flags: float, size: float, h: float) -> list[int]:
         return [int(warned) for warned in block.update(delta_t, delta_y, h, size, delta_sp, int(flags))]
@@ -204,41 +181,41 @@ def over_compensation(params: dict[str, float]) -> Callable[..., list[int]]:
 
 
 def wrong_sign(params: dict[str, float]) -> Callable[..., float]:
-    block = WrongSign(params["k"], params["ti"], params["low"], params["high"])
+    block = blocks.WrongSign(params["k"], params["ti"], params["low"], params["high"])
     return lambda sp, yf, op, flags, h: float(block.update(sp, yf, op, h, int(flags)))
 
 
-def filter_(params: dict[str, float]) -> Callable[..., float]:
-    return SecondOrderFilter(params["tf"]).update
+def filter(params: dict[str, float]) -> Callable[..., float]:
+    return blocks.SecondOrderFilter(params["tf"]).update
 
 
 def zero_crossing(_params: dict[str, float]) -> Callable[..., list[float]]:
-    block = ZeroCrossing()
+    block = blocks.ZeroCrossing()
     return lambda e, h: [int(block.update(e)), block.sign]
 
 
 def derivative(_params: dict[str, float]) -> Callable[..., float]:
-    return Derivative().update
+    return blocks.Derivative().update
 
 
 def half_period(_params: dict[str, float]) -> Callable[..., tuple[float, ...] | None]:
-    block = HalfPeriod()
+    block = blocks.HalfPeriod()
     return lambda e, sp, slope, op, flags, crossed, h: block.update(e, h, sp, slope, op, int(flags), bool(crossed))
 
 
 def width(params: dict[str, float]) -> Callable[..., tuple[float, ...]]:
-    block = Width(params["k"], params["ti"], params.get("td"), params["b"], params.get("kp"))
+    block = blocks.Width(params["k"], params["ti"], params.get("td"), params["b"], params.get("kp"))
     return lambda sign, dt, dy, sp, slope, op, h: block.of(int(sign), dt, dy, sp, slope, given(op))
 
 
 def safety_net(params: dict[str, float]) -> Callable[..., tuple[int, int]]:
     switches = {name: value != 0 for name, value in params.items() if name not in ("k", "ti", "op_span")}
-    block = SafetyNet(params["k"], params["ti"], params.get("op_span"), **switches)
+    block = blocks.SafetyNet(params["k"], params["ti"], params.get("op_span"), **switches)
     return lambda flags, *x: block.check(int(flags), *x[:5], given(x[5]), given(x[6]))
 
 
 def swing(params: dict[str, float]) -> Callable[..., list[float | None] | None]:
-    block = Swing(params["k"], params["ti"], params.get("td"), params["b"])
+    block = blocks.Swing(params["k"], params["ti"], params.get("td"), params["b"])
 
     def update(sp: float, yf: float, op: float, ends: float, flags: float, h: float) -> list[float | None] | None:
         ended = list(block.end(int(ends), int(flags))) if ends else None
@@ -250,7 +227,7 @@ def swing(params: dict[str, float]) -> Callable[..., list[float | None] | None]:
 
 def correction(params: dict[str, float]) -> Callable[..., list[float | None]]:
     integrating = params.get("integrating", 0.0) != 0.0
-    block = Correction(params["k"], params["ti"], params["b"], params.get("kp"), integrating)
+    block = blocks.Correction(params["k"], params["ti"], params["b"], params.get("kp"), integrating)
 
     def update(
         sp: float, yf: float, op: float, ends: float, flags: float, mask: float, delta_y: float, h: float
@@ -266,7 +243,7 @@ def correction(params: dict[str, float]) -> Callable[..., list[float | None]]:
 
 
 def median_mean(params: dict[str, float]) -> Callable[..., tuple[float, ...]]:
-    block = MedianMean(int(params["n"]))
+    block = blocks.MedianMean(int(params["n"]))
     return lambda d, h: block.update(d)
 
 
@@ -499,46 +476,14 @@ def auto_tuner_module(params: dict[str, float]) -> Callable[..., list[float]]:
 # The outputs of these are exact, computed in rational numbers: a double may differ in its last digits.
 EXACT = {"tuning"}
 
-MAKERS = {
-    "auto_tuner": auto_tuner,
-    "auto_tuner_module": auto_tuner_module,
-    "backlash": backlash,
-    "backlash_detection": backlash_detection,
-    "compensation": compensation,
-    "correction": correction,
-    "derivative": derivative,
-    "detector": detector,
-    "filter": filter_,
-    "foreign_detection": foreign_detection,
-    "half_period": half_period,
-    "median_mean": median_mean,
-    "noise": noise,
-    "noise_level": noise_level,
-    "over_compensation": over_compensation,
-    "phase_lead": phase_lead,
-    "pid": pid,
-    "pid_advanced": pid_advanced,
-    "pid_module": pid_module,
-    "pid_settings": pid_settings,
-    "pid_tuner": pid_tuner,
-    "process_sim": process_sim,
-    "rate_limit": rate_limit,
-    "safety_net": safety_net,
-    "saturation": saturation,
-    "stiction": stiction,
-    "swing": swing,
-    "tuning": tuning,
-    "width": width,
-    "wrong_sign": wrong_sign,
-    "zero_crossing": zero_crossing,
-}
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_block_meets_its_cases_to_the_last_bit(path: Path) -> None:
+    """A block is made by the function here that has the file's name."""
+    maker = globals()[path.stem]
     for case in read(path)["cases"]:
-        update = MAKERS[path.stem](case["params"])
+        update = maker(case["params"])
         for i, (sample, expected) in enumerate(zip(case["input"], case["output"], strict=True)):
             h = case.get("h")
             values = [math.nan if x is None else x for x in (sample if isinstance(sample, list) else [sample])]

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filtered import filtered
 
 import glapp
 from glapp._glapp import MOST_EPOCHS, Windows
 from glapp.recording import AT_HIGH, BAD, Batch
-from glapp.simulate import closed_loop
 
 DAY = 86400.0
 
@@ -63,7 +63,7 @@ def history(widths: list[float], apart: float) -> dict[str, Any]:
     load = [(50, 0.3), (150, -0.2), (260, 0.2), (330, -0.1)]
     for i, d in enumerate(widths):
         acting: dict[str, Any] = {"setpoint": [(1, 1.0)], "load": load, "noise": 0.005}
-        s = closed_loop("P3", (0.48, 0.3117, 0, 0), d=d, h=0.2, t_end=400, seed=i, **acting, filter_in_loop=True)
+        s = filtered("P3", (0.48, 0.3117, 0, 0), d=d, h=0.2, t_end=400, seed=i, **acting)
         parts.append((s.t + i * apart, s.sp, s.pv, s.op))
     return dict(zip(("time", "SP", "PV", "OP"), (np.concatenate(x) for x in zip(*parts, strict=True)), strict=True))
 

@@ -149,7 +149,7 @@ BESIDE_ON_THE_PAGE = {
         "Fitting the gap",
         "Joining what the windows",
         "Looking at quality",
-        "${stage} ${said.windows}",
+        "${stage} ${reply.windows}",
         "${verdict(answer)} ${headline}",
         "${so} The true gap",
         "The fit was ended",

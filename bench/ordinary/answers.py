@@ -101,7 +101,9 @@ class Line:
         answer, fit, best = self.document.get("answer") or {}, self.fit, self.evidence
         numbers = {name: fit.get(name) for name in ("d", "low", "high")}
         refused = "refused" in (answer.get("verdict"), answer.get("confidence"))
-        if again and "evidence" in best and not refused:
+        # A clean sinusoid silences the fit, whatever its evidence is.
+        silenced = refused or fit.get("reason_code") == "sinusoidal"
+        if again and "evidence" in best and not silenced:
             return _judged(_glapp.fit_judgement(json.dumps(best["evidence"])), numbers)  # type: ignore[attr-defined]
         if "confidence" in answer:
             kept = {"d": answer["width"], "low": answer["low"], "high": answer["high"]}

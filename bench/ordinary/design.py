@@ -1,9 +1,9 @@
 """What an ordinary loop is: a row, a number and a seed name one, and everything in it follows from the name.
 
 "steps/gap/17/1" is number 17 of the row of steps with seed 1, its valve with a gap; "steps/none/17/1" is the same loop
-without. Even numbers are half A, on which rules may be chosen; odd ones are half B, which judges. Numbers 2 and 3 of
-any four lie outside of what the fit models: a positioner, a bent valve curve, a filter in the sensor or a fractional
-lag.
+without. Even numbers are part A, on which rules may be chosen; odd ones are part B, which judged until it had been
+looked at three times. All numbers of seed `JUDGES` are part C, which judges now. Numbers 2 and 3 of any four lie
+outside of what the fit models: a positioner, a bent valve curve, a filter in the sensor or a fractional lag.
 
 "steps/gap/17/1/3" is that loop on another day: the same dynamics, controller, valve and kind of load, other random
 numbers of load, setpoint and noise, a process gain up to a quarter off.
@@ -39,7 +39,7 @@ from ..truth.design import log_uniform
 from ..truth.records import compressed
 
 Floats = npt.NDArray[np.float64]
-Half = Literal["A", "B"]
+Half = Literal["A", "B", "C"]
 Fault = Literal["none", "gap", "friction", "both", "driven"]
 """What is wrong: nothing; a clearance; friction of the stem; both; nothing, but a load of the period and swing that the
 gap, or the friction, of the same number makes by itself."""
@@ -90,6 +90,9 @@ ATTEMPTS = 60
 
 ALIKE = 0.5
 """A lasting cycle is like itself a period later by this correlation."""
+
+JUDGES = 90417
+"""Seed of part C."""
 
 LEAST_ROWS = 8
 """A cycle has at least so many rows a period."""
@@ -199,8 +202,14 @@ class Drawn:
         return (plant.velocity_gain or 0.0) * self.scenario.controller.ti
 
 
-def half(number: int) -> Half:
-    """A, on which rules may be chosen, or B, which judges."""
+class NoSuchLoopError(Exception):
+    """No loop of a name can be drawn, or its valve has no width."""
+
+
+def half(number: int, seed: int = 1) -> Half:
+    """A, on which rules may be chosen; B, which judged before; or C, which judges."""
+    if seed == JUDGES:
+        return "C"
     return "B" if number % 2 else "A"
 
 
@@ -385,7 +394,7 @@ def _that_swings(row: str, number: int, seed: int) -> int:
         lasts = drawn.scenario.t_end > 20 * period and period > LEAST_ROWS * drawn.h
         if lasts and alike > ALIKE and size > 0.7 * (drawn.clearance + drawn.sticks):
             return attempt
-    raise RuntimeError(f"{row}/{number}/{seed}: no cycle in {ATTEMPTS} loops")
+    raise NoSuchLoopError(f"{row}/{number}/{seed}: no cycle in {ATTEMPTS} loops")
 
 
 def _attempted(name: str, row: str, fault: Fault, number: int, seed: int, attempt: int) -> Drawn | None:

@@ -174,6 +174,14 @@ class Seen:
         return cls(name, least[0] - min(least[i] for i in nearest))
 
 
+def ask(name: str) -> Seen | str:
+    """What the oracle sees of the record, or why it cannot be asked."""
+    try:
+        return Seen.of(name)
+    except linalg.LinAlgError as error:
+        return f"left out: {name}: {error}"
+
+
 def fitting(line: Line) -> bool:
     """Whether the oracle can be asked about the record, or the gapless twin of one."""
     truth = line.truth
@@ -203,11 +211,14 @@ def main() -> None:
     names = [name for name, line in lines.items() if line in gaps or line in none]
     left = [name for name in names if name not in {seen.name for seen in asked}]
     with ProcessPoolExecutor(given.jobs) as pool, out.open("a", encoding="utf-8") as file:
-        for seen in track(pool.map(Seen.of, left), "asking", len(left), disable=not sys.stderr.isatty()):
+        for seen in track(pool.map(ask, left), "asking", len(left), disable=not sys.stderr.isatty()):
+            if isinstance(seen, str):
+                print(seen, file=sys.stderr)
+                continue
             asked.append(seen)
             print(json.dumps(asdict(seen)), file=file, flush=True)
     ratios = {seen.name: seen.ratio for seen in asked}
-    print(table([lines[name] for name in names], ratios, given.again))
+    print(table([lines[name] for name in names if name in ratios], ratios, given.again))
 
 
 def table(lines: list[Line], ratios: dict[str, float], again: bool = False) -> str:

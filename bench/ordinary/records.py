@@ -22,6 +22,7 @@ from .design import (
     Fault,
     Floats,
     Half,
+    NoSuchLoopError,
     cycle_of,
     draw,
     half,
@@ -56,7 +57,7 @@ class Truth:
     fault : Fault
     number, seed : int
     half : str
-        "A" or "B".
+        "A", "B" or "C".
     service, kind : str
         As in `design.Drawn`.
     outside : list of str
@@ -229,7 +230,7 @@ def _truth(drawn: Drawn, simulation: Simulation, kept: slice, rows: int) -> Trut
         fault=drawn.fault,
         number=drawn.number,
         seed=drawn.seed,
-        half=half(drawn.number),
+        half=half(drawn.number, drawn.seed),
         service=drawn.service,
         kind=drawn.kind,
         outside=list(drawn.outside),
@@ -319,7 +320,7 @@ def swept(valve: Valve, about: float) -> tuple[float, float, float, float]:
             first = x[at - 2 : min(at + SOON, end)]
             jumps.append(float(np.abs(first[2:] - first[:-2]).max()) - least)
     if not widths:
-        raise RuntimeError(f"{valve}: did not move in a sweep of {about} %")
+        raise NoSuchLoopError(f"{valve}: did not move in a sweep of {about} %")
     jump = float(np.median(jumps))
     return float(np.mean(widths)), min(widths), max(widths), jump if jump > about / 20 else 0.0
 

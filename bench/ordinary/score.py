@@ -38,15 +38,16 @@ def tables(lines: Iterable[Line], again: bool = False) -> str:
     """All tables in Markdown."""
     every = [Judged(line, line.said(again)) for line in lines]
     one = [j for j in every if j.line.recordings == 1]
-    halves = "".join(sorted({j.line.truth.half for j in every}))
+    of = " and ".join(sorted({j.line.truth.half for j in every}))
     parts = [
-        f"{len(one)} records, half {' and '.join(halves)}; in brackets the 95 % limits of a share (Clopper, Pearson).",
+        f"{len(one)} records, part {of}; in brackets the 95 % limits of a share (Clopper, Pearson).",
         titled("Gapless: false alarms", gapless(one)),
         titled("Limit cycles", cycles(one)),
         titled("Gaps that can be identified", seen(one)),
         titled("Why identifiable gaps are not told", reasons(one)),
         titled("Intervals", intervals(one)),
         titled("Sound", sound(one)),
+        titled(f"Gapless, OP turned through {LIMIT:g} % {TURNS} times: why not sound", unsound(one)),
         titled("Causes", causes(one)),
         titled("Limits of the process", process(one)),
         titled("More recordings", several(every)),
@@ -202,6 +203,28 @@ def sound(one: Group) -> str:
         f"gapless, OP turned through {LIMIT:g} % {TURNS} times: called sound": [called(j) for j in turned],
     }
     return markdown(["", "how many", "share"], [[name, counts(of), share(of)] for name, of in rows.items()])
+
+
+def unsound(one: Group) -> str:
+    """What keeps a valve without a gap from being called sound although OP turned often, the most frequent first."""
+    turned = [j for j in one if j.line.truth.d == 0 and j.line.truth.op_turns >= TURNS]
+    found = Counter(_doubt(j) for j in turned if j.said.confidence != "sound")
+    return markdown(["reason", "records"], [[why, str(n)] for why, n in found.most_common()]) if found else ""
+
+
+def _doubt(j: Judged) -> str:
+    """Why a valve is not called sound, of several reasons the first."""
+    evidence, high = j.line.evidence.get("evidence"), j.said.high
+    if evidence is None:
+        return "not fitted"
+    doubts = {
+        "a gap is found or likely": j.claimed,
+        f"the bound is above {LIMIT:g} %, or there is none": high is None or high > LIMIT,
+        "a gap explains PV better than none": evidence["low"] > 0,
+        "a believed model sees a gap": evidence["dissent"],
+        f"hidden by {evidence['hidden']}": evidence["hidden"] is not None,
+    }
+    return next((why for why, holds in doubts.items() if holds), "the process is not known well enough")
 
 
 def jumps(line: Line) -> bool:

@@ -80,7 +80,7 @@ def tables(scored: Rows) -> str:
         ("Identifiable gaps: missed", _missed(scored, judging)),
         ("Gaps that cannot be identified", _unidentifiable(scored, sizing)),
         ("Regular oscillations: is it the valve?", _regular(scored, judging)),
-        ("Who decides how many", _decided(scored, methods)),
+        ("Who decides how many", decided(scored, methods)),
         ("Causes", "\n\n".join(f"*{m}*\n\n" + _confusion(_by(scored, method=m)) for m in judging)),
         ("Identifiable gaps: where the width goes wrong", _where(scored, sizing)),
         ("Time", _time(scored, methods)),
@@ -208,7 +208,7 @@ def _regular(scored: Rows, methods: Sequence[str]) -> str:
     return markdown(["truth", "records", *(f"{m} [%]" for m in methods)], body)
 
 
-def _decided(scored: Rows, methods: Sequence[str]) -> str:
+def decided(scored: Rows, methods: Sequence[str]) -> str:
     """How many records a method decides, rightly and wrongly: regular oscillations, and all of them."""
     body = []
     for method in methods:

@@ -22,7 +22,7 @@ from ..ordinary.answers import read as read_answers
 from ..truth import design as truth_design
 from ..truth import records as truth
 
-Half = Literal["A", "B"]
+Half = Literal["A", "B", "C"]
 Fault = Literal["none", "gap", "friction", "both"]
 
 SEED = 40
@@ -60,7 +60,7 @@ class Sample:
     name : str
         Source and name: "ordinary steps/gap/2/40" is `bench.ordinary.records.record("steps/gap/2/40")`.
     half : str
-        "A": the weights are learned from it; "B": they are judged by it.
+        "A", "B": the weights are learned from it; "C": they are judged by it.
     row : str
         Records of one row are weighed so that half of their weight has a gap.
     load, process, recorder : str
@@ -140,7 +140,7 @@ def version() -> str:
 
 
 def names(rounds: int, first: int = 0) -> Iterator[str]:
-    """What is asked, round by round; a round has each row once, with its twins. Even rounds are half A."""
+    """What is asked, round by round; a round has each row once, with its twins. Even rounds are part A, odd ones B."""
     for number in range(first, first + rounds):
         for row in ordinary_design.ROWS:
             yield from (f"ordinary {name}" for name in ordinary_design.names(row, number, SEED))
@@ -218,6 +218,7 @@ def _of_ordinary(of: ordinary.Truth) -> dict[str, Any]:
     recorders = {"exceptions": "held", "swinging door": "swinging door", "historian": "far apart"}
     return {
         **_facts(of.number, of.d, of.gain, of.sigma, of.h, of.samples, of.lag),
+        "half": of.half,
         "row": f"ordinary {of.row}",
         # Twins are left out together: one swings by itself, or is driven as if it did.
         "load": "own cycle" if of.row in ordinary_design.CYCLES else LOADS[of.kind],

@@ -90,20 +90,22 @@ def at(prior: float, data: Data) -> Floats:
 
 
 def tables(data: Data) -> str:
-    """All of them; half B judges what was learned from half A."""
-    halves = data.group(lambda s: s.half)
-    of_a, of_b = data.of(halves == "A"), data.of(halves == "B")
-    lines = of_a.calibrated()
-    odds = lines.log_odds(of_b.quantities)
+    """All of them; part C judges what was learned from parts A and B, where there are records of it."""
+    parts_of = data.group(lambda s: s.half)
+    ours, judge = data.of(parts_of != "C"), data.of(parts_of == "C")
+    odds = ours.calibrated().log_odds(judge.quantities)
+    judged = [
+        ("Log loss, learned from parts A and B", losses(ours, judge, odds)),
+        ("Frequency against stated probability, part C", calibration(judge, odds)),
+        ("Rungs by probability, compared with the ladder, part C", rungs(judge, odds)),
+    ]
     parts = [
         ("", counts(data)),
-        ("Log loss, learned from half A", losses(of_a, of_b, odds)),
-        ("Frequency against stated probability, half B", calibration(of_b, odds)),
-        ("The same, each kind left out in turn", kinds(data)),
-        ("Rungs by probability, compared with the ladder, half B", rungs(of_b, odds)),
+        *(judged if judge.samples else []),
+        ("Each kind left out in turn", kinds(data)),
         ("A dead band beyond 1 % of span, twins left out", beyond(data, data.learned())),
         ("What must not be learned", nuisances(data)),
-        ("The terms, learned from half A", terms(of_a)),
+        ("The terms, learned from parts A and B", terms(ours)),
     ]
     return "\n\n".join((f"### {title}\n\n" if title else "") + text for title, text in parts)
 
@@ -112,35 +114,35 @@ def counts(data: Data) -> str:
     """Of what records."""
     sources = sorted({s.name.split(" ")[0] for s in data.samples})
     fits = ", ".join(sorted({s.fit for s in data.samples}))
-    halves = {h: sum(s.half == h for s in data.samples) for h in ("A", "B")}
+    of = {part: sum(s.half == part for s in data.samples) for part in ("A", "B", "C")}
     return (
         f"{len(data.samples)} records of {', '.join(sources)}, {int(data.gap.sum())} with a gap; "
-        f"{halves['A']} of half A, {halves['B']} of half B; fit {fits}."
+        f"{of['A']} of part A, {of['B']} of part B, {of['C']} of part C; fit {fits}."
     )
 
 
-def losses(of_a: Data, of_b: Data, odds: Floats) -> str:
+def losses(ours: Data, judge: Data, odds: Floats) -> str:
     """Against the likelihood ratio alone: as a chi-square has it, and by the best line through it."""
-    pick = [of_a.names.index("lr_no_gap")]
-    alone = of_a._replace(quantities=of_a.quantities[:, pick], rises=of_a.rises[pick])
+    pick = [ours.names.index("lr_no_gap")]
+    alone = ours._replace(quantities=ours.quantities[:, pick], rises=ours.rises[pick])
     line = alone.calibrated()
 
     def raw(data: Data) -> Floats:
         return np.clip([0.5 * s.evidence["lr_no_gap"] for s in data.samples], -4.0, 4.0)
 
     of = {
-        "half the likelihood ratio, at most ±4": (raw(of_a), raw(of_b)),
-        "a line through the likelihood ratio": (alone.learned(), line.log_odds(of_b.quantities[:, pick])),
-        "all weights": (of_a.learned(), odds),
+        "half the likelihood ratio, at most ±4": (raw(ours), raw(judge)),
+        "a line through the likelihood ratio": (alone.learned(), line.log_odds(judge.quantities[:, pick])),
+        "all weights": (ours.learned(), odds),
     }
     body = []
     for name, each in of.items():
         row = [name]
-        for data, z, best in zip((of_a, of_b), each, of["all weights"], strict=True):
+        for data, z, best in zip((ours, judge), each, of["all weights"], strict=True):
             loss, least = (log_loss(x, data.gap, data.weight) for x in (z, best))
             row += [f"{loss:.3f}", f"{100 * (1 - least / loss):.0f} %", f"{auc(z, data.gap, data.weight):.3f}"]
         body.append(row)
-    head = ["half A, twins left out", "weights better by", "AUC", "half B", "weights better by", "AUC"]
+    head = ["parts A and B, twins left out", "weights better by", "AUC", "part C", "weights better by", "AUC"]
     return markdown(["log-odds", *head], body)
 
 

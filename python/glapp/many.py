@@ -37,8 +37,8 @@ def analyze_recordings(
         return analyze(recordings[0], trust=trust, fit=fit, progress=progress)
     *judging, fitting = shares(progress, *[0.4 / len(recordings)] * len(recordings), 0.6)
     each = [
-        analyze(recording, trust=trust, fit=False, progress=told)
-        for recording, told in zip(recordings, judging, strict=True)
+        analyze(recording, trust=trust, fit=False, progress=part)
+        for recording, part in zip(recordings, judging, strict=True)
     ]
     source = ", ".join(recording.source for recording in recordings)
     if not fit or all("OP" not in recording.columns for recording in recordings):

@@ -16,7 +16,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _glapp
 from .controller import Ideal
 from .errors import InputError
 from .estimate import analyze
@@ -38,13 +37,13 @@ Floats = NDArray[np.float64]
 Found = Literal["gap", "no_gap"]
 
 BEYOND = 1.5
-"""PV is kept within its limits with a process gain so many times its upper limit, before the fit widens that.
+"""PV is kept within its limits with a process gain so many times its upper limit by the likelihood.
 
 The person stops where PV comes to a limit all the same.
 """
 
 KNOWN = 2.0
-"""The process is known where the upper limit of its gain is so many times the lower one, before the fit widens them.
+"""The process is known where the upper limit of its gain by the likelihood is at most so many times the lower one.
 
 Where a recording does not tell the gap, it often does not tell the process either: gains that it gives are then up to
 17 times too small, lags 7 times too long. What such a loop does in a test cannot be foreseen.
@@ -331,8 +330,7 @@ class _Fitted:
                 **where,
                 hint=f'write process = {{ type = "{told}" }} in a loops.toml if that is so',
             )
-        widened = _widened((found.judgement or {}).get("confidence") == "found")
-        gains = _gains(process.kp, recording.loop.kp(), widened)
+        gains = _gains(process.kp[0], best["kp_near"], recording.loop.kp())
         if gains is None:
             raise InputError(
                 f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
@@ -370,8 +368,8 @@ class _Fitted:
             h=h,
             plant=plant,
             strong=strong,
-            gain_spread=0.0 if given else _gain_spread(process.kp, widened),
-            time_spread=_time_spread(process, widened),
+            gain_spread=0.0 if given else _gain_spread(best["kp_near"]),
+            time_spread=_time_spread(process, best["lag_near"][1]),
             integrating=process.integrating,
             settling=settling,
             left=left,
@@ -407,17 +405,10 @@ class _Fitted:
         return min(float(x.min()) for x in pieces), max(float(x.max()) for x in pieces)
 
 
-def _widened(found: bool) -> float:
-    """By how much the fit has widened the limits of the process."""
-    off: float = _glapp.fit_thresholds()["PROCESS_OFF" if found else "PROCESS_OFF_IF_NOT_FOUND"][0]
-    return off
-
-
-def _gains(fitted: Sequence[float], given: float | None, widened: float) -> tuple[float, float] | None:
+def _gains(kp: float, near: Limits, given: float | None) -> tuple[float, float] | None:
     """Process gain, and the largest that is planned for; None where it is not known."""
-    kp, low, high = fitted
-    most, least = max(abs(low), abs(high)) / widened, min(abs(low), abs(high)) * widened
-    if low * high <= 0 or most > KNOWN * least:
+    least, most = sorted(abs(x) for x in near)
+    if near[0] * near[1] <= 0 or most > KNOWN * least:
         return None
     kp = kp if given is None else given
     return kp, math.copysign(BEYOND * max(abs(kp), most if given is None else 0.0), kp)
@@ -430,23 +421,22 @@ MOST_SPREAD = 0.5
 """Standard deviation of the logarithm of what has no upper limit: 95 % within a factor of 2.7 either way."""
 
 
-def _gain_spread(kp: Sequence[float], widened: float) -> float:
-    """Standard deviation of ln Kp by its 95 % limits, as they were before the fit widened them.
+def _gain_spread(near: Limits) -> float:
+    """Standard deviation of ln Kp by its 95 % limits by the likelihood.
 
     Of 49 loops of `bench.plan` (half A) whose gain is known well enough to plan, these limits hold the true gain in 46;
-    the widened ones are for the others.
+    the wider ones that the fit tells are for the others.
     """
-    ends = [abs(x) for x in kp[1:]]
-    least, most = min(ends) * widened, max(ends) / widened
+    least, most = sorted(abs(x) for x in near)
     return math.log(most / least) / (2.0 * _LIMIT) if most > least > 0.0 else 0.0
 
 
-def _time_spread(process: Process, widened: float) -> float:
+def _time_spread(process: Process, high: float) -> float:
     """The same of dead time and lags together, which are known better than either, by the upper limit of the lags."""
-    dead, (lag, _, high) = process.dead_time[0], process.lag
+    dead, lag = process.dead_time[0], process.lag[0]
     if not dead + lag > 0.0 or not math.isfinite(high):
         return MOST_SPREAD
-    return min(math.log(max(1.0, (dead + high / widened) / (dead + lag))) / _LIMIT, MOST_SPREAD)
+    return min(math.log(max(1.0, (dead + high) / (dead + lag))) / _LIMIT, MOST_SPREAD)
 
 
 def _last_values(recording: Recording) -> dict[str, float]:

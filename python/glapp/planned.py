@@ -83,7 +83,7 @@ class Plan:
 
     @classmethod
     def of(cls, told: Mapping[str, Any]) -> Plan:
-        """The plan that `to_dict` told."""
+        """The plan of `to_dict`."""
         pairs = ("op_within", "pv_within")
         tests = tuple(
             Planned(**test | {"moves": tuple(test["moves"])} | {key: _pair(test[key]) for key in ("op", "pv")})
@@ -97,11 +97,11 @@ class Plan:
         return next((one for one in self.tests if one.kind == "by_hand" and one.power is not None), None)
 
     def __repr__(self) -> str:
-        told = ", ".join(
+        tests = ", ".join(
             f"{one.kind} {'refused' if one.power is None else f'{one.power:.0%} in {one.minutes:.0f} min'}"
             for one in self.tests
         )
-        return f"<Plan {self.name}: a gap of {self.width:.3g} {self.unit}; {told}>"
+        return f"<Plan {self.name}: a gap of {self.width:.3g} {self.unit}; {tests}>"
 
     def __getitem__(self, kind: Kind) -> Planned:
         return next(one for one in self.tests if one.kind == kind)

@@ -56,38 +56,25 @@ class DataStatistics:
     Rows count from 0 over the whole recording; -1 means "none".  A *pair* is a row and the one before it, also across
     batches.  Infinite counts as a non-number everywhere.
 
-    Attributes
-    ----------
-    rows : int
-        Rows.
-    t_bad : int
-        Rows whose time is not a number; they take part in no pair below that needs times.
-    repeated, repeated_row : int
-        Pairs with the same time; the later row of the first.
-    reversed, reversed_row : int
-        Pairs whose later row has the earlier time; the later row of the first.
-    reversed_from, reversed_to : float
-        The two times of that first pair [s since t0]; NaN when none.
-    gap_threshold : float
-        A forward step longer than this is a gap [s]: `GAP_STEPS` times the median forward step of the first batch.
-    gaps, gap_row : int
-        Gaps; the row after the first.
-    gap_longest, gap_total : float
-        Longest, and sum of all [s]; 0 when none.
-    sp_bad, pv_bad, op_bad : int
-        Rows in which the signal is not a number; for an OP that is not recorded `op_bad` is 0.
-    sp_bad_row, pv_bad_row, op_bad_row : int
-        The first such row.
-    not_auto, bad_quality : int
-        Rows with flag bit 1, with flag bit 2.
-    at_low, at_high : int
-        Rows with flag bit 4, with flag bit 8, or whose OP is at or beyond the limit where limits are known.
-    sp_changes, pv_unchanged, op_unchanged : int
-        Pairs of numbers in which SP differs, PV is the same to the bit, OP is the same to the bit.
-    still : int
-        Pairs in which SP, PV and (where recorded) OP are all the same to the bit, while SP and PV differ.
-    sp_min, sp_max, pv_min, pv_max, op_min, op_max : float
-        Range over the numbers; NaN when there are none.
+    - `rows`: rows.
+    - `t_bad`: rows whose time is not a number; they take part in no pair below that needs times.
+    - `repeated`, `repeated_row`: pairs with the same time; the later row of the first.
+    - `reversed`, `reversed_row`: pairs whose later row has the earlier time; the later row of the first.
+    - `reversed_from`, `reversed_to`: the two times of that first pair [s since t0]; NaN when none.
+    - `gap_threshold`: a forward step longer than this is a gap [s]: `GAP_STEPS` times the median forward step of the
+      first batch.
+    - `gaps`, `gap_row`: gaps; the row after the first.
+    - `gap_longest`, `gap_total`: longest, and sum of all [s]; 0 when none.
+    - `sp_bad`, `pv_bad`, `op_bad`: rows in which the signal is not a number; for an OP that is not recorded `op_bad` is
+      0.
+    - `sp_bad_row`, `pv_bad_row`, `op_bad_row`: the first such row.
+    - `not_auto`, `bad_quality`: rows with flag bit 1, with flag bit 2.
+    - `at_low`, `at_high`: rows with flag bit 4, with flag bit 8, or whose OP is at or beyond the limit where limits are
+      known.
+    - `sp_changes`, `pv_unchanged`, `op_unchanged`: pairs of numbers in which SP differs, PV is the same to the bit, OP
+      is the same to the bit.
+    - `still`: pairs in which SP, PV and (where recorded) OP are all the same to the bit, while SP and PV differ.
+    - `sp_min`, `sp_max`, `pv_min`, `pv_max`, `op_min`, `op_max`: range over the numbers; NaN when there are none.
     """
 
     rows: int
@@ -129,18 +116,12 @@ class DataStatistics:
 class InspectionSample:
     """The first rows of a recording (at most half a million), as they came.
 
-    Attributes
-    ----------
-    t : float64[n]
-        Time [s].
-    sp : float64[n] | None
-        Setpoint [PV unit]; None where it is not recorded, and then nothing is told of the controller.
-    pv : float64[n]
-        Measurement [PV unit].
-    op : float64[n] | None
-        Controller output [OP unit].
-    flags : uint8[n] | None
-        Bits 1 not auto, 2 bad, 4 at the low, 8 at the high limit.
+    - `t` (float64[n]): time [s].
+    - `sp` (float64[n] | None): setpoint [PV unit]; None where it is not recorded, and then nothing is told of the
+      controller.
+    - `pv` (float64[n]): measurement [PV unit].
+    - `op` (float64[n] | None): controller output [OP unit].
+    - `flags` (uint8[n] | None): bits 1 not auto, 2 bad, 4 at the low, 8 at the high limit.
     """
 
     t: Floats
@@ -168,35 +149,19 @@ def inspect(
 ) -> list[Finding]:
     """List what is wrong with a recording, gravest first.
 
-    Parameters
-    ----------
-    sample : InspectionSample
-        Rows to look at closely.
-    statistics : DataStatistics
-        Counts over all rows.
-    k : float | None
-        Controller gain used, signed [OP unit per PV unit].
-    ti : float | None
-        Integral time used [s].
-    td : float | None
-        Derivative time used [s], 0 for a PI controller.
-    identification : Identification | None
-        What the recording itself says of K, Ti and Td; compared with `k`, `ti` and `td` when usable.
-    pv_span, op_span : tuple[float, float] | None
-        Ranges of the instruments, where they are known [PV unit, OP unit].
-    pv_unit, op_unit : str
-        Units for the texts.
-    t0 : datetime | None
-        Time of t = 0, to name times as a person knows them.
-    first_row : int
-        Number of the first data row as its reader sees it (2 below a header).
-    known : sequence of Finding
-        What was found when the recording was opened.
+    - `sample`: rows to look at closely.
+    - `statistics`: counts over all rows.
+    - `k`: controller gain used, signed [OP unit per PV unit].
+    - `ti`: integral time used [s].
+    - `td`: derivative time used [s], 0 for a PI controller.
+    - `identification`: what the recording itself says of K, Ti and Td; compared with `k`, `ti` and `td` when usable.
+    - `pv_span`, `op_span`: ranges of the instruments, where they are known [PV unit, OP unit].
+    - `pv_unit`, `op_unit`: units for the texts.
+    - `t0`: time of t = 0, to name times as a person knows them.
+    - `first_row`: number of the first data row as its reader sees it (2 below a header).
+    - `known`: what was found when the recording was opened.
 
-    Returns
-    -------
-    list[Finding]
-        Empty for a healthy recording.  Never raises on data.
+    Returns: Empty for a healthy recording.  Never raises on data.
 
     Examples
     --------
@@ -244,16 +209,10 @@ def findings_from_core(
 def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:
     """Say what the numbers of a time column were taken for, where that was not plain.
 
-    Parameters
-    ----------
-    column, first : str
-        Its name, and its first value as it is written.
-    step : float | None
-        Ordinary step between its numbers; None where they do not step.
-    calendar, days : str
-        The `time_format` that reads them as days, and what they are then.
-    sure : bool
-        Whether they were read so; else as seconds.
+    - `column`, `first`: its name, and its first value as it is written.
+    - `step`: ordinary step between its numbers; None where they do not step.
+    - `calendar`, `days`: the `time_format` that reads them as days, and what they are then.
+    - `sure`: whether they were read so; else as seconds.
 
     Examples
     --------
@@ -266,12 +225,8 @@ def assumed_time(column: str, first: str, step: float | None, calendar: str, day
 def own_times(held: str, pv_rows: int, rows: int) -> Finding:
     """Say how signals that were recorded each at times of its own were brought to common rows.
 
-    Parameters
-    ----------
-    held : str
-        Those that keep their last value until the next.
-    pv_rows, rows : int
-        Values of PV, and the rows that came of them: where there are more, PV is interpolated.
+    - `held`: those that keep their last value until the next.
+    - `pv_rows`, `rows`: values of PV, and the rows that came of them: where there are more, PV is interpolated.
 
     Examples
     --------
@@ -292,15 +247,9 @@ def noise_sigma(pv: Floats) -> float | None:
     a filter or a historian has smoothed.  Of a quantised PV at least one step / sqrt(12).  Samples that repeat the last
     value for long (held by a historian) are left out.
 
-    Parameters
-    ----------
-    pv : float64[n]
-        Samples at an even step [PV unit]; NaN where missing.
+    - `pv` (float64[n]): samples at an even step [PV unit]; NaN where missing.
 
-    Returns
-    -------
-    float | None
-        None where fewer than 20 differences are left.
+    Returns: None where fewer than 20 differences are left.
 
     Examples
     --------

@@ -97,9 +97,9 @@ fn fall(widths: &[Width]) -> Option<Fall> {
         let ((before, e0), (after, e1)) = (mean(&known[..k]), mean(&known[k..]));
         let ((t0, d0, s0), (t1, d1, s1)) = (known[k - 1], known[k]);
         let sure = (before - after) / e0.hypot(e1);
-        let told = sure > FALLS && after < LEFT * before && d0 - d1 > AT_ONCE * s0.hypot(s1);
+        let plain = sure > FALLS && after < LEFT * before && d0 - d1 > AT_ONCE * s0.hypot(s1);
         let limits = |d: f64, error: f64| (d, (d - LIMIT * error).max(0.0), d + LIMIT * error);
-        told.then_some((sure, Fall { t: (t0, t1), before: limits(before, e0), after: limits(after, e1) }))
+        plain.then_some((sure, Fall { t: (t0, t1), before: limits(before, e0), after: limits(after, e1) }))
     });
     plainest.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fall)| fall)
 }
@@ -254,8 +254,8 @@ mod tests {
         assert_eq!(by_width.width.unwrap().code, Changed::Less);
         assert_eq!(by_width.reversals.unwrap().code, Changed::Less);
         let sound = OneWidth { verdict: FitVerdict::Sound, d: Some(0.1), high: Some(0.4), ..gap(0.1) };
-        let told = of((Some(gap(4.0)), Some(sound))).width.unwrap().by;
-        assert!((told.0 + 4.0).abs() < 1e-12 && (told.2 + 4.0 - 0.4f64.hypot(0.1)).abs() < 1e-12, "{told:?}");
+        let by = of((Some(gap(4.0)), Some(sound))).width.unwrap().by;
+        assert!((by.0 + 4.0).abs() < 1e-12 && (by.2 + 4.0 - 0.4f64.hypot(0.1)).abs() < 1e-12, "{by:?}");
         let silent = OneWidth { verdict: FitVerdict::CannotTell, ..gap(0.1) };
         assert_eq!(of((Some(gap(4.0)), Some(silent))).width, None);
         let alone = before_after((Some(&before), None), (None, None));

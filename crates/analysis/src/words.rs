@@ -7,6 +7,13 @@
 //! A sentence is a template: `{name}` is the number of that name, `{name:format}` the same in one of the [`template`]'s formats.
 //! Where a message has several wordings, the numbers choose, and nothing else does.
 
+/// Sentences by name; the parts of one are joined.
+macro_rules! sentences {
+    ($($name:literal: $($part:expr),+;)*) => {
+        &[$(($name, concat!($($part),+))),*]
+    };
+}
+
 mod answer;
 mod correction;
 mod crossings;

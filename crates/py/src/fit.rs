@@ -295,8 +295,10 @@ fn answered<'py>(py: Python<'py>, record: SegmentAnswer<SegmentFit>) -> PyResult
     }
     out.set_item("high", answer.high)?;
     out.set_item("kp_limits", answer.kp_limits)?;
+    out.set_item("kp_near", answer.kp_near)?;
     out.set_item("dead_time_limits", answer.dead_time_limits)?;
     out.set_item("lag_limits", answer.lag_limits)?;
+    out.set_item("lag_near", answer.lag_near)?;
     out.set_item("integrating", answer.integrating)?;
     out.set_item("denominator", answer.denominator)?;
     out.set_item("traversals", (answer.traversals[0], answer.traversals[1]))?;

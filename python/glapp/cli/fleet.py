@@ -164,7 +164,7 @@ def _bar() -> Progress:
 
 
 def _table(rows: list[dict[str, Any]]) -> Table:
-    from ..report.words import LIKELY, VERDICTS, number
+    from ..report.words import named, number
 
     table = Table(title="To repair first", title_justify="left")
     for name in ("loop", "area", "valve", "gap % of span (95 %)", "harm", "score"):
@@ -174,6 +174,5 @@ def _table(rows: list[dict[str, Any]]) -> Table:
         width = f"{number(row['width_percent'])} ({number(row['low_percent'])} to {high})"
         harm = "–" if row["harm"] is None else f"{100 * row['harm']:.0f} %"
         names = (one_line(row["loop"]), one_line(row["area"] or ""))
-        verdict = LIKELY if row["confidence"] == "likely" else VERDICTS[row["verdict"]]
-        table.add_row(*names, verdict, width, harm, number(row["score"], 2))
+        table.add_row(*names, named(row["confidence"], row["verdict"]), width, harm, number(row["score"], 2))
     return table

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..recording import Recording
 from ..report import scored as texts
 from ..report import words
-from ..score import Label, Scored, calibrated, judged, read_labels, to_dict
+from ..score import Label, Scored, judged, read_labels, to_dict
 from .inputs import Refused, Valve, open_files
 from .options import Options
 from .outputs import PAGE, check_output
@@ -133,31 +133,12 @@ def _require_another(entry: Recording | Valve | Refused, label: Label, seen: dic
 
 
 def _show(scored: list[Scored], differ: list[Scored]) -> None:
-    rows = texts.counts(scored)
-    show_table(
-        [
-            Column("the answer is", [one.confidence.replace("_", " ") for one in rows]),
-            Column("right", [str(one.right) for one in rows], True),
-            Column("wrong", [str(one.wrong) for one in rows], True),
-            Column("silent", [str(one.silent) for one in rows], True),
-            Column(
-                "right of those that say\nsomething (95 %)",
-                [texts.share_text(one.right, one.wrong) for one in rows],
-                True,
-            ),
-        ]
-    )
-    stated = calibrated(scored)
+    heads = ("the answer is", "right", "wrong", "silent", "right of those that say\nsomething (95 %)")
+    _table(heads, texts.counts(scored))
+    stated = texts.calibration(scored)
     if stated:
         out.print()
-        show_table(
-            [
-                Column("probability of", [texts.PROBABLE[one.of] for one in stated]),
-                Column("stated", [f"{100 * one.stated:.0f} %" for one in stated], True),
-                Column("valves", [str(one.valves) for one in stated], True),
-                Column("it was so in (95 %)", [texts.share_text(one.so, one.valves - one.so) for one in stated], True),
-            ]
-        )
+        _table(("probability of", "stated", "valves", "it was so in (95 %)"), stated)
     left = [one for one in scored if one.outcome == "not counted"]
     if left:
         out.print()
@@ -174,3 +155,9 @@ def _show(scored: list[Scored], differ: list[Scored]) -> None:
                 Column("why", [one.why for one in differ]),
             ]
         )
+
+
+def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    """Show rows of which all but the first cell are numbers."""
+    columns = zip(heads, zip(*rows, strict=True), strict=True)
+    show_table([Column(head, list(cells), i > 0) for i, (head, cells) in enumerate(columns)])

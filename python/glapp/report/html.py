@@ -21,11 +21,10 @@ from plotly.offline import get_plotlyjs
 
 from .. import palette
 from ..escape import escaped
-from ..score import Scored, calibrated
+from ..score import Scored
 from ..writing import GENERATOR, write_file
 from . import figures, repaired, words
-from .scored import PROBABLE, share_text, workshop
-from .scored import counts as scored_counts
+from .scored import calibration, counts, workshop
 from .view import LoopView, bar
 
 if TYPE_CHECKING:
@@ -88,23 +87,12 @@ def write_score(
     Returns as `write_report`.
     """
     differ = [one for one in scored if one.outcome == "wrong"]
-    counts = [
-        (
-            one.confidence.replace("_", " "),
-            *map(str, (one.right, one.wrong, one.silent)),
-            share_text(one.right, one.wrong),
-        )
-        for one in scored_counts(list(scored))
-    ]
-    calibration = [
-        (PROBABLE[one.of], f"{100 * one.stated:.0f} %", str(one.valves), share_text(one.so, one.valves - one.so))
-        for one in calibrated(scored)
-    ]
+    tables = {"counts": counts(scored), "calibration": calibration(scored)}
 
     def summary(links: Sequence[str]) -> dict[str, Any]:
         leads = dict(zip(map(id, differ), links, strict=True))
         lines = [(one, leads.get(id(one))) for one in scored]
-        return {"scored": lines, "differ": differ, "counts": counts, "calibration": calibration, "workshop": workshop}
+        return {"scored": lines, "differ": differ, "workshop": workshop, **tables}
 
     return _write([one.result for one in differ], Path(path), title, "score", summary)
 

@@ -44,11 +44,11 @@ def text(test: Planned, plan: Plan) -> str:
         return f"{more} more of the same show the gap in {_share(test.power)}, if there is one."
     assert test.hold is not None
     what, unit = ("OP", op_unit(plan.unit)) if test.kind == "by_hand" else ("SP", plan.pv_unit)
-    said = f"{what} {_moves(test.moves)} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
+    sentences = f"{what} {_moves(test.moves)} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "
     if test.pv is not None and test.op is not None:
-        said += f"PV stays within {_within(test.pv)} {plan.pv_unit}"
-        said += ". " if test.kind == "by_hand" else f", OP within {_within(test.op)} {op_unit(plan.unit)}. "
-    return said + (
+        sentences += f"PV stays within {_within(test.pv)} {plan.pv_unit}"
+        sentences += ". " if test.kind == "by_hand" else f", OP within {_within(test.op)} {op_unit(plan.unit)}. "
+    return sentences + (
         f"It decides in {_share(test.power)}: it shows the gap in {_share(test.with_gap)} and its absence in "
         f"{_share(test.without)}, after {test.simulations} simulations of each."
     )

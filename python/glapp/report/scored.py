@@ -2,20 +2,39 @@
 
 from __future__ import annotations
 
-from ..score import Count, Scored, counted, share
+from collections.abc import Sequence
+
+from ..score import Count, Scored, calibrated, counted, share
 from .words import op_unit, quantity
 
-__all__ = ["PROBABLE", "counts", "share_text", "workshop"]
+__all__ = ["calibration", "counts", "share_text", "workshop"]
 
 PROBABLE = {"p_gap": "a dead band", "p_beyond": "one beyond the limit"}
 """What each probability is of."""
 
 
-def counts(scored: list[Scored]) -> list[Count]:
-    """The counts by how sure the answers are, and those of all."""
-    rows = counted(scored)
+def counts(scored: Sequence[Scored]) -> list[tuple[str, ...]]:
+    """Rows by how sure the answers are, and of all: what they say, right, wrong, silent, the share of right ones."""
+    rows = counted(list(scored))
     total = (sum(getattr(one, kind) for one in rows) for kind in ("right", "wrong", "silent"))
-    return [*rows, Count("all", *total)]
+    return [
+        (
+            one.confidence.replace("_", " "),
+            str(one.right),
+            str(one.wrong),
+            str(one.silent),
+            share_text(one.right, one.wrong),
+        )
+        for one in (*rows, Count("all", *total))
+    ]
+
+
+def calibration(scored: Sequence[Scored]) -> list[tuple[str, ...]]:
+    """Rows of the probabilities: of what, as stated, of how many valves, and the share of those in which it was so."""
+    return [
+        (PROBABLE[one.of], f"{100 * one.stated:.0f} %", str(one.valves), share_text(one.so, one.valves - one.so))
+        for one in calibrated(scored)
+    ]
 
 
 def share_text(so: int, not_so: int) -> str:

@@ -161,7 +161,12 @@ def summary(results: Sequence[Result]) -> str:
 
 def verdict(result: Result) -> str:
     """Name the one verdict, as every list shows it."""
-    return LIKELY if result.answer.confidence == "likely" else VERDICTS[result.answer.verdict]
+    return named(result.answer.confidence, result.answer.verdict)
+
+
+def named(confidence: str | None, verdict: str) -> str:
+    """Name a verdict: where a dead band is likely, that."""
+    return LIKELY if confidence == "likely" else VERDICTS.get(verdict, verdict)
 
 
 def headline(result: Result) -> str:

@@ -81,10 +81,10 @@ class Asked:
         return cls(plan.width, moves, test.hold, plan.op_within, plan.pv_within, plan.within)
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Asked:
+    def of(cls, stored: Mapping[str, Any]) -> Asked:
         """The test that was stored."""
-        pairs = {name: (told[name][0], told[name][1]) for name in ("op_within", "pv_within")}
-        return cls(**{**told, "moves": tuple(told["moves"]), **pairs})
+        pairs = {name: (stored[name][0], stored[name][1]) for name in ("op_within", "pv_within")}
+        return cls(**{**stored, "moves": tuple(stored["moves"]), **pairs})
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +164,8 @@ def guide(asked: Asked, table: pa.Table, loop: Loop, begun: float, now: float) -
     manual = rows.flags & NOT_AUTO != 0
     if not manual.any():
         if now - begun > PATIENCE:
-            said = "The controller was not put in manual. Begin the test again when you are ready."
-            return Guide(said, outcome="automatic")
+            text = "The controller was not put in manual. Begin the test again when you are ready."
+            return Guide(text, outcome="automatic")
         return Guide("Put the controller in manual while the load is calm.")
     begins = int(np.argmax(manual))
     after = np.flatnonzero(~manual[begins:])
@@ -178,24 +178,24 @@ def guide(asked: Asked, table: pa.Table, loop: Loop, begun: float, now: float) -
     levels = tuple(float(op[known[0]]) + move for move in asked.moves)
     place = _place(t, op, asked, levels)
     read = read_test(table.slice(begins, ends - begins), loop, asked.width)
-    told = _Told(asked, loop, levels, place, t, read)
+    guided = _Guided(asked, loop, levels, place, t, read)
     if len(after):
-        return told.ended("automatic", "The controller is in automatic again.")
+        return guided.ended("automatic", "The controller is in automatic again.")
     if read is not None and read.asked is not None and read.asked.early is not None:
-        return told.ended("decided", "The test has decided.", early=True)
+        return guided.ended("decided", "The test has decided.", early=True)
     if (near := _near(asked, loop, op, pv)) is not None:
-        return told.ended("limit", near)
+        return guided.ended("limit", near)
     if place.reached == len(levels) - 1 and now - place.since >= asked.hold:
-        return told.ended("over", "All moves are made.")
+        return guided.ended("over", "All moves are made.")
     if place.first is not None and now - place.first > 60.0 * asked.minutes:
-        return told.ended("time", f"The {asked.minutes:g} minutes are over.")
+        return guided.ended("time", f"The {asked.minutes:g} minutes are over.")
     silent = now - float(t[-1])
     if silent > PATIENCE:
-        return told.ended("silent", f"No value came for {duration(silent)}.")
+        return guided.ended("silent", f"No value came for {duration(silent)}.")
     usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     if silent > max(SILENT, 10.0 * usual):
-        return told.goes_on(f"No value has come for {duration(silent)}: leave OP where it is.")
-    return told.next(now, float(op[known[-1]]))
+        return guided.goes_on(f"No value has come for {duration(silent)}: leave OP where it is.")
+    return guided.next(now, float(op[known[-1]]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +231,7 @@ def _near(asked: Asked, loop: Loop, op: Floats, pv: Floats) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _Guided:
     """What is told of one place of a test."""
 
     asked: Asked
@@ -248,8 +248,8 @@ class _Told:
         decided = None if self.read is None else self.read.asked
         found = None if decided is None else decided.early if early else decided.found
         back = f" Put OP back to {quantity(self.levels[0], self.loop.op_label, 4)} and the controller in automatic."
-        said = text + (back if outcome not in ("automatic", "silent") else "")
-        return self._guide(said, outcome=outcome, found=found, ends=float(self.t[-1]))
+        text += back if outcome not in ("automatic", "silent") else ""
+        return self._guide(text, outcome=outcome, found=found, ends=float(self.t[-1]))
 
     def next(self, now: float, op: float) -> Guide:
         """Wait, hold, or move."""
@@ -281,10 +281,10 @@ def result_text(state: Mapping[str, Any], asked: Asked, unit: str) -> str:
     >>> result_text({"found": "gap", "d": 1.1, "low": 0.9, "high": 1.3}, asked, "%")
     'There is a gap: 1.10\xa0% (95 %: 0.900 to 1.30).'
     """
-    said = FOUND[state["found"]].format(width=quantity(asked.width, unit))
+    sentence = FOUND[state["found"]].format(width=quantity(asked.width, unit))
     d, low, high = (state[name] for name in ("d", "low", "high"))
     if d is not None and state["found"] == "no_gap":
-        return f"{said}: it is {quantity(high, unit)} at most, with 95 % confidence."
+        return f"{sentence}: it is {quantity(high, unit)} at most, with 95 % confidence."
     if d is not None:
-        return f"{said}: {quantity(d, unit)} (95 %: {number(low)} to {number(high)})."
-    return f"{said}: more than {quantity(low, unit)}." if low is not None else f"{said}."
+        return f"{sentence}: {quantity(d, unit)} (95 %: {number(low)} to {number(high)})."
+    return f"{sentence}: more than {quantity(low, unit)}." if low is not None else f"{sentence}."

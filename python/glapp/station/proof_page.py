@@ -97,10 +97,10 @@ class ProofCards:
             button.props("disable").tooltip("needs the role operator")
         return button
 
-    async def _go(self, what: str, body: Any, said: str) -> bool:
+    async def _go(self, what: str, body: Any, done: str) -> bool:
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
-        found = await command(self.station, self.session, asking, said) is not None
+        found = await command(self.station, self.session, asking, done) is not None
         await self.refresh()
         return found
 
@@ -128,8 +128,8 @@ class ProofCards:
             ui.label(f"Planned {moment(row['time'])[:16]}, {row['person']}.").classes("small muted")
         with ui.element("div").classes("bar").style("margin-top: 8px"):
             self._may(quiet("Plan a test" if row is None else "Plan anew", self._ask))
-            told = None if row is None else row["plan"]
-            if told is not None and Plan.of(told).by_hand is not None and not goes_on:
+            stored = None if row is None else row["plan"]
+            if stored is not None and Plan.of(stored).by_hand is not None and not goes_on:
                 begin = ui.button("Begin the guided test", on_click=self._begin)
                 self._may(begin.props("no-caps unelevated color=primary"))
         return True
@@ -203,11 +203,11 @@ class ProofCards:
                     if i == state["move"]:
                         item.props('aria-current="step"')
         if not on or state["d"] is not None:
-            said = result_text(state, asked, self.op_unit)
+            text = result_text(state, asked, self.op_unit)
             if on:
                 between = f"{number(state['low'])} to {number(state['high'])}"
-                said = f"So far {quantity(state['d'], self.op_unit)} (95 %: {between})."
-            ui.label(said).style("" if on else "font-weight: 600")
+                text = f"So far {quantity(state['d'], self.op_unit)} (95 %: {between})."
+            ui.label(text).style("" if on else "font-weight: 600")
         if on:
             self._may(quiet("Stop the test", self._stop)).style("margin-top: 8px")
         else:

@@ -20,7 +20,7 @@ from .._glapp import to_text
 from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
-from ..report.words import LIKELY, URGENCIES, VERDICTS, count, number
+from ..report.words import URGENCIES, VERDICTS, count, named, number
 from ..service.settable import with_settings
 from ..service.store import Reader
 
@@ -405,8 +405,7 @@ class View:
         """The one verdict in words; before the first fit what the crossings allow."""
         answer, status = self.answer(loop), self.shown["loops"].get(loop)
         if answer is not None:
-            likely = answer["confidence"] == "likely"
-            return LIKELY if likely else VERDICTS.get(answer["verdict"], str(answer["verdict"]))
+            return named(answer["confidence"], str(answer["verdict"]))
         if status is None or status["why"] or status["estimate"] is None:
             return UNJUDGED
         few = loop in self.loops and status["detections"] < self.loops[loop].n

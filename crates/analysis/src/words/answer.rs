@@ -23,234 +23,180 @@ macro_rules! confirm {
     };
 }
 
-const SENTENCES: &[(&str, &str)] = &[
+const SENTENCES: &[(&str, &str)] = sentences! {
     // What is so.
-    ("so backlash", concat!("The valve of {name} has a dead band of {width:op}{span}", interval!(), "{beside}.")),
-    (
-        "so backlash dead_band",
-        concat!(
-            "The valve of {name} has a dead band of {width:op}{span}",
-            interval!(),
-            " from packing or play{beside}."
-        ),
-    ),
-    (
-        "so backlash unsure",
-        "The valve of {name} has a dead band of about {width:about}, but how wide it is is not sure{beside}.",
-    ),
-    ("so stiction", "The valve of {name} sticks, then jumps by {jump:op}{beside}."),
-    (
-        "so both",
-        concat!(
-            "The valve of {name} has a dead band of {width:op}{span}",
-            interval!(),
-            " and jumps by {jump:op}{beside}."
-        ),
-    ),
-    ("so at_least", "The valve of {name} has a dead band of at least {low:op}{beside}."),
-    (
-        "so likely",
-        "The valve of {name} probably has a dead band of about {width:about} ({low:number} to {high:number}){beside}.",
-    ),
-    ("so likely bound", "The valve of {name} probably has a dead band of at least {low:about}{beside}."),
-    (
-        "so likely unsure",
-        "The valve of {name} probably has a dead band, perhaps of about {width:about}, but how wide it is is not sure{beside}.",
-    ),
-    (
-        "so likely dead_band",
-        "The valve of {name} probably has a dead band of about {width:about} ({low:number} to {high:number}) from packing or \
-         play{beside}.",
-    ),
-    ("so likely stiction", "The valve of {name} probably sticks, then jumps by about {jump:about}{beside}."),
-    ("so sound", "The valve of {name} has no dead band wider than {high:op}."),
-    ("so none_seen", "{name} shows no dead band, but one of up to {high:about} would not show."),
-    ("so oscillation", "{name} swings in a smooth wave that its valve does not cause."),
-    ("so cannot_tell", "OP and PV of {name} do not show whether the valve has a dead band."),
-    ("so cannot_tell contradicts", "The valve position and PV of {name} contradict each other."),
-    ("so cannot_tell open", "The dead band of {name}, if it has one, is about {d:about}."),
-    ("so cannot_tell open bound", "The dead band of {name}, if it has one, is about {d:about}, at most {high:about}."),
-    (
-        "so cannot_tell open weak",
-        "The dead band of {name}, if it has one, is about {d:about} ({low:number} to {high:number}).",
-    ),
-    ("so cannot_tell open up_to", "{name} may have a dead band of up to {high:about}, or none."),
-    ("so cannot_tell misfit", "No model of the loop explains PV of {name}."),
-    ("so cannot_tell coarse", "{name} may have a dead band of about {d:about}, but it is recorded too seldom to tell."),
-    (
-        "so cannot_tell windows_disagree",
-        "{name} may have a dead band of about {d:about}, but parts of the recording disagree.",
-    ),
-    (
-        "so cannot_tell windows_silent",
-        "{name} may have a dead band of about {d:about}, but too few parts of the recording prove it.",
-    ),
-    (
-        "so cannot_tell outweighed",
-        "{name} may have a dead band of about {d:about}, but other evidence speaks against one.",
-    ),
-    (
-        "so cannot_tell recordings_disagree",
-        "{name} may have a dead band of about {d:about}, but the recordings disagree.",
-    ),
-    ("so cannot_tell still", "{name} may have a dead band of about {d:about}, but OP moves too little to tell."),
-    ("so cannot_tell once", "{name} may have a dead band of about {d:about}, but OP crosses it only once."),
-    (
-        "so cannot_tell repeats",
-        "{name} may have a dead band of about {d:about}, or a disturbance that comes with every swing.",
-    ),
-    ("so cannot_tell swings", "{name} may have a dead band of about {d:about}, or a disturbance that swings."),
-    (
-        "so cannot_tell lined",
-        "{name} may have a dead band of about {d:about}, but the historian's compression hides it.",
-    ),
-    ("so cannot_tell hidden_by_samples", "{name} shows no dead band, but it is recorded too seldom to show one."),
-    ("so cannot_tell hidden_by_lag", "{name} shows no dead band, but the recording is too short to be sure."),
-    ("so cannot_tell hidden_by_changes", "{name} shows no dead band, but changes of the load may hide one."),
-    ("so cannot_tell no_answer", "PV of {name} does not follow OP."),
-    ("so estimate", "The simple method reads a dead band of {width:op}{span} for {name}{beside}."),
-    ("so provisional", "The simple method reads {width:op}{span} for {name} so far{beside}."),
-    (
-        "so provisional few",
-        "The simple method has too few detections to judge the valve of {name}: they read {width:op}{span}.",
-    ),
-    ("so no_estimate", "No dead band could be measured for {name}."),
-    ("so refused", "{name} was not analysed: {reason}."),
+    "so backlash": "The valve of {name} has a dead band of {width:op}{span}", interval!(), "{beside}.";
+    "so backlash dead_band": "The valve of {name} has a dead band of {width:op}{span}", interval!(),
+        " from packing or play{beside}.";
+    "so backlash unsure":
+        "The valve of {name} has a dead band of about {width:about}, but how wide it is is not sure{beside}.";
+    "so stiction": "The valve of {name} sticks, then jumps by {jump:op}{beside}.";
+    "so both": "The valve of {name} has a dead band of {width:op}{span}", interval!(),
+        " and jumps by {jump:op}{beside}.";
+    "so at_least": "The valve of {name} has a dead band of at least {low:op}{beside}.";
+    "so likely":
+        "The valve of {name} probably has a dead band of about {width:about} ({low:number} to {high:number}){beside}.";
+    "so likely bound": "The valve of {name} probably has a dead band of at least {low:about}{beside}.";
+    "so likely unsure": "The valve of {name} probably has a dead band, perhaps of about {width:about}, but how wide \
+         it is is not sure{beside}.";
+    "so likely dead_band": "The valve of {name} probably has a dead band of about {width:about} ({low:number} to \
+         {high:number}) from packing or play{beside}.";
+    "so likely stiction": "The valve of {name} probably sticks, then jumps by about {jump:about}{beside}.";
+    "so sound": "The valve of {name} has no dead band wider than {high:op}.";
+    "so none_seen": "{name} shows no dead band, but one of up to {high:about} would not show.";
+    "so oscillation": "{name} swings in a smooth wave that its valve does not cause.";
+    "so cannot_tell": "OP and PV of {name} do not show whether the valve has a dead band.";
+    "so cannot_tell contradicts": "The valve position and PV of {name} contradict each other.";
+    "so cannot_tell open": "The dead band of {name}, if it has one, is about {d:about}.";
+    "so cannot_tell open bound":
+        "The dead band of {name}, if it has one, is about {d:about}, at most {high:about}.";
+    "so cannot_tell open weak":
+        "The dead band of {name}, if it has one, is about {d:about} ({low:number} to {high:number}).";
+    "so cannot_tell open up_to": "{name} may have a dead band of up to {high:about}, or none.";
+    "so cannot_tell misfit": "No model of the loop explains PV of {name}.";
+    "so cannot_tell coarse": "{name} may have a dead band of about {d:about}, but it is recorded too seldom to tell.";
+    "so cannot_tell windows_disagree":
+        "{name} may have a dead band of about {d:about}, but parts of the recording disagree.";
+    "so cannot_tell windows_silent":
+        "{name} may have a dead band of about {d:about}, but too few parts of the recording prove it.";
+    "so cannot_tell outweighed":
+        "{name} may have a dead band of about {d:about}, but other evidence speaks against one.";
+    "so cannot_tell recordings_disagree":
+        "{name} may have a dead band of about {d:about}, but the recordings disagree.";
+    "so cannot_tell still": "{name} may have a dead band of about {d:about}, but OP moves too little to tell.";
+    "so cannot_tell once": "{name} may have a dead band of about {d:about}, but OP crosses it only once.";
+    "so cannot_tell repeats":
+        "{name} may have a dead band of about {d:about}, or a disturbance that comes with every swing.";
+    "so cannot_tell swings": "{name} may have a dead band of about {d:about}, or a disturbance that swings.";
+    "so cannot_tell lined": "{name} may have a dead band of about {d:about}, but the historian's compression hides it.";
+    "so cannot_tell hidden_by_samples": "{name} shows no dead band, but it is recorded too seldom to show one.";
+    "so cannot_tell hidden_by_lag": "{name} shows no dead band, but the recording is too short to be sure.";
+    "so cannot_tell hidden_by_changes": "{name} shows no dead band, but changes of the load may hide one.";
+    "so cannot_tell no_answer": "PV of {name} does not follow OP.";
+    "so estimate": "The simple method reads a dead band of {width:op}{span} for {name}{beside}.";
+    "so provisional": "The simple method reads {width:op}{span} for {name} so far{beside}.";
+    "so provisional few":
+        "The simple method has too few detections to judge the valve of {name}: they read {width:op}{span}.";
+    "so no_estimate": "No dead band could be measured for {name}.";
+    "so refused": "{name} was not analysed: {reason}.";
     // Clauses of it.
-    ("of_span", " ({percent:number}\u{a0}% of span)"),
-    ("more_than_given", ", more than the {percent:number}\u{a0}% of span allowed"),
-    ("more_than_nominal", ", more than the usual {percent:number}\u{a0}% of span"),
-    ("up_from", ", up from {from:number} in {lasted:duration}"),
-    ("down_from", ", down from {from:number} in {lasted:duration}"),
+    "of_span": " ({percent:number}\u{a0}% of span)";
+    "more_than_given": ", more than the {percent:number}\u{a0}% of span allowed";
+    "more_than_nominal": ", more than the usual {percent:number}\u{a0}% of span";
+    "up_from": ", up from {from:number} in {lasted:duration}";
+    "down_from": ", down from {from:number} in {lasted:duration}";
     // In place of the verdict, where the ladder calls a gap likely.
-    ("likely", "Likely a gap"),
+    "likely": "Likely a gap";
     // The one width that a list shows, in OP units and in % of span.
-    ("headline", "{width:op}"),
-    ("headline at_least", "> {low:op}"),
-    ("headline sound", "< {high:op}"),
-    ("headline limits", "{low:number} to {high:op}"),
-    ("headline interval", "{width:op} ({low:number} to {high:number})"),
+    "headline": "{width:op}";
+    "headline at_least": "> {low:op}";
+    "headline sound": "< {high:op}";
+    "headline limits": "{low:number} to {high:op}";
+    "headline interval": "{width:op} ({low:number} to {high:number})";
     // What a PLC would show.
-    ("plc", "{d_hat:op}"),
-    ("plc above", "{d_hat:op}, too high"),
-    ("plc below", "{d_hat:op}, too low"),
-    ("plc sound", "{d_hat:op}, from noise or load"),
+    "plc": "{d_hat:op}";
+    "plc above": "{d_hat:op}, too high";
+    "plc below": "{d_hat:op}, too low";
+    "plc sound": "{d_hat:op}, from noise or load";
     // What to do.
-    ("do correct", "Correct what is named, then analyse again."),
-    ("do inspect play", concat!("Check linkage, keys and actuator for play", confirm!())),
-    ("do inspect play tested", "Check linkage, keys and actuator for play."),
-    ("do inspect packing", concat!("Check packing, seat and air supply", confirm!())),
-    ("do inspect packing tested", "Check packing, seat and air supply."),
-    ("do inspect both", concat!("Check the linkage for play, and the packing", confirm!())),
-    ("do inspect both tested", "Check the linkage for play, and the packing."),
-    ("do inspect", concat!("Check the valve, its linkage and its packing", confirm!())),
-    ("do inspect likely", "Confirm with a step test."),
-    ("do further", "Record while OP moves further, or make a step test, to learn how wide it is."),
-    ("do record_more", "Record for longer while OP moves further, or make a step test in manual."),
-    ("do tuning", "Check the tuning, or look for a disturbance from elsewhere."),
-    ("do nothing", "Nothing now."),
-    ("do review", "Nothing now; analyse again at the next review."),
-    (
-        "do review given",
-        "Nothing now: all of it is within the {percent:number}\u{a0}% of span allowed. Analyse again at the next review.",
-    ),
-    (
-        "do review nominal",
-        "Nothing now: all of it is within the usual {percent:number}\u{a0}% of span. Analyse again at the next review.",
-    ),
-    ("do confirm", "Confirm with a step test in manual, then plan work on valve, linkage and positioner."),
-    ("do confirm tested", "Where it agrees, plan work on valve, linkage and positioner."),
-    ("do compare", "Compare with what this valve may have; confirm with a step test before work is ordered."),
-    ("do compare tested", "Compare with what this valve may have."),
-    ("do record_longer", "Record for longer, then analyse again."),
-    ("do probably_too_wide", "Probably too wide: record for longer, or confirm with a step test in manual."),
-    ("do step_test", "A step test in manual tells of the valve; this recording does not."),
-    ("do tested", "Use the step test in this recording: it gives {d:op} ({low:number} to {high:number})."),
+    "do correct": "Correct what is named, then analyse again.";
+    "do inspect play": "Check linkage, keys and actuator for play", confirm!();
+    "do inspect play tested": "Check linkage, keys and actuator for play.";
+    "do inspect packing": "Check packing, seat and air supply", confirm!();
+    "do inspect packing tested": "Check packing, seat and air supply.";
+    "do inspect both": "Check the linkage for play, and the packing", confirm!();
+    "do inspect both tested": "Check the linkage for play, and the packing.";
+    "do inspect": "Check the valve, its linkage and its packing", confirm!();
+    "do inspect likely": "Confirm with a step test.";
+    "do further": "Record while OP moves further, or make a step test, to learn how wide it is.";
+    "do record_more": "Record for longer while OP moves further, or make a step test in manual.";
+    "do tuning": "Check the tuning, or look for a disturbance from elsewhere.";
+    "do nothing": "Nothing now.";
+    "do review": "Nothing now; analyse again at the next review.";
+    "do review given": "Nothing now: all of it is within the {percent:number}\u{a0}% of span allowed. Analyse again \
+         at the next review.";
+    "do review nominal":
+        "Nothing now: all of it is within the usual {percent:number}\u{a0}% of span. Analyse again at the next review.";
+    "do confirm": "Confirm with a step test in manual, then plan work on valve, linkage and positioner.";
+    "do confirm tested": "Where it agrees, plan work on valve, linkage and positioner.";
+    "do compare": "Compare with what this valve may have; confirm with a step test before work is ordered.";
+    "do compare tested": "Compare with what this valve may have.";
+    "do record_longer": "Record for longer, then analyse again.";
+    "do probably_too_wide": "Probably too wide: record for longer, or confirm with a step test in manual.";
+    "do step_test": "A step test in manual tells of the valve; this recording does not.";
+    "do tested": "Use the step test in this recording: it gives {d:op} ({low:number} to {high:number}).";
     // What to do, in a word or two.
-    ("short correct", "correct"),
-    ("short inspect", "inspect"),
-    ("short inspect likely", "step test"),
-    ("short further", "record"),
-    ("short record_more", "record"),
-    ("short tuning", "tuning"),
-    ("short nothing", "nothing"),
-    ("short review", "nothing"),
-    ("short confirm", "step test"),
-    ("short compare", "compare"),
-    ("short record_longer", "record"),
-    ("short probably_too_wide", "record"),
-    ("short step_test", "step test"),
-    ("short remedy", "step test"),
-    ("short tested", "read test"),
+    "short correct": "correct";
+    "short inspect": "inspect";
+    "short inspect likely": "step test";
+    "short further": "record";
+    "short record_more": "record";
+    "short tuning": "tuning";
+    "short nothing": "nothing";
+    "short review": "nothing";
+    "short confirm": "step test";
+    "short compare": "compare";
+    "short record_longer": "record";
+    "short probably_too_wide": "record";
+    "short step_test": "step test";
+    "short remedy": "step test";
+    "short tested": "read test";
     // How probable a dead band is.
-    ("probable", "gap: {p_gap:share} likely"),
-    ("probable beyond", "gap: {p_gap:share} likely, wider than {percent:number}\u{a0}% of span: {p_beyond:share}"),
-    ("so probable", "{so}; gap: {p_gap:share} likely."),
+    "probable": "gap: {p_gap:share} likely";
+    "probable beyond": "gap: {p_gap:share} likely, wider than {percent:number}\u{a0}% of span: {p_beyond:share}";
+    "so probable": "{so}; gap: {p_gap:share} likely.";
     // Why.
-    ("why counted", "{counted} of {all} recordings count."),
-    ("why crossings", "The simple method reads {d_hat:about}."),
-    ("why crossings above", "The simple method reads {d_hat:about}, too high; ignore it."),
-    ("why crossings below", "The simple method reads {d_hat:about}, too low; ignore it."),
-    ("why crossings sound", "The simple method reads {d_hat:about}, from noise or load; ignore it."),
-    ("why crossings none", "The simple method gives no width: {reason}."),
-    ("why probable", "A dead band is {p_gap:share} likely{beyond}, if {prior:share} of the plant's valves have one."),
-    ("why beyond", ", one wider than {percent:number}\u{a0}% of span {p_beyond:share}"),
-    ("why for", "For a dead band: {terms}."),
-    ("why against", "Against it: {terms}."),
-    ("why term", "{label} (odds × {times:number})"),
-    ("why to_limit", "At this rate it reaches the limit in {days:.0f} days."),
-    (
-        "why decided gap",
-        "A step test made for this question shows a dead band of {d:op} ({low:number} to {high:number}).",
-    ),
-    ("why decided no_gap", "A step test made for this question shows that there is none wider than {high:op}."),
-    ("why step_test", "The step test in this recording gives {d:op} ({low:number} to {high:number})."),
+    "why counted": "{counted} of {all} recordings count.";
+    "why crossings": "The simple method reads {d_hat:about}.";
+    "why crossings above": "The simple method reads {d_hat:about}, too high; ignore it.";
+    "why crossings below": "The simple method reads {d_hat:about}, too low; ignore it.";
+    "why crossings sound": "The simple method reads {d_hat:about}, from noise or load; ignore it.";
+    "why crossings none": "The simple method gives no width: {reason}.";
+    "why probable": "A dead band is {p_gap:share} likely{beyond}, if {prior:share} of the plant's valves have one.";
+    "why beyond": ", one wider than {percent:number}\u{a0}% of span {p_beyond:share}";
+    "why for": "For a dead band: {terms}.";
+    "why against": "Against it: {terms}.";
+    "why term": "{label} (odds × {times:number})";
+    "why to_limit": "At this rate it reaches the limit in {days:.0f} days.";
+    "why decided gap":
+        "A step test made for this question shows a dead band of {d:op} ({low:number} to {high:number}).";
+    "why decided no_gap": "A step test made for this question shows that there is none wider than {high:op}.";
+    "why step_test": "The step test in this recording gives {d:op} ({low:number} to {high:number}).";
     // What stands behind a width of the zero crossings.
-    ("crossed from", "This comes from {detections:count detection} in {half_periods:count half-period}."),
-    ("crossed provisional", "It is provisional: fewer than {n} detections stand behind it, and it may still move."),
-    (
-        "crossed repeat",
-        "The detections kept lie between {low:number} and {high:op}: that is how well they repeat, not how near they are to the \
-         truth.",
-    ),
-    ("crossed not_corrected", "Its known bias cannot be taken out: {reason}."),
-    (
-        "crossed corrected",
-        "With its known bias taken out it reads {d:op} ({low:number} to {high:number}){gain}: from OP's travel from turn to \
-         turn{by} in {pairs:count pair} of half-periods.",
-    ),
-    ("crossed gain", ", and with it a process gain of {kp:number} ({low:number} to {high:number})"),
-    ("crossed worked_out", ", worked out by (4.1)"),
-    ("crossed noise", "The noise limit is {floor:op}."),
-    ("crossed positioner", "The positioner's own dead band is set to {percent:number}\u{a0}%, which is part of it."),
-    (
-        "crossed rejected",
-        "The most frequent reason for rejection was “{label}” ({count} of {half_periods:count half-period}): {meaning}.",
-    ),
-    ("crossed no_proof", "This does not show that the valve is sound."),
-    (
-        "crossed doubt",
-        "Load changes can make the width read too high, so that even a sound valve shows a per cent or two; small movements can \
-         make it read too low; stiction looks the same.",
-    ),
-    ("crossed settle", "A step test in manual settles it."),
+    "crossed from": "This comes from {detections:count detection} in {half_periods:count half-period}.";
+    "crossed provisional": "It is provisional: fewer than {n} detections stand behind it, and it may still move.";
+    "crossed repeat": "The detections kept lie between {low:number} and {high:op}: that is how well they repeat, \
+         not how near they are to the truth.";
+    "crossed not_corrected": "Its known bias cannot be taken out: {reason}.";
+    "crossed corrected": "With its known bias taken out it reads {d:op} ({low:number} to {high:number}){gain}: from \
+         OP's travel from turn to turn{by} in {pairs:count pair} of half-periods.";
+    "crossed gain": ", and with it a process gain of {kp:number} ({low:number} to {high:number})";
+    "crossed worked_out": ", worked out by (4.1)";
+    "crossed noise": "The noise limit is {floor:op}.";
+    "crossed positioner": "The positioner's own dead band is set to {percent:number}\u{a0}%, which is part of it.";
+    "crossed rejected": "The most frequent reason for rejection was “{label}” ({count} of {half_periods:count \
+         half-period}): {meaning}.";
+    "crossed no_proof": "This does not show that the valve is sound.";
+    "crossed doubt": "Load changes can make the width read too high, so that even a sound valve shows a per cent or \
+         two; small movements can make it read too low; stiction looks the same.";
+    "crossed settle": "A step test in manual settles it.";
     // All loops in short.
-    ("run high", "{n:count valve}: act now."),
-    ("run tuning", "{n:count loop}: check the tuning."),
-    ("run medium", "{n:count valve}: check at the next round."),
-    ("run within", "{n:count valve}: within the limit."),
-    ("run simple", "{n:count valve}: a width by the simple method alone, to be confirmed."),
-    ("run no_gap", "{n:count valve}: no dead band seen."),
-    ("run unknown", "{n:count loop}: cannot tell yet."),
-    ("run refused", "{n:count loop}: not analysed."),
-    ("run signal", "{n:count loop}: bad or missing signal."),
-    ("run calm", "Nothing is urgent."),
-    ("days", "Data of {first} to {last}."),
-    ("days one", "Data of {first}."),
-    ("basis", "{evidence} evidence"),
-    ("basis none", "no evidence of a gap"),
-    ("basis simple", "simple method alone"),
-];
+    "run high": "{n:count valve}: act now.";
+    "run tuning": "{n:count loop}: check the tuning.";
+    "run medium": "{n:count valve}: check at the next round.";
+    "run within": "{n:count valve}: within the limit.";
+    "run simple": "{n:count valve}: a width by the simple method alone, to be confirmed.";
+    "run no_gap": "{n:count valve}: no dead band seen.";
+    "run unknown": "{n:count loop}: cannot tell yet.";
+    "run refused": "{n:count loop}: not analysed.";
+    "run signal": "{n:count loop}: bad or missing signal.";
+    "run calm": "Nothing is urgent.";
+    "days": "Data of {first} to {last}.";
+    "days one": "Data of {first}.";
+    "basis": "{evidence} evidence";
+    "basis none": "no evidence of a gap";
+    "basis simple": "simple method alone";
+};
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     match code {

@@ -47,169 +47,76 @@ macro_rules! serviced {
     };
 }
 
-const SENTENCES: &[(&str, &str)] = &[
-    ("backlash", concat!("dead band of {d:op}: ", evidence!(), often!())),
-    (
-        "backlash gap_and_more",
-        concat!(
-            "dead band of {d:op}: ",
-            evidence!(),
-            often!(),
-            "; where the valve turns, PV strays from what a gap alone would do"
-        ),
-    ),
-    ("stiction", concat!("the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!(), often!())),
-    (
-        "both",
-        concat!(
-            "dead band of {d:op}, and jumps of {jump:op}: ",
-            evidence!(),
-            ", and a gap without jumps less well (by {lr_no_jump:.0f})",
-            often!()
-        ),
-    ),
-    (
-        "at_least",
-        concat!(
-            "dead band of at least {low:op}: ",
-            evidence!(),
-            often!(),
-            ", too seldom to tell how much wider it is. Record while OP moves further"
-        ),
-    ),
-    (
-        "at_least noisy",
-        concat!(
-            "dead band of at least {low:op}: ",
-            evidence!(),
-            often!(),
-            ", but PV's noise hides how much wider it is. Record with a finer PV, or while OP moves further"
-        ),
-    ),
-    ("sound", "no dead band wider than {high:op} (95 %): PV answers each turn of OP"),
-    (
-        "cannot_tell misfit",
-        "no model of the loop fits PV: its errors follow each other (correlation {echo:.2f}). Is PV what this OP moves, and \
-         recorded as it was measured?",
-    ),
-    (
-        "cannot_tell coarse",
-        concat!(
-            would!(),
-            "samples {h:.3g} s apart do not show what OP does between them: the process lags by {settles:.3g} s, and 5 samples \
-             are needed in that. Record faster"
-        ),
-    ),
-    (
-        "cannot_tell windows_disagree",
-        concat!(
-            would!(),
-            "parts of the recording differ {dispersion:.0f} times more than chance allows. Take a time in which nothing was \
-             changed"
-        ),
-    ),
-    (
-        "cannot_tell windows_silent",
-        concat!(
-            would!(),
-            "too few parts of the recording prove it by themselves. Make a step test, or record the valve's position"
-        ),
-    ),
-    (
-        "cannot_tell outweighed",
-        concat!(
-            would!(),
-            "all evidence together makes a gap less probable than its likelihood ratio says ({lr_no_gap:.0f}, {lr_needed:.0f} \
-             needed). Make a step test, or record the valve's position"
-        ),
-    ),
-    ("cannot_tell recordings_disagree", concat!(would!(), "the recordings disagree", serviced!())),
-    (
-        "cannot_tell recordings_disagree shared",
-        concat!(would!(), "the recordings disagree {dispersion:.0f} times more than chance allows", serviced!()),
-    ),
-    (
-        "cannot_tell still",
-        concat!(
-            would!(),
-            "the valve would hardly move then, and a few steps of PV explain the data as well. Record while OP moves further"
-        ),
-    ),
-    ("cannot_tell once", concat!(would!(), "OP crosses it in one direction only, once", longer!())),
-    (
-        "cannot_tell repeats",
-        concat!(
-            would!(),
-            "a disturbance with the period of this loop explains the data as well. Look for what else swings there, or record \
-             while the setpoint moves, on calmer days, or with the valve's position"
-        ),
-    ),
-    (
-        "cannot_tell swings",
-        concat!(
-            would!(),
-            "OP swings almost evenly, as a swinging disturbance makes it and this gap does not. Record while the setpoint moves \
-             or on calmer days, make a step test, or record the valve's position"
-        ),
-    ),
-    (
-        "cannot_tell lined",
-        concat!(
-            would!(),
-            "the historian kept only corners of PV and joined them by lines, which looks the same. Record without compression"
-        ),
-    ),
-    (
-        "cannot_tell hidden_by_samples",
-        "no gap shows, but samples {h:.3g} s apart would not show one: the process settles in {settles:.3g} s, and 4 samples are \
-         needed in that. Record faster, and PV before any filter",
-    ),
-    (
-        "cannot_tell hidden_by_lag",
-        "no gap shows, but only if the process lags by {lag:.3g} s, longer than what was recorded. Record for longer",
-    ),
-    (
-        "cannot_tell hidden_by_changes",
-        "no gap shows, but {load_steps:count change} of the load may hide one: OP turned no more often than the load. Record \
-         while the setpoint moves, or on calmer days",
-    ),
-    (
-        "cannot_tell no_answer",
-        "PV does not follow OP: a process at rest explains PV as well (likelihood ratio {lr_no_answer:.0f}). Record while OP moves",
-    ),
-    ("cannot_tell may_be", concat!("probably {d:op}, but ", enough!(), longer!())),
-    ("cannot_tell may_be bound", concat!("probably {d:op}, at most {high:.3g}, but ", enough!(), longer!())),
-    ("cannot_tell as_well", concat!("a valve without a gap explains the data as well as one with {d:op}", longer!())),
-    (
-        "cannot_tell as_well bound",
-        concat!("a valve without a gap explains the data as well as one with {d:op}; at most {high:.3g}", longer!()),
-    ),
-    ("op_rests", "OP stands still all the time, and only an OP that moves shows a gap"),
-    ("sinusoidal", "{finding}"),
+const SENTENCES: &[(&str, &str)] = sentences! {
+    "backlash": "dead band of {d:op}: ", evidence!(), often!();
+    "backlash gap_and_more": "dead band of {d:op}: ", evidence!(), often!(),
+        "; where the valve turns, PV strays from what a gap alone would do";
+    "stiction": "the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!(), often!();
+    "both": "dead band of {d:op}, and jumps of {jump:op}: ", evidence!(),
+        ", and a gap without jumps less well (by {lr_no_jump:.0f})", often!();
+    "at_least": "dead band of at least {low:op}: ", evidence!(), often!(),
+        ", too seldom to tell how much wider it is. Record while OP moves further";
+    "at_least noisy": "dead band of at least {low:op}: ", evidence!(), often!(),
+        ", but PV's noise hides how much wider it is. Record with a finer PV, or while OP moves further";
+    "sound": "no dead band wider than {high:op} (95 %): PV answers each turn of OP";
+    "cannot_tell misfit": "no model of the loop fits PV: its errors follow each other (correlation {echo:.2f}). Is \
+         PV what this OP moves, and recorded as it was measured?";
+    "cannot_tell coarse": would!(), "samples {h:.3g} s apart do not show what OP does between them: the process \
+         lags by {settles:.3g} s, and 5 samples are needed in that. Record faster";
+    "cannot_tell windows_disagree": would!(), "parts of the recording differ {dispersion:.0f} times more than \
+         chance allows. Take a time in which nothing was changed";
+    "cannot_tell windows_silent": would!(),
+        "too few parts of the recording prove it by themselves. Make a step test, or record the valve's position";
+    "cannot_tell outweighed": would!(), "all evidence together makes a gap less probable than its likelihood ratio \
+         says ({lr_no_gap:.0f}, {lr_needed:.0f} needed). Make a step test, or record the valve's position";
+    "cannot_tell recordings_disagree": would!(), "the recordings disagree", serviced!();
+    "cannot_tell recordings_disagree shared": would!(),
+        "the recordings disagree {dispersion:.0f} times more than chance allows", serviced!();
+    "cannot_tell still": would!(), "the valve would hardly move then, and a few steps of PV explain the data as \
+         well. Record while OP moves further";
+    "cannot_tell once": would!(), "OP crosses it in one direction only, once", longer!();
+    "cannot_tell repeats": would!(), "a disturbance with the period of this loop explains the data as well. Look \
+         for what else swings there, or record while the setpoint moves, on calmer days, or with the valve's \
+         position";
+    "cannot_tell swings": would!(), "OP swings almost evenly, as a swinging disturbance makes it and this gap does \
+         not. Record while the setpoint moves or on calmer days, make a step test, or record the valve's position";
+    "cannot_tell lined": would!(), "the historian kept only corners of PV and joined them by lines, which looks the \
+         same. Record without compression";
+    "cannot_tell hidden_by_samples": "no gap shows, but samples {h:.3g} s apart would not show one: the process \
+         settles in {settles:.3g} s, and 4 samples are needed in that. Record faster, and PV before any filter";
+    "cannot_tell hidden_by_lag":
+        "no gap shows, but only if the process lags by {lag:.3g} s, longer than what was recorded. Record for longer";
+    "cannot_tell hidden_by_changes": "no gap shows, but {load_steps:count change} of the load may hide one: OP \
+         turned no more often than the load. Record while the setpoint moves, or on calmer days";
+    "cannot_tell no_answer": "PV does not follow OP: a process at rest explains PV as well (likelihood ratio \
+         {lr_no_answer:.0f}). Record while OP moves";
+    "cannot_tell may_be": "probably {d:op}, but ", enough!(), longer!();
+    "cannot_tell may_be bound": "probably {d:op}, at most {high:.3g}, but ", enough!(), longer!();
+    "cannot_tell as_well": "a valve without a gap explains the data as well as one with {d:op}", longer!();
+    "cannot_tell as_well bound":
+        "a valve without a gap explains the data as well as one with {d:op}; at most {high:.3g}",
+        longer!();
+    "op_rests": "OP stands still all the time, and only an OP that moves shows a gap";
+    "sinusoidal": "{finding}";
     // What the valve's own position adds.
-    ("silent", "{pv}. The valve's position tells nothing: {position}"),
-    ("bounds", "{pv}. By the valve's position {position}"),
-    ("settles", "read from the valve's position: {position}"),
-    (
-        "settles positioner",
-        "read from the valve's position: {position}; the positioner's own part of it, by its settings: {own:.3g} % of travel",
-    ),
-    ("contradicts", "the valve's position and PV contradict each other. The position: {position}. PV: {pv}"),
-    (
-        "contradicts cannot_tell",
-        "the valve's position and PV contradict each other. The position: {position}. PV: {pv}. Is the sensor coupled firmly to \
-         the valve, and the valve to what it moves?",
-    ),
-    ("changed", "{said}; {trend}"),
+    "silent": "{pv}. The valve's position tells nothing: {position}";
+    "bounds": "{pv}. By the valve's position {position}";
+    "settles": "read from the valve's position: {position}";
+    "settles positioner": "read from the valve's position: {position}; the positioner's own part of it, by its \
+         settings: {own:.3g} % of travel";
+    "contradicts": "the valve's position and PV contradict each other. The position: {position}. PV: {pv}";
+    "contradicts cannot_tell": "the valve's position and PV contradict each other. The position: {position}. PV: \
+         {pv}. Is the sensor coupled firmly to the valve, and the valve to what it moves?";
+    "changed": "{said}; {trend}";
     // Of several recordings.
-    ("recordings all", "by {counted} recordings together: {said}"),
-    ("recordings alone", "by {alone} alone, of {all} recordings: {said}"),
-    ("recordings", "by {counted} of {all} recordings together: {said}"),
-    ("not_counted", "Not counted, since {why}: {names}"),
-    ("repeated", "{share:share} of {name} stands in an earlier one, and counts there"),
-    ("no_recording", "none of {all} recordings tells: {said}"),
-    ("more", "Where the valve turns, PV strays from what a gap alone would do: the valve may stick as well."),
-];
+    "recordings all": "by {counted} recordings together: {said}";
+    "recordings alone": "by {alone} alone, of {all} recordings: {said}";
+    "recordings": "by {counted} of {all} recordings together: {said}";
+    "not_counted": "Not counted, since {why}: {names}";
+    "repeated": "{share:share} of {name} stands in an earlier one, and counts there";
+    "no_recording": "none of {all} recordings tells: {said}";
+    "more": "Where the valve turns, PV strays from what a gap alone would do: the valve may stick as well.";
+};
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     let reason = n.word("reason");
@@ -229,31 +136,31 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     }
 }
 
-const UNFIT_SENTENCES: &[(&str, &str)] = &[
-    ("no_op", "there is no OP, and the width cannot be fitted without it"),
-    ("few_rows", "{number:.0f} rows are too few: a fit needs 50 samples at least"),
-    ("op_missing", "OP is missing in nearly all rows"),
-    ("op_still", "OP stands still at {number:.4g} all the time, and only an OP that moves shows a gap"),
-    ("same", "OP and {signal} are the same signal: check which columns were taken"),
-    ("pv_still", "{signal} stands still at {number:.4g} all the time"),
-    ("coarse", "OP takes only {number:.0f} values: it is recorded too coarsely"),
-    ("broken", "no 20 samples stand together without a hole"),
-    ("copy", copy!()),
-    ("few position", "fewer than 50 rows have a position"),
-    ("few", "fewer than 50 samples stand together, or OP does not move in them"),
-];
+const UNFIT_SENTENCES: &[(&str, &str)] = sentences! {
+    "no_op": "there is no OP, and the width cannot be fitted without it";
+    "few_rows": "{number:.0f} rows are too few: a fit needs 50 samples at least";
+    "op_missing": "OP is missing in nearly all rows";
+    "op_still": "OP stands still at {number:.4g} all the time, and only an OP that moves shows a gap";
+    "same": "OP and {signal} are the same signal: check which columns were taken";
+    "pv_still": "{signal} stands still at {number:.4g} all the time";
+    "coarse": "OP takes only {number:.0f} values: it is recorded too coarsely";
+    "broken": "no 20 samples stand together without a hole";
+    "copy": copy!();
+    "few position": "fewer than 50 rows have a position";
+    "few": "fewer than 50 samples stand together, or OP does not move in them";
+};
 
 fn of_position(_: &str, n: &dyn Numbers) -> Vec<String> {
     vec![if n.word("signal") == "PV" { String::new() } else { "position".into() }]
 }
 
-const LEFT_OUT_SENTENCES: &[(&str, &str)] = &[
-    ("misfit", "no model fits it"),
-    ("no_answer", "PV does not follow OP"),
-    ("coarse", "it is sampled too seldom"),
-    ("swings", "OP swings almost evenly, as a disturbance may make it"),
-    ("lined", "the historian joined PV by lines, which bend as much as a gap would make them"),
-    ("still", "the valve would hardly move"),
-    ("windows_disagree", "its parts disagree"),
-    ("windows_silent", "too few of its parts prove a gap by themselves"),
-];
+const LEFT_OUT_SENTENCES: &[(&str, &str)] = sentences! {
+    "misfit": "no model fits it";
+    "no_answer": "PV does not follow OP";
+    "coarse": "it is sampled too seldom";
+    "swings": "OP swings almost evenly, as a disturbance may make it";
+    "lined": "the historian joined PV by lines, which bend as much as a gap would make them";
+    "still": "the valve would hardly move";
+    "windows_disagree": "its parts disagree";
+    "windows_silent": "too few of its parts prove a gap by themselves";
+};

@@ -6,41 +6,39 @@ pub(super) const HINDRANCE: Subject = Subject { name: "hindrance", sentences: HI
 pub(super) const HELP: Subject = Subject { name: "help", sentences: HELPS, variants: plain };
 pub(super) const SUBJECT: Subject = Subject { name: "fleet", sentences: SENTENCES, variants };
 
-const HINDRANCES: &[(&str, &str)] = &[
-    ("no_op", "OP is not recorded"),
-    ("compression", "The historian compresses PV or OP"),
-    ("sampling", "Samples lie too far apart"),
-    ("resolution", "PV or OP is recorded too coarsely"),
-    ("manual", "The loop is not in automatic"),
-    ("op_rests", "OP hardly moves"),
-    ("load", "The load swings or steps as a gap would make it"),
-    ("data", "The data cannot be used"),
-    ("evidence", "A gap explains the data, and no gap would too"),
-];
+const HINDRANCES: &[(&str, &str)] = sentences! {
+    "no_op": "OP is not recorded";
+    "compression": "The historian compresses PV or OP";
+    "sampling": "Samples lie too far apart";
+    "resolution": "PV or OP is recorded too coarsely";
+    "manual": "The loop is not in automatic";
+    "op_rests": "OP hardly moves";
+    "load": "The load swings or steps as a gap would make it";
+    "data": "The data cannot be used";
+    "evidence": "A gap explains the data, and no gap would too";
+};
 
-const HELPS: &[(&str, &str)] = &[
-    ("no_op", "Record OP beside PV: without it nothing but a step test tells of the valve."),
-    (
-        "compression",
-        "Switch compression and exception reporting off for these tags, or set their band to the last digit.",
-    ),
-    ("sampling", "Record faster: five samples at least while PV answers OP."),
-    ("resolution", "Record with more digits, and narrow the collector's dead band."),
-    ("manual", "Make a step test, or ask why it is in manual."),
-    ("op_rests", "Keep a day with setpoint changes, or make a step test."),
-    ("load", "Keep calmer days or days with setpoint changes, make a step test, or record the valve's position."),
-    ("data", "See the problems of the lake, and the reason of each loop in the table loops."),
-    ("evidence", "Keep more days; a step test in manual settles it."),
-];
+const HELPS: &[(&str, &str)] = sentences! {
+    "no_op": "Record OP beside PV: without it nothing but a step test tells of the valve.";
+    "compression":
+        "Switch compression and exception reporting off for these tags, or set their band to the last digit.";
+    "sampling": "Record faster: five samples at least while PV answers OP.";
+    "resolution": "Record with more digits, and narrow the collector's dead band.";
+    "manual": "Make a step test, or ask why it is in manual.";
+    "op_rests": "Keep a day with setpoint changes, or make a step test.";
+    "load": "Keep calmer days or days with setpoint changes, make a step test, or record the valve's position.";
+    "data": "See the problems of the lake, and the reason of each loop in the table loops.";
+    "evidence": "Keep more days; a step test in manual settles it.";
+};
 
-const SENTENCES: &[(&str, &str)] = &[
-    ("gaps", "{gaps} of {all:count valve} have a dead band, {beyond} of them wider than the limit."),
-    ("gaps one", "1 of {all:count valve} has a dead band, {beyond} of them wider than the limit."),
-    ("rest", "{none} show none, {unjudged} cannot be judged."),
-    ("first", "First: {names}."),
-    ("grows", "{n:count dead band} plainly grow."),
-    ("grows one", "1 dead band plainly grows."),
-];
+const SENTENCES: &[(&str, &str)] = sentences! {
+    "gaps": "{gaps} of {all:count valve} have a dead band, {beyond} of them wider than the limit.";
+    "gaps one": "1 of {all:count valve} has a dead band, {beyond} of them wider than the limit.";
+    "rest": "{none} show none, {unjudged} cannot be judged.";
+    "first": "First: {names}.";
+    "grows": "{n:count dead band} plainly grow.";
+    "grows one": "1 dead band plainly grows.";
+};
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     let counted = n.number(if code == "gaps" { "gaps" } else { "n" });

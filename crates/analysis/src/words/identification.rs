@@ -4,47 +4,36 @@ use super::{Numbers, Subject};
 
 pub(super) const SUBJECT: Subject = Subject { name: "identification", sentences: SENTENCES, variants };
 
-const SENTENCES: &[(&str, &str)] = &[
-    ("no_op", "the recording has no OP, so K and Ti must be given"),
-    ("no_sp", "the recording has no SP, so K and Ti must be given"),
-    (
-        "few_steps",
-        "only {samples} steps between samples are in auto, good, off the limits and without a gap; at least 50 are needed: give K \
-         and Ti, or a longer recording in auto",
-    ),
-    ("op_still", "OP never moves while in auto, so nothing shows K and Ti: give them"),
-    ("pv_still", "PV never moves while in auto, so nothing shows K and Ti: give them"),
-    (
-        "unshown",
-        "the moves of PV and the area of the error do not each show in OP (a single step, a ramp?): give K and Ti",
-    ),
-    (
-        "little_explained",
-        "no PI or PID law explains enough of OP's moves (R² {r2:.3g}, needed 0.9): give K and Ti, or take a recording in auto \
-         that is neither compressed nor averaged",
-    ),
-    ("no_gain", "K may be 0 ({k:.3g} +- {error:.2g} OP units per PV unit): give K and Ti"),
-    ("gain_may_be_none", "K may be 0 ({size:.3g}, {k_low:.3g} to {k_high:.3g}): give K and Ti"),
-    ("no_integral", "there may be no integral action: give K and Ti"),
-    ("opposite_signs", "K and K/Ti have opposite signs (Ti {ti:.3g} s), so this is no PI controller: give K and Ti"),
-    ("contradictory", "laws that explain OP equally well contradict each other even in the sign of K: give K and Ti"),
-    (
-        "wide",
-        "K may be {k_low:.3g} to {k_high:.3g} and Ti {ti_low:.3g} to {ti_high:.3g} s, since laws with and without filter, D part \
-         and delay explain OP as well: give K and Ti, or record more often than every {h:.3g} s, with more digits, or while the \
-         setpoint moves",
-    ),
-    ("no_fit", "no fit"),
-    ("law", "robust fit of a PI law to means of {m} samples ({span:.4g} s)"),
-    ("law derivative", "robust fit of a PID law to means of {m} samples ({span:.4g} s)"),
-    ("filter", "the controller filters PV, which is recorded unfiltered ({order} x Tf {tf:.3g} s)"),
-    ("derivative_filter", "its D part is filtered (Tf {tfd:.3g} s)"),
-    ("late", "OP recorded one sample late"),
-    ("early", "OP recorded one sample early"),
-    ("derivative_open", "lengths of the means disagree whether there is a D part"),
-    ("derivative_hidden", "a D part of up to {td_high:.3g} s behind a filter would explain OP as well"),
-    ("weight", "setpoint weight {fitted:.2f} ({low:.2f} to {high:.2f}) fitted"),
-];
+const SENTENCES: &[(&str, &str)] = sentences! {
+    "no_op": "the recording has no OP, so K and Ti must be given";
+    "no_sp": "the recording has no SP, so K and Ti must be given";
+    "few_steps": "only {samples} steps between samples are in auto, good, off the limits and without a gap; at \
+         least 50 are needed: give K and Ti, or a longer recording in auto";
+    "op_still": "OP never moves while in auto, so nothing shows K and Ti: give them";
+    "pv_still": "PV never moves while in auto, so nothing shows K and Ti: give them";
+    "unshown":
+        "the moves of PV and the area of the error do not each show in OP (a single step, a ramp?): give K and Ti";
+    "little_explained": "no PI or PID law explains enough of OP's moves (R² {r2:.3g}, needed 0.9): give K and Ti, \
+         or take a recording in auto that is neither compressed nor averaged";
+    "no_gain": "K may be 0 ({k:.3g} +- {error:.2g} OP units per PV unit): give K and Ti";
+    "gain_may_be_none": "K may be 0 ({size:.3g}, {k_low:.3g} to {k_high:.3g}): give K and Ti";
+    "no_integral": "there may be no integral action: give K and Ti";
+    "opposite_signs": "K and K/Ti have opposite signs (Ti {ti:.3g} s), so this is no PI controller: give K and Ti";
+    "contradictory": "laws that explain OP equally well contradict each other even in the sign of K: give K and Ti";
+    "wide": "K may be {k_low:.3g} to {k_high:.3g} and Ti {ti_low:.3g} to {ti_high:.3g} s, since laws with and \
+         without filter, D part and delay explain OP as well: give K and Ti, or record more often than every \
+         {h:.3g} s, with more digits, or while the setpoint moves";
+    "no_fit": "no fit";
+    "law": "robust fit of a PI law to means of {m} samples ({span:.4g} s)";
+    "law derivative": "robust fit of a PID law to means of {m} samples ({span:.4g} s)";
+    "filter": "the controller filters PV, which is recorded unfiltered ({order} x Tf {tf:.3g} s)";
+    "derivative_filter": "its D part is filtered (Tf {tfd:.3g} s)";
+    "late": "OP recorded one sample late";
+    "early": "OP recorded one sample early";
+    "derivative_open": "lengths of the means disagree whether there is a D part";
+    "derivative_hidden": "a D part of up to {td_high:.3g} s behind a filter would explain OP as well";
+    "weight": "setpoint weight {fitted:.2f} ({low:.2f} to {high:.2f}) fitted";
+};
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     vec![if code == "law" && n.flag("derivative") { "derivative".into() } else { String::new() }]

@@ -11,38 +11,38 @@ pub(super) const MEANING: Subject = Subject { name: "meaning", sentences: MEANIN
 pub(super) const TERM: Subject = Subject { name: "term", sentences: TERMS, variants: plain };
 
 /// What speaks for a dead band, or against it.
-const TERMS: &[(&str, &str)] = &[
-    ("likelihood", "how much better a gap explains PV than none"),
-    ("rival_load", "how much better a gap explains PV than a load that looks like one"),
-    ("traversals", "how often OP crossed the gap"),
-    ("width", "how wide the gap is beside OP's moves"),
-    ("noise", "how far the gap moves PV beside its noise"),
-    ("sampling", "how often rows are recorded"),
-    ("evenness", "how evenly OP swings"),
-    ("load_changes", "how often the load changes"),
-    ("model", "how well the model explains PV"),
-    ("families", "whether all models see the gap"),
-    ("agreement", "whether parts of the recording agree"),
-    ("plateau", "whether PV stands still while OP crosses the gap"),
-    ("cycle", "whether the loop with such a gap would swing as recorded"),
-    ("process", "how well the process is known"),
-    ("rules", "the fixed tests of the fit"),
-];
+const TERMS: &[(&str, &str)] = sentences! {
+    "likelihood": "how much better a gap explains PV than none";
+    "rival_load": "how much better a gap explains PV than a load that looks like one";
+    "traversals": "how often OP crossed the gap";
+    "width": "how wide the gap is beside OP's moves";
+    "noise": "how far the gap moves PV beside its noise";
+    "sampling": "how often rows are recorded";
+    "evenness": "how evenly OP swings";
+    "load_changes": "how often the load changes";
+    "model": "how well the model explains PV";
+    "families": "whether all models see the gap";
+    "agreement": "whether parts of the recording agree";
+    "plateau": "whether PV stands still while OP crosses the gap";
+    "cycle": "whether the loop with such a gap would swing as recorded";
+    "process": "how well the process is known";
+    "rules": "the fixed tests of the fit";
+};
 
 /// The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
-const VERDICTS: &[(&str, &str)] = &[
-    ("backlash", "Backlash"),
-    ("stiction", "Stiction"),
-    ("both", "Backlash and stiction"),
-    ("at_least", "At least"),
-    ("oscillation", "Oscillation"),
-    ("sound", "Sound"),
-    ("cannot_tell", "Cannot tell"),
-    ("estimate", "Estimate"),
-    ("provisional", "Provisional"),
-    ("no_estimate", "No estimate"),
-    ("refused", "Refused"),
-];
+const VERDICTS: &[(&str, &str)] = sentences! {
+    "backlash": "Backlash";
+    "stiction": "Stiction";
+    "both": "Backlash and stiction";
+    "at_least": "At least";
+    "oscillation": "Oscillation";
+    "sound": "Sound";
+    "cannot_tell": "Cannot tell";
+    "estimate": "Estimate";
+    "provisional": "Provisional";
+    "no_estimate": "No estimate";
+    "refused": "Refused";
+};
 
 const VALVES: &[(&str, &str)] =
     &[("gap", "Gap found"), ("no_gap", "No gap shown"), ("unknown", "Cannot tell"), ("refused", "Refused")];
@@ -53,19 +53,18 @@ const STRENGTHS: &[(&str, &str)] =
     &[("none", "none"), ("weak", "weak"), ("strong", "strong"), ("very_strong", "very strong")];
 
 /// What each verdict means.
-const MEANINGS: &[(&str, &str)] = &[
-    ("backlash", "OP and PV show a gap, and how wide it is. The valve does not follow OP until OP has crossed it."),
-    ("stiction", "the valve sticks and then jumps. There is no gap beside it."),
-    ("both", "there is a gap, and the valve jumps when it breaks loose."),
-    ("at_least", "there is a gap, and only how wide it is at least: OP did not move far enough, or PV is too noisy."),
-    ("sound", "no gap wider than the limit that is given. A narrower one may be there."),
-    ("oscillation", "the loop swings in a smooth wave, and its valve is not why. A gap beside it does not show."),
-    (
-        "cannot_tell",
-        "a valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean that all is well.",
-    ),
-    ("estimate", "nothing was fitted. At least N detections of the zero crossings stand behind the width."),
-    ("provisional", "nothing was fitted. Fewer than N detections stand behind the width, and it may still move."),
-    ("no_estimate", "nothing was fitted, and no half-period could be measured on."),
-    ("refused", "data or settings do not allow an analysis. The reason is named."),
-];
+const MEANINGS: &[(&str, &str)] = sentences! {
+    "backlash": "OP and PV show a gap, and how wide it is. The valve does not follow OP until OP has crossed it.";
+    "stiction": "the valve sticks and then jumps. There is no gap beside it.";
+    "both": "there is a gap, and the valve jumps when it breaks loose.";
+    "at_least": "there is a gap, and only how wide it is at least: OP did not move far enough, or PV is too noisy.";
+    "sound": "no gap wider than the limit that is given. A narrower one may be there.";
+    "oscillation": "the loop swings in a smooth wave, and its valve is not why. A gap beside it does not show.";
+    "cannot_tell":
+        "a valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean \
+         that all is well.";
+    "estimate": "nothing was fitted. At least N detections of the zero crossings stand behind the width.";
+    "provisional": "nothing was fitted. Fewer than N detections stand behind the width, and it may still move.";
+    "no_estimate": "nothing was fitted, and no half-period could be measured on.";
+    "refused": "data or settings do not allow an analysis. The reason is named.";
+};

@@ -15,7 +15,7 @@ fn numbers_are_written_as_python_wrote_them() {
     assert!(vectors.len() > 500);
     for (kind, of, wanted) in &vectors {
         let (x, word) = (|i: usize| of[i].as_f64(), |i: usize| of[i].as_str().unwrap());
-        let told = match kind.as_str() {
+        let shown = match kind.as_str() {
             "number" => number(x(0), of[1].as_u64().unwrap() as usize),
             "quantity" => quantity(x(0), word(1), of[2].as_u64().unwrap() as usize),
             "duration" => duration(x(0).unwrap()),
@@ -27,7 +27,7 @@ fn numbers_are_written_as_python_wrote_them() {
                 template::filled("test.x", &format!("{{x:{}}}", word(1)), &numbers, &Reader::default()).unwrap()
             }
         };
-        assert_eq!(told, *wanted, "{kind} of {of:?}");
+        assert_eq!(shown, *wanted, "{kind} of {of:?}");
     }
 }
 
@@ -211,8 +211,8 @@ fn a_run_is_told_by_what_is_to_be_done() {
     let mut run = vec![one("gap", "high", "inspect"); 4];
     run.push(one("no_gap", "medium", "tuning"));
     run.push(one("unknown", "low", "record_more"));
-    let told = overview(&run, &Reader::default()).unwrap();
-    assert_eq!(told, "4 valves: act now. 1 loop: check the tuning. 1 loop: cannot tell yet.");
+    let found = overview(&run, &Reader::default()).unwrap();
+    assert_eq!(found, "4 valves: act now. 1 loop: check the tuning. 1 loop: cannot tell yet.");
     let calm = overview(&[one("no_gap", "none", "nothing")], &Reader::default()).unwrap();
     assert_eq!(calm, "Nothing is urgent. 1 valve: no dead band seen.");
 }
@@ -227,8 +227,8 @@ fn every_verdict_and_every_next_step_has_its_sentence() {
     for (verdict, step) in verdicts.flat_map(|verdict| steps.clone().map(move |step| (verdict, step))) {
         let of = if step == "remedy" { serde_json::json!("too_short") } else { Json::Null };
         let facts = with(gap(), serde_json::json!({"verdict": verdict, "next": {"code": step, "of": of}}));
-        let told = texts_for(facts);
-        assert!(told.so.ends_with('.') && told.doing.ends_with('.') && !told.short.is_empty(), "{verdict}, {step}");
+        let texts = texts_for(facts);
+        assert!(texts.so.ends_with('.') && texts.doing.ends_with('.') && !texts.short.is_empty(), "{verdict}, {step}");
     }
     for reason in glapp_core::Reason::ALL {
         for of in ["half_period", "half_period_meaning", "half_period_remedy"] {
@@ -254,8 +254,8 @@ fn every_sentence_can_be_told() {
                 Part::Text(_) => None,
             })
             .collect();
-        let told = template::filled(&code, sentence, &numbers, &Reader::default());
-        assert!(told.is_ok_and(|told| !told.contains(['{', '}']) || code == "step_test.not_settled"), "{code}");
+        let filled = template::filled(&code, sentence, &numbers, &Reader::default());
+        assert!(filled.is_ok_and(|filled| !filled.contains(['{', '}']) || code == "step_test.not_settled"), "{code}");
     }
 }
 
@@ -283,11 +283,11 @@ fn what_an_analysis_found_is_told_without_a_number_missing() {
     let reader = Reader::default();
     for reason in reasons {
         let values = Some(Values { k: 1.0, ti: 10.0, r2: 0.5 });
-        let told =
+        let message =
             of_identification(&Identification { samples: 9, values, settings: None, reason: Some(reason) }).unwrap();
-        assert!(text(&told.code, &told.numbers, &reader).is_ok(), "{told:?}");
+        assert!(text(&message.code, &message.numbers, &reader).is_ok(), "{message:?}");
         // What is stored says the same.
-        let stored = serde_json::to_string(&told).unwrap();
+        let stored = serde_json::to_string(&message).unwrap();
         let read: Message = serde_json::from_str(&stored).unwrap();
         assert!(text(&read.code, &read.numbers, &reader).is_ok(), "{stored}");
     }
@@ -310,7 +310,7 @@ fn what_an_analysis_found_is_told_without_a_number_missing() {
             travel: crate::crossings::Travel::Op,
             why: Some(why),
         };
-        let told = of_correction(&of).unwrap();
-        assert!(text(&told.code, &told.numbers, &reader).is_ok(), "{told:?}");
+        let message = of_correction(&of).unwrap();
+        assert!(text(&message.code, &message.numbers, &reader).is_ok(), "{message:?}");
     }
 }

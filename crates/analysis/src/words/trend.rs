@@ -14,10 +14,10 @@ macro_rules! changed {
     };
 }
 
-const SENTENCES: &[(&str, &str)] = &[
-    ("grows", changed!("grew")),
-    ("shrinks", changed!("shrank")),
-    ("has_grown", "It has grown to this in {lasted:duration}."),
-    ("has_shrunk", "It has shrunk to this in {lasted:duration}."),
-    ("to_limit", "At this rate it reaches {limit:about} in {days:.0f} days."),
-];
+const SENTENCES: &[(&str, &str)] = sentences! {
+    "grows": changed!("grew");
+    "shrinks": changed!("shrank");
+    "has_grown": "It has grown to this in {lasted:duration}.";
+    "has_shrunk": "It has shrunk to this in {lasted:duration}.";
+    "to_limit": "At this rate it reaches {limit:about} in {days:.0f} days.";
+};

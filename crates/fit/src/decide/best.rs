@@ -97,7 +97,7 @@ impl NoGap {
         // What a gap explains beyond nothing is at least what a slip jump explains beyond a gap.
         let of_families =
             profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (best.lr_no_jump - JUMP).max(0.0);
-        let asked = lr_asked(best.traversals, record.changes() > 0).max(best.asked_of_changes());
+        let asked = lr_asked(best.traversals).max(best.asked_of_changes());
         let of_aperiodic_loads = without - with;
         let lr_aperiodic = of_families.min(of_aperiodic_loads) * ratio;
         let cycle_known = lr_aperiodic > asked;
@@ -109,7 +109,7 @@ impl NoGap {
         }
         let lr = of_families.min(lr_of_loads) * ratio;
         let mut needed = asked;
-        if bootstrap > 0 && lr > asked && lr < GAP_PLAIN {
+        if bootstrap > 0 && lr > asked && lr < GAP_IF_CLEAR {
             // Drawn innovations are alike everywhere: their ratio is to be held against the one before the information ratio.
             let threshold = bootstrap_threshold(&best.of(gap.structure), &gap.points[0], lr / ratio, bootstrap);
             needed = asked.max(threshold * ratio);
@@ -214,6 +214,9 @@ pub(crate) struct ProcessLimits {
     pub(crate) kp: (f64, f64),
     pub(crate) dead_time: (f64, f64),
     pub(crate) lag: (f64, f64),
+    /// Those of gain and lags as the likelihood has them.
+    pub(crate) kp_near: (f64, f64),
+    pub(crate) lag_near: (f64, f64),
 }
 
 /// Cells a second for the gain of an integrating process, else 1.
@@ -259,19 +262,35 @@ impl Process {
             let (low, high) = each.fold((at.value, at.value), |(low, high), x| (low.min(x), high.max(x)));
             (low - 1.96 * at.error, high + 1.96 * at.error)
         };
-        // The model is a little off, and where no gap is found the load of the model may stand for much of what its process does.
+        // The model is a little off. Where no gap is found its load may stand for much of what the process does: the controller undoes that load,
+        // and a process that hardly answers explains the recording nearly as well.
         let off = if found { PROCESS_OFF } else { PROCESS_OFF_IF_NOT_FOUND };
+        let beyond = if found { 1.0 } else { self.may_be_greater(best) };
         let further = |x: f64, away: f64| if x * away > 0.0 { x * off } else { x / off };
-        let widened = |(low, high): (f64, f64)| (further(low, -1.0), further(high, 1.0));
+        let widened = |at: f64, (low, high): (f64, f64)| {
+            let most = at * beyond;
+            (further(low, -1.0).min(most), further(high, 1.0).max(most))
+        };
         let positive = |(low, high): (f64, f64)| (low.max(0.0), high);
         let late = (off - 1.0).min(1.0) * (self.dead_time.value + self.lag.value);
         let dead_time = |structure: Structure, point: &Point| point.theta[structure.dead_time_at()] * h;
         let (low, high) = around(&self.dead_time, &dead_time);
+        let kp_near = around(&self.kp, &|structure, point| point.kp * per_cell(structure, h));
+        let lag_near = positive(around(&self.lag, &|structure, point| structure.lag(&point.theta) * h));
         ProcessLimits {
-            kp: widened(around(&self.kp, &|structure, point| point.kp * per_cell(structure, h))),
+            kp: widened(self.kp.value, kp_near),
             dead_time: positive((low - late, high + late)),
-            lag: positive(widened(around(&self.lag, &|structure, point| structure.lag(&point.theta) * h))),
+            lag: positive(widened(self.lag.value, lag_near)),
+            kp_near,
+            lag_near,
         }
+    }
+
+    /// How many times greater the gain may be before a load would have to undo more of what the valve does than any does, and with it the lags:
+    /// their ratio is known better than either.
+    fn may_be_greater(&self, best: &Best) -> f64 {
+        let cancels = best.search.record.cancels(best.point.kp);
+        if best.search.structure.integrating || cancels <= 0.0 { 1.0 } else { (CANCELS / cancels).max(1.0) }
     }
 }
 

@@ -370,10 +370,9 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let traversals = times(d);
     let many =
         |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.answer.evidence)).count() > curves.len();
-    let known = many(|e| e.changes_known);
     let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
-    let asked = GAP_JOINT.max(lr_asked(traversals, known)).max(lr_asked_of_changes(traversals, marks));
-    let lr_needed = (dispersion * asked).max(most + dispersion * GAP_WITHOUT_ONE);
+    let asked = GAP_JOINT.max(lr_asked(traversals)).max(lr_asked_of_changes(traversals, marks));
+    let lr_needed = (dispersion * asked).max(most + dispersion * GAP);
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
@@ -385,7 +384,6 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let evidence = Evidence {
         autocorrelation: mean(|e| e.autocorrelation),
         d,
-        changes_known: known,
         lr_no_gap,
         lr_aperiodic,
         lr_needed,

@@ -81,6 +81,8 @@ pub struct SegmentFit {
     pub kp: f64,
     /// The same with its 95 % limits.
     pub kp_limits: (f64, f64),
+    /// Its 95 % limits by the likelihood alone, as if the model were right.
+    pub kp_near: (f64, f64),
     /// Dead time [s].
     pub dead_time: f64,
     /// The same with its 95 % limits.
@@ -89,6 +91,8 @@ pub struct SegmentFit {
     pub lag: f64,
     /// The same with its 95 % limits.
     pub lag_limits: (f64, f64),
+    /// Its 95 % limits by the likelihood alone [s].
+    pub lag_near: (f64, f64),
     /// Whether the process integrates.
     pub integrating: bool,
     /// Coefficients of 1, s, s², s³ in the denominator of the process [1, s, s², s³]; behind an integrator the first is 0, the
@@ -134,7 +138,9 @@ impl SegmentFit {
         self.evidence.in_units(op);
         let gain = pv.size / op.size;
         self.kp *= gain;
-        self.kp_limits = (self.kp_limits.0 * gain, self.kp_limits.1 * gain);
+        for limits in [&mut self.kp_limits, &mut self.kp_near] {
+            *limits = (limits.0 * gain, limits.1 * gain);
+        }
         self.sigma *= pv.size;
         for candidate in &mut self.candidates {
             candidate.d *= op.size;
@@ -274,7 +280,6 @@ impl View<'_> {
             noisy_below: if structure.integrating { 0.0 } else { NOISY * filtered.noise / kp },
             traversed: often(no_gap.lr, record.traversals(low), best.traversals),
             one_way: best.traversals.contains(&0),
-            changes_known: changes > 0,
             lr_no_gap: no_gap.lr,
             lr_aperiodic: no_gap.lr_aperiodic,
             lr_needed: no_gap.needed,
@@ -337,10 +342,12 @@ impl View<'_> {
             traversals: best.traversals,
             kp: process.kp.value,
             kp_limits: of_process.kp,
+            kp_near: of_process.kp_near,
             dead_time: process.dead_time.value,
             dead_time_limits: of_process.dead_time,
             lag: process.lag.value,
             lag_limits: of_process.lag,
+            lag_near: of_process.lag_near,
             integrating: structure.integrating,
             denominator: structure.denominator_in(&point.theta, process.h),
             settles: structure.settles(&point.theta) * process.h,

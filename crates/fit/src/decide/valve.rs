@@ -365,11 +365,9 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let evidence = Evidence {
         autocorrelation: mean(|e| e.autocorrelation),
         d,
-        changes_known: many(|e| e.changes_known),
         lr_no_gap,
         lr_aperiodic: lr_no_gap,
-        lr_needed: (dispersion * GAP_JOINT.max(lr_asked_of_passes(traversals)))
-            .max(most + dispersion * GAP_WITHOUT_ONE),
+        lr_needed: (dispersion * GAP_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * GAP),
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,
         high,

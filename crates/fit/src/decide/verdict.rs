@@ -72,8 +72,6 @@ pub struct Evidence {
     pub(crate) immobile: bool,
     /// Whether OP went through the lower limit often enough for a width.
     pub(crate) traversed: bool,
-    /// Whether a load was found that steps or bends.
-    pub(crate) changes_known: bool,
     /// Whether OP went through the width one way only.
     pub(crate) one_way: bool,
     /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap or for a jump in it.
@@ -146,12 +144,7 @@ impl Evidence {
     }
 
     fn asked(&self) -> f64 {
-        self.lr_needed.max(self.seldom())
-    }
-
-    /// What OP's few ways through the width ask of it.
-    fn seldom(&self) -> f64 {
-        if self.bound() { lr_asked_if_seldom(self.changes_known) } else { 0.0 }
+        self.lr_needed.max(if self.bound() { GAP_IF_SELDOM } else { 0.0 })
     }
 
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
@@ -159,11 +152,11 @@ impl Evidence {
         self.cycle.as_ref().is_some_and(Cycle::is_own)
     }
 
-    /// Whether OP swings, or the load repeats itself, as the loop of process, gap and controller does by itself. Such a swing repeats as a
-    /// load would: it is enough that such a load, which may have any form, is not clearly likelier.
+    /// Whether OP swings, or the load repeats itself, as the loop of process, gap and controller does by itself, and the gap explains clearly
+    /// more than any load: of some saws the fitted loop makes the same period and swing.
     fn own_swing(&self) -> bool {
-        let ratio = if self.lr_no_gap > -GAP { self.lr_aperiodic } else { self.lr_no_gap };
-        self.cycles() && self.swings() && self.crossed_twice() && ratio > self.asked() && self.veto().is_none()
+        let clear = self.lr_no_gap > self.asked().max(GAP_IF_CLEAR);
+        self.cycles() && self.swings() && self.crossed_twice() && clear && self.veto().is_none()
     }
 
     /// Whether OP went through the width both ways as often as a gap that is plain needs.
@@ -182,7 +175,7 @@ impl Evidence {
     fn may_be_likely(&self) -> bool {
         let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
         let sided = !self.swings() || self.width_kind() != WidthKind::Unsure;
-        let asked = if self.even_swing { LIKELY_IF_EVEN_SWING } else { GAP };
+        let asked = if self.even_swing { GAP_IF_EVEN_SWING } else { GAP };
         self.lr_no_gap > asked && self.low > 0.0 && shows && sided
     }
 
@@ -215,12 +208,19 @@ impl Evidence {
         self.weighed().map_or(0.0, |(factor, _)| probability(factor, USUAL_PRIOR))
     }
 
+    /// Whether several recordings share the width. What their models lack differs from day to day, and each is heard in the family that believes
+    /// least.
+    fn of_recordings(&self) -> bool {
+        self.shows.is_none() && self.agree[1] >= FEWEST_RECORDINGS
+    }
+
     /// Both limits as they are told; `high`: the upper one with what the samples may hide.
     pub(crate) fn limits(&self, judgement: &Judgement, high: Option<f64>) -> (f64, Option<f64>) {
+        let off = if self.of_recordings() { 1.0 } else { WIDTH_OFF };
         match (judgement.confidence, judgement.width_kind) {
-            (Confidence::Found, Some(WidthKind::Bound)) => (self.low, None),
+            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / off, None),
             (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
-            (Confidence::Likely, _) => (self.low / LIKELY_OFF, high.map(|high| high * LIKELY_OFF)),
+            (Confidence::Found | Confidence::Likely, _) => (self.low / off, high.map(|high| high * off)),
             _ => (self.low, high),
         }
     }
@@ -249,7 +249,7 @@ impl Evidence {
             _ if high < self.lined_below => silent("lined"),
             _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
-            _ if self.passes_high.iter().any(|n| *n < TURNS_IF_SOUND) => silent("may_be_a_gap"),
+            _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
             _ if self.cancels > CANCELS || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
@@ -393,19 +393,14 @@ pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2],
     }
 }
 
-/// What OP's way through a width asks of the likelihood ratio of no gap; `known`: where a load was found that steps or bends.
-pub(crate) fn lr_asked([up, down]: [usize; 2], known: bool) -> f64 {
-    if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(GAP) } else { lr_asked_if_seldom(known) }
+/// What OP's way through a width asks of the likelihood ratio of no gap.
+pub(crate) fn lr_asked([up, down]: [usize; 2]) -> f64 {
+    if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(GAP) } else { GAP_IF_SELDOM }
 }
 
-/// What they ask of it all together.
+/// What it asks where each pass brings a little.
 pub(crate) fn lr_asked_of_passes([up, down]: [usize; 2]) -> f64 {
     GAP_EACH_PASS * (up + down) as f64
-}
-
-/// The same where OP went through it too seldom.
-fn lr_asked_if_seldom(known: bool) -> f64 {
-    if known { GAP_IF_SELDOM } else { GAP_IF_SELDOM_AND_LOAD_UNKNOWN }
 }
 
 /// What steps and bends of the load ask of it that were marked where there are as many of them as OP went through the width, else
@@ -432,7 +427,6 @@ mod tests {
             range: 10.0,
             immobile: false,
             traversed: true,
-            changes_known: false,
             one_way: false,
             coarse: false,
             at_once: false,
@@ -507,7 +501,7 @@ mod tests {
             passes: [2; 2],
             lr_no_gap: 30.0,
             lr_aperiodic: 30.0,
-            lr_needed: 80.0,
+            lr_needed: GAP_IF_SELDOM,
             ..plain()
         };
         let weak = Evidence { noisy_below: 0.3, settles: 12.0, range: 2.0, ..twice };
@@ -527,11 +521,16 @@ mod tests {
     }
 
     #[test]
-    fn the_limits_of_a_likely_gap_are_moved_out() {
+    fn the_limits_of_what_is_told_are_moved_out() {
         let likely = Evidence { lr_no_gap: 59.0, lr_needed: 60.0, ..plain() };
-        let (low, high) = likely.limits(&judge(&likely).0, Some(1.1));
-        assert!((low - 0.9 / LIKELY_OFF).abs() < 1e-12 && (high.unwrap() - 1.1 * LIKELY_OFF).abs() < 1e-12);
-        assert_eq!(plain().limits(&judge(&plain()).0, Some(1.1)), (0.9, Some(1.1)));
+        for told in [likely, plain()] {
+            let (low, high) = told.limits(&judge(&told).0, Some(1.1));
+            assert!((low - 0.9 / WIDTH_OFF).abs() < 1e-12 && (high.unwrap() - 1.1 * WIDTH_OFF).abs() < 1e-12);
+        }
+        let of_four = Evidence { agree: [4, 4], ..plain() };
+        assert_eq!(of_four.limits(&judge(&of_four).0, Some(1.1)), (0.9, Some(1.1)));
+        let silent = Evidence { lr_no_gap: GAP, low: 0.0, ..plain() };
+        assert_eq!(silent.limits(&judge(&silent).0, Some(1.1)), (0.0, Some(1.1)));
     }
 
     #[test]
@@ -551,18 +550,18 @@ mod tests {
         assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "repeats"));
         let plain_swings = Evidence { even_swing: true, oscillates: true, ..plain() };
         let of = |lr_no_gap| said(&Evidence { lr_no_gap, ..plain_swings.clone() }).0;
-        assert_eq!((of(LIKELY_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Likely));
+        assert_eq!((of(GAP_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Found));
         assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
         let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
-        assert_eq!((judge(&own).0.confidence, judge(&own).0.oscillates), (Confidence::Likely, true));
-        // A load that repeats itself need not be beaten, but it must not be clearly likelier.
-        let beside = |lr_no_gap| judge(&Evidence { lr_no_gap, ..own.clone() }).0.confidence;
-        assert_eq!(beside(1.0 - GAP), Confidence::Likely);
-        assert_eq!(beside(-GAP), Confidence::CannotTell);
-        // Of a load that swings no width is shared by all families.
-        let unsure = Evidence { even_swing: true, lr_no_gap: 600.0, low: 0.1, ..plain() };
+        let beside = |lr_no_gap| judge(&Evidence { lr_no_gap, ..own.clone() }).0;
+        let clear = beside(GAP_IF_CLEAR + 1.0);
+        assert_eq!((clear.confidence, clear.oscillates), (Confidence::Likely, true));
+        // A saw may make the fitted loop swing as it was recorded, but no gap is clearly likelier.
+        assert_eq!(beside(GAP_IF_CLEAR).confidence, Confidence::CannotTell);
+        // Of a load that repeats itself no width is shared by all families.
+        let unsure = Evidence { periodic_load: true, lr_no_gap: 600.0, low: 0.1, ..plain() };
         assert_eq!(judge(&unsure).0.confidence, Confidence::CannotTell);
-        assert_eq!(said(&Evidence { even_swing: false, ..unsure }), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(said(&Evidence { periodic_load: false, ..unsure }), (Confidence::Likely, Some(WidthKind::Unsure)));
     }
 
     #[test]
@@ -609,9 +608,9 @@ mod tests {
     #[test]
     fn a_bound_asks_for_more_and_so_does_each_passage() {
         assert_eq!(plain().needed(), 15.0);
-        assert_eq!(Evidence { noisy_below: 1.1, ..plain() }.needed(), GAP_IF_SELDOM_AND_LOAD_UNKNOWN);
-        assert_eq!(lr_asked([10, 10], false), GAP);
-        assert_eq!(lr_asked([100, 100], false), 200.0 * GAP_EACH_PASS);
-        assert_eq!(lr_asked([100, CYCLES - 1], true), GAP_IF_SELDOM);
+        assert_eq!(Evidence { noisy_below: 1.1, ..plain() }.needed(), GAP_IF_SELDOM);
+        assert_eq!(lr_asked([10, 10]), GAP);
+        assert_eq!(lr_asked([100, 100]), 200.0 * GAP_EACH_PASS);
+        assert_eq!(lr_asked([100, CYCLES - 1]), GAP_IF_SELDOM);
     }
 }

@@ -48,7 +48,8 @@ pub struct Terms {
     pub evenness: f64,
     /// Whether the load changes as often as OP goes through the gap.
     pub load_changes: f64,
-    /// How well the model explains PV.
+    /// How well the model explains PV, and how much of what OP explains of it the gap does: a model that is off by a part of PV looks like a gap
+    /// by as small a part.
     pub model: f64,
     /// Whether all families of models see the gap.
     pub families: f64,
@@ -96,33 +97,27 @@ macro_rules! quantities {
 quantities! {
     "lr_aperiodic" true likelihood: |e| e.lr_aperiodic.max(0.0).ln_1p();
     "lr_no_gap" true rival_load: |e| e.lr_no_gap.max(0.0).ln_1p();
-    "lr_against" false rival_load: |e| (-e.lr_no_gap).max(0.0).ln_1p();
     "lr_of_needed" true rival_load: |e| e.lr_no_gap.max(0.0).ln_1p() - e.lr_needed.ln_1p();
     "lr_a_pass" true traversals: |e| e.lr_no_gap.max(0.0).ln_1p() - ((e.passes[0] + e.passes[1]) as f64).ln_1p();
     "passes" true traversals: |e| (e.passes[0].min(e.passes[1]) as f64).ln_1p();
-    "one_way" false traversals: |e| flag(e.one_way);
     "d_of_range" true width: |e| ratio(e.d, e.range).ln();
     "most_of_range" false width: |e| ratio(e.d, e.range);
-    "immobile" false width: |e| flag(e.immobile);
     "none_above" false width: none_above;
     "d_of_noise" true noise: |e| ratio(e.d, e.noisy_below).ln();
     "settles" true sampling: |e| e.settles.max(LEAST).ln();
     "rows_in_gap" true sampling: |e| ratio(e.d, e.unsampled_below).ln();
-    "coarse" false sampling: |e| flag(e.coarse || e.at_once);
     "lined_below" false sampling: |e| ratio(e.lined_below, e.d).ln();
     "even_swing" false evenness: |e| flag(e.even_swing);
     "periodic_load" false evenness: |e| flag(e.periodic_load);
     "hidden_by_changes" false load_changes: |e| flag(matches!(e.hidden, Some(Hidden::Changes)));
     "autocorrelation" false model: |e| e.autocorrelation.abs();
-    "lr_no_answer" true model: |e| e.lr_no_answer.max(0.0).ln_1p();
+    "lr_of_answer" true model: |e| e.lr_no_gap.max(0.0).ln_1p() - e.lr_no_answer.max(0.0).ln_1p();
     "low_of_d" true families: |e| if e.d > 0.0 { e.low / e.d } else { 0.0 };
-    "dissent" false families: |e| flag(e.dissent);
     "agree" true agreement: agree;
     "dispersion" false agreement: |e| e.dispersion.max(1.0).ln();
     "stands" true plateau: stands;
     "follows_behind" true plateau: follows_behind;
     "own_cycle" true cycle: |e| if follows_law(e) { e.cycle.as_ref().map_or(0.0, Cycle::nearness) } else { 0.0 };
-    "rests" false cycle: |e| flag(rests(e));
     "cancels" false process: |e| e.cancels.max(LEAST).ln();
     "lag_error" false process: |e| e.lag_error.max(LEAST).ln();
     "rung" true rules: rung;
@@ -176,11 +171,6 @@ fn rung(e: &Evidence) -> f64 {
 
 fn follows_law(e: &Evidence) -> bool {
     e.cycle.as_ref().is_some_and(|cycle| cycle.law > LAW)
-}
-
-/// Whether OP swings though the fitted loop comes to rest by itself.
-fn rests(e: &Evidence) -> bool {
-    follows_law(e) && (e.oscillates || e.even_swing) && e.cycle.as_ref().is_some_and(|cycle| cycle.period == 0.0)
 }
 
 /// The height of a broken line of (x, y) in rising order of x; beyond its ends that of the end.

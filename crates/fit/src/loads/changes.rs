@@ -67,6 +67,29 @@ impl Marked {
         let cost = point.cost + Search { record: &record, structure, sign }.price_of_changes(&point);
         Self { record, point, cost }
     }
+
+    /// Whether both have the same changes and the same process, so that what begins at one ends as at the other.
+    fn same(&self, other: &Self) -> bool {
+        let (here, there) = (&self.point, &other.point);
+        self.cost == other.cost
+            && here.theta == there.theta
+            && here.lost == there.lost
+            && marked_alike(&self.record, &other.record)
+    }
+}
+
+/// Whether the same changes of a record are marked, in the same order.
+fn marked_alike(a: &Cells, b: &Cells) -> bool {
+    a.stretches.iter().map(|s| &s.changes).eq(b.stretches.iter().map(|s| &s.changes))
+}
+
+/// What becomes of each of them. Of those that are the same it is worked out once.
+fn each(marked: &[Marked], becomes: impl Fn(Marked) -> Marked + Sync) -> Vec<Marked> {
+    let first = |i: usize| (0..i).find(|j| marked[*j].same(&marked[i])).unwrap_or(i);
+    let first: Vec<usize> = (0..marked.len()).map(first).collect();
+    let once = |(i, one): (usize, &Marked)| (first[i] == i).then(|| becomes(one.clone()));
+    let once: Vec<Option<Marked>> = marked.par_iter().enumerate().map(once).collect();
+    first.iter().map(|i| once[*i].clone().expect("it is worked out for the first of those that are the same")).collect()
 }
 
 /// That which costs least.
@@ -113,14 +136,22 @@ pub(crate) fn detect_changes(
     let begun: Vec<_> = begun.into_iter().filter(|(.., share)| *share == 0.0 || load == Load::Levels).collect();
     // PV in a loop tuned for its lag looks under a load along lines as under one that steps where those bend.
     let still = Structure { noise: load.noises()[0], ..PILOT };
-    let hinted = |(hint, (theta, part, share)): (&Cells, (Theta, f64, f64))| {
-        let search = Search { record: hint, structure: still, sign };
-        let point = search.descend(theta, &lost(part, share), 10, 0.1, f64::INFINITY);
-        Marked::new(hint.clone(), still, sign, point)
+    let hinted = |hint: &Cells| {
+        let near = |(theta, part, share): &(Theta, f64, f64)| {
+            let search = Search { record: hint, structure: still, sign };
+            let point = search.descend(*theta, &lost(*part, *share), 10, 0.1, f64::INFINITY);
+            Marked::new(hint.clone(), still, sign, point)
+        };
+        begun.par_iter().map(near).collect::<Vec<Marked>>()
     };
-    let near: Vec<_> = hints.iter().flat_map(|hint| begun.iter().map(move |begun| (hint, *begun))).collect();
+    let mut near: Vec<Vec<Marked>> = Vec::new();
+    for (i, hint) in hints.iter().enumerate() {
+        // With a lost motion and without one the same changes may be marked.
+        let known = hints[..i].iter().position(|other| marked_alike(other, hint));
+        near.push(known.map_or_else(|| hinted(hint), |j| near[j].clone()));
+    }
     let mut begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
-    begun.par_extend(near.into_par_iter().map(hinted));
+    begun.extend(near.into_iter().flatten());
     let begun = if load == Load::Lines { shortlist(pilot, sign, begun) } else { begun };
     let known = begun.iter().find(|m| load == Load::Lines && m.point.lost.d == 0.0).cloned();
     let begun = cheapest(begun);
@@ -140,7 +171,7 @@ pub(crate) fn detect_changes(
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     tried.truncate(3);
     tried.push(none);
-    let mut tried: Vec<Marked> = tried.into_par_iter().map(|marked| refine(pilot, sign, marked)).collect();
+    let mut tried = each(&tried, |marked| refine(pilot, sign, marked));
     let none = cheapest(tried.pop().into_iter().chain(known));
     // Nearer widths and jumps with the steps as they are, then the steps once more.
     let best = nearer(pilot, sign, cheapest(tried), [0.2, 0.1, 0.05]);
@@ -201,10 +232,9 @@ fn shortlist(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Mar
         Marked::new(record, still, sign, point)
     };
     let best = |marked: Vec<Marked>| {
-        let mut fewer: Vec<Marked> = marked.into_par_iter().take(LOOKED_AT).map(fewer).collect();
+        let mut fewer = each(&marked[..LOOKED_AT.min(marked.len())], fewer);
         fewer.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let refined = fewer.into_par_iter().take(FOLLOWED).map(|marked| refine(structure, sign, marked));
-        cheapest(refined.collect::<Vec<_>>())
+        cheapest(each(&fewer[..FOLLOWED.min(fewer.len())], |marked| refine(structure, sign, marked)))
     };
     vec![best(none), best(some)]
 }
@@ -324,6 +354,7 @@ fn shift_all(structure: Structure, sign: f64, marked: Marked) -> Marked {
 mod tests {
     use super::*;
     use crate::loads::marks::tests::{TIMES, record, still};
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
     fn steps_are_marked_and_moved_to_their_times() {
@@ -363,5 +394,24 @@ mod tests {
         for (found, truth) in times.iter().zip(TIMES) {
             assert!((found - truth).abs() < 6.0, "{times:?}");
         }
+    }
+
+    #[test]
+    fn what_begins_alike_is_worked_out_once() {
+        let (record, point) = record();
+        let of = |times: &[f64], cost: f64| {
+            let record = record.with_changes(vec![times.to_vec()]);
+            Marked { record, point: point.clone(), cost }
+        };
+        let all = [of(&[60.0], 1.0), of(&[60.0], 1.0), of(&[70.0], 1.0), of(&[60.0], 2.0), of(&[70.0], 1.0)];
+        let count = AtomicUsize::new(0);
+        let dearer = each(&all, |marked| {
+            count.fetch_add(1, Ordering::Relaxed);
+            Marked { cost: marked.cost + 10.0, ..marked }
+        });
+        assert_eq!(count.into_inner(), 3);
+        let told = |marked: &Marked| (marked.cost, marked.record.stretches[0].changes.clone());
+        let expected = all.iter().map(|marked| (marked.cost + 10.0, told(marked).1));
+        assert!(dearer.iter().map(told).eq(expected));
     }
 }

@@ -33,16 +33,28 @@ pub(crate) struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// From a screening of the record; `clue` as in [`sticking_profiles`].
-    fn new(record: Cells, mut looks: Vec<Profile>, clue: Option<&(Structure, Point)>, sign: f64) -> Self {
+    /// From a screening of the record; `whole`: the whole profile of its best look, where it is known; `clue` as in
+    /// [`sticking_profiles`].
+    fn new(
+        record: Cells,
+        mut looks: Vec<Profile>,
+        whole: Option<Profile>,
+        clue: Option<&(Structure, Point)>,
+        sign: f64,
+    ) -> Self {
         let of = |structure| Search { record: &record, structure, sign };
-        let least = best_of(&looks).least();
+        let leading = best_of(&looks);
+        let (least, leads) = (leading.least(), leading.structure);
         // No gap in any family, also in one that a gap fits badly: it costs what it costs.
         let plain = looks.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(f64::INFINITY, f64::min);
         looks.retain(|p| p.least() < least + screening_margin(record.count));
         looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
         looks.truncate(MOST_FAMILIES);
-        let mut profiles: Vec<Profile> = looks.par_iter().map(|look| full_profile(&of(look.structure), look)).collect();
+        let wholly = |look: &Profile| {
+            let known = whole.clone().filter(|_| look.structure == leads && look.least() == least);
+            known.unwrap_or_else(|| full_profile(&of(look.structure), look))
+        };
+        let mut profiles: Vec<Profile> = looks.par_iter().map(wholly).collect();
         profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
         let dissent = profiles.iter().any(|p| p.lr_no_gap() > GAP_SEEN);
         let least = profiles[0].penalised();
@@ -73,7 +85,7 @@ impl Hypothesis {
         let clue = (structure, with.point);
         let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
         let looked = screen(&with.record, &seeds, sign, clue.1.lost.d, load);
-        let marked = Self::new(with.record, looked, Some(&clue), sign);
+        let marked = Self::new(with.record, looked, None, Some(&clue), sign);
         let (structure, point) = marked.best();
         let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
         (marked.cost <= rival && plausible(&best, structure, sign)).then_some(marked)
@@ -86,7 +98,7 @@ impl Hypothesis {
         }
         let seeds = [&[structure.as_pilot(&with.point.theta)], seeds].concat();
         let looked = screen(&with.record, &seeds, sign, with.point.lost.d, Load::Levels);
-        Some(Self::new(with.record, looked, None, sign)).filter(|marked| marked.cost <= rival)
+        Some(Self::new(with.record, looked, None, None, sign)).filter(|marked| marked.cost <= rival)
     }
 
     /// Likelihood ratio of a process that does not answer, in the best family of a gap.
@@ -108,20 +120,21 @@ impl Hypothesis {
 }
 
 /// Looks at the record as one whose load walks, with its large steps marked. What is left of a step widens the walk for all
-/// the record, and with it the interval of d: so where steps were found it is looked again.
-fn with_walking_load(record: &Cells, seeds: &[Theta], sign: f64) -> (Cells, Vec<Profile>) {
+/// the record, and with it the interval of d: so where steps were found it is looked again. With the whole profile of the best look,
+/// where it is known.
+fn with_walking_load(record: &Cells, seeds: &[Theta], sign: f64) -> (Cells, Vec<Profile>, Option<Profile>) {
     let mut record = record.clone();
     let mut looked = screen(&record, seeds, sign, 0.0, Load::Levels);
     let mut least = f64::INFINITY;
     for _ in 0..3 {
         let leading = best_of(&looked);
         let search = Search { record: &record, structure: leading.structure, sign };
-        let best = full_profile(&search, leading);
-        let best = &best.points[best.best];
+        let whole = full_profile(&search, leading);
+        let best = &whole.points[whole.best];
         least = least.min(best.cost + search.price_of_changes(best));
         let marked = with_large_steps(&search, best);
         if marked.record.same_changes(&record) || marked.cost > least - 1.0 {
-            break;
+            return (record, looked, Some(whole));
         }
         least = marked.cost;
         let mut seeds = pilot(&marked.record, sign).seeds;
@@ -129,15 +142,15 @@ fn with_walking_load(record: &Cells, seeds: &[Theta], sign: f64) -> (Cells, Vec<
         looked = screen(&marked.record, &seeds, sign, 0.0, Load::Levels);
         record = marked.record;
     }
-    (record, looked)
+    (record, looked, None)
 }
 
 /// The record as one whose load walks, as one whose load stands still between many small steps, and as one whose load goes along
 /// lines: the likeliest, and what no gap costs in any. `done` takes the share that is done.
 pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn Fn(f64)) -> (Hypothesis, f64) {
-    let (walking, looked) = with_walking_load(record, seeds, sign);
+    let (walking, looked, whole) = with_walking_load(record, seeds, sign);
     done(0.2);
-    let mut believed = Hypothesis::new(walking, looked, None, sign);
+    let mut believed = Hypothesis::new(walking, looked, whole, None, sign);
     let point = &believed.profiles[0].points[believed.profiles[0].best];
     let starts = [&[believed.profiles[0].structure.as_pilot(&point.theta)], seeds].concat();
     let mut without = believed.without;

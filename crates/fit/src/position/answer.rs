@@ -2,7 +2,7 @@
 
 use crate::data::recorder::Recorder;
 use crate::decide::thresholds::{
-    CYCLES_IF_CLEAR, GAP, GAP_IF_SELDOM_AND_LOAD_UNKNOWN, JUMP, LEAST_LOW, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
+    CYCLES_IF_CLEAR, GAP, GAP_IF_SELDOM, JUMP, LEAST_LOW, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
     RISE_OF_STICKING, SOUND_BELOW,
 };
 use crate::decide::verdict::Verdict;
@@ -91,8 +91,7 @@ impl Track {
         let high = high.map(|h| h + op + (1.5 * self.op_move).min(seen) + kept);
         // A position that stands still is explained by nothing.
         let explained = if best.b == 0.0 { 0.0 } else { 1.0 - best.left * self.rows as f64 / self.zz };
-        let lr_needed =
-            if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { GAP } else { GAP_IF_SELDOM_AND_LOAD_UNKNOWN };
+        let lr_needed = if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { GAP } else { GAP_IF_SELDOM };
         let copy = none.b != 0.0 && none.left.sqrt() <= 1e-7 * self.range * none.b.abs() && none.motion.lag == 0.0;
         let (verdict, reason) = if copy {
             (Verdict::CannotTell, "copy")

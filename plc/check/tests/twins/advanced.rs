@@ -10,6 +10,7 @@ use crate::common::control::{INSIDE, POWER_CUT, Row};
 use crate::common::cover::{Cost, Cover, sequences};
 use crate::common::detection::agree;
 use crate::common::{Block, Case, Draw, Number, cases, same};
+use glapp_plc_check::Build;
 use serde_json::Value;
 
 fn flag(mask: f64, flag: u16) -> f64 {
@@ -76,7 +77,8 @@ fn of_detection(block: &Block) -> Vec<f64> {
     row
 }
 
-fn vectors<R: Number>(with_vectors: bool) {
+fn vectors<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for name in ["pid_advanced", "pid_settings", "pid_tuner"] {
         for case in cases(name) {
             let mut pins = of_case(&case);
@@ -111,7 +113,7 @@ fn vectors<R: Number>(with_vectors: bool) {
                 if with_vectors {
                     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
                     let of_vector = case.output.as_ref().unwrap()[i].as_array().unwrap();
-                    let told: Vec<f64> = of_vector.iter().map(number).collect();
+                    let expected: Vec<f64> = of_vector.iter().map(number).collect();
                     let mut shown = block.all(&["Output", "Ysp"]);
                     if name == "pid_settings" {
                         shown.push(block.get("ErrorID"));
@@ -124,22 +126,14 @@ fn vectors<R: Number>(with_vectors: bool) {
                     } else {
                         shown.extend(of_detection(&block));
                     }
-                    assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                    assert!(same(&expected, &shown), "{}, scan {i}: {shown:?} instead of {expected:?}", case.name);
                 }
             }
         }
     }
 }
 
-#[test]
-fn vectors_lreal() {
-    vectors::<f64>(true);
-}
-
-#[test]
-fn vectors_real() {
-    vectors::<f32>(false);
-}
+in_both!(vectors_lreal, vectors_real: vectors);
 
 const NONE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 const WHOLE: [&str; 5] = ["N", "Rows", "Way", "Source", "Rule"];
@@ -799,12 +793,4 @@ fn power<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
-#[test]
-fn random_lreal() {
-    random::<f64>();
-}
-
-#[test]
-fn random_real() {
-    random::<f32>();
-}
+in_both!(random_lreal, random_real: random);

@@ -108,12 +108,4 @@ fn at_the_bounds<R: Number>() {
     assert_eq!(given(8.0, 0.0, None, "Sliver"), if real { f64::from(8.0 * 1e-5_f32) } else { 8.0 * 1e-9 });
 }
 
-#[test]
-fn lreal() {
-    at_the_bounds::<f64>();
-}
-
-#[test]
-fn real() {
-    at_the_bounds::<f32>();
-}
+in_both!(lreal, real: at_the_bounds);

@@ -35,17 +35,7 @@ fn the_vectors_say_the_same() {
     }
 }
 
-#[test]
-fn lreal() {
-    every_case::<f64>();
-    random::<f64>();
-}
-
-#[test]
-fn real() {
-    every_case::<f32>();
-    random::<f32>();
-}
+in_both!(lreal, real: every_case, random);
 
 /// A case of a block, drawn.
 fn drawn(block: &str, d: &mut Draw) -> Case {

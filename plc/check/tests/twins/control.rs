@@ -4,7 +4,7 @@
 //! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test twins control:: -- --nocapture` runs ten thousand of each and tells what a
 //! scan costs.
 
-use crate::common::control::{AUTO_TUNER, Experiments, INSIDE, POUS, POWER_CUT, Row, TWINS, Twin, core, scan};
+use crate::common::control::{AUTO_TUNER, Core, Experiments, INSIDE, POUS, POWER_CUT, Row, TWINS, Twin, core, scan};
 use crate::common::cover::{Cost, Cover, sequences};
 use crate::common::{Block, Case, Draw, Number, cases, folder, same};
 use glapp_core::NoiseState;
@@ -13,6 +13,26 @@ use serde_json::Value;
 
 fn flag(mask: f64, flag: u16) -> f64 {
     f64::from(mask as u16 & flag != 0)
+}
+
+/// A block of the library beside the core's.
+struct Beside<'t> {
+    twin: &'t Twin,
+    core: Core,
+    block: Block,
+}
+
+impl<'t> Beside<'t> {
+    fn new<R: Number>(twin: &'t Twin) -> Self {
+        Self { twin, core: core::<R>(twin), block: Block::new::<R>(twin.pou) }
+    }
+
+    /// A scan of both, which show the same; gives that.
+    fn scan(&mut self, row: &Row, place: impl std::fmt::Display) -> Vec<f64> {
+        let (expected, shown) = ((self.core)(row), scan(self.twin, &self.block, row));
+        assert!(same(&expected, &shown), "{} {place}: {shown:?} instead of {expected:?} for {row:?}", self.twin.name);
+        shown
+    }
 }
 
 /// A row of a vector by the pins.
@@ -60,8 +80,8 @@ fn of_vector(twin: &Twin, case: &Case, x: &[f64], h: f64) -> Row {
             }
             let back = [("HasBackLimits", 1.0), ("BackLow", x[6]), ("BackHigh", x[7]), ("BackTracking", x[9])];
             row.set_all(&back);
-            let told = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
-            row.set_all(&told.map(|(pin, bit)| (pin, flag(x[8], bit))));
+            let flags = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
+            row.set_all(&flags.map(|(pin, bit)| (pin, flag(x[8], bit))));
             row
         }
         "auto_tuner" => {
@@ -76,8 +96,8 @@ fn of_vector(twin: &Twin, case: &Case, x: &[f64], h: f64) -> Row {
         "auto_tuner_module" => {
             let inputs = [("Enable", 1.0), ("Execute", x[2]), ("X", x[0]), ("Pv", x[1]), ("BackTracking", x[4])];
             let mut row = Row::new(twin, &inputs);
-            let told = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
-            row.set_all(&told.map(|(pin, bit)| (pin, flag(x[3], bit))));
+            let flags = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
+            row.set_all(&flags.map(|(pin, bit)| (pin, flag(x[3], bit))));
             tuner_settings(&mut row, case, "");
             row.set("Amplitude", x[5]);
             row
@@ -125,43 +145,36 @@ fn as_vector(twin: &Twin, shown: &[f64]) -> Vec<f64> {
         "auto_tuner_module" => {
             let place = |pin: &str| twin.shown.iter().position(|one| one.split('?').next_back() == Some(pin)).unwrap();
             let of = |pin: &str| shown[place(pin)];
-            let told = of("NotAuto") + 4.0 * of("AtLow") + 8.0 * of("AtHigh");
+            let flags = of("NotAuto") + 4.0 * of("AtLow") + 8.0 * of("AtHigh");
             let found = ["Phase", "StopReason", "ErrorID", "Ku", "Tu", "Kp", "Kappa"].map(of);
-            [&[of("Y"), told, of("Tracking")][..], &found].concat()
+            [&[of("Y"), flags, of("Tracking")][..], &found].concat()
         }
         _ => vec![shown[0]],
     }
 }
 
-fn vectors<R: Number>(with_vectors: bool) {
+fn vectors<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for twin in TWINS.iter().chain([&AUTO_TUNER]) {
         for case in cases(twin.name) {
-            let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
+            let mut both = Beside::new::<R>(twin);
             for (i, (h, x)) in case.input.iter().enumerate() {
                 let row = of_vector(twin, &case, x, *h);
-                let (expected, got) = (reference(&row), scan(twin, &block, &row));
-                assert!(same(&expected, &got), "{}, scan {i}: {got:?} instead of {expected:?}", case.name);
+                let got = both.scan(&row, format_args!("{}, scan {i}", case.name));
                 if with_vectors {
                     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
                     let output = &case.output.as_ref().unwrap()[i];
-                    let told = output.as_array().map_or(vec![number(output)], |row| row.iter().map(number).collect());
+                    let expected =
+                        output.as_array().map_or(vec![number(output)], |row| row.iter().map(number).collect());
                     let shown = as_vector(twin, &got);
-                    assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                    assert!(same(&expected, &shown), "{}, scan {i}: {shown:?} instead of {expected:?}", case.name);
                 }
             }
         }
     }
 }
 
-#[test]
-fn vectors_lreal() {
-    vectors::<f64>(true);
-}
-
-#[test]
-fn vectors_real() {
-    vectors::<f32>(false);
-}
+in_both!(vectors_lreal, vectors_real: vectors);
 
 const NONE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 
@@ -491,20 +504,11 @@ fn random<R: Number>() {
         for seed in 0..sequences() {
             let mut draw = Draw::new(seed + 1);
             let mut signals = Signals::new(twin, &mut draw);
-            let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
-            let mut shown = vec![];
+            let mut both = Beside::new::<R>(twin);
+            let (block, mut shown) = (both.block.clone(), vec![]);
             for i in 0..scans {
                 let row = signals.next(&shown, &mut draw);
-                let expected = reference(&row);
-                shown = cost.of(&block, || scan(twin, &block, &row));
-                let told = || {
-                    format!(
-                        "{} {seed}, scan {i}: {:?}",
-                        twin.name,
-                        twin.pins.iter().zip(&row.values).collect::<Vec<_>>()
-                    )
-                };
-                assert!(same(&expected, &shown), "{}\n{shown:?} instead of\n{expected:?}\n{:?}", told(), twin.shown);
+                shown = cost.of(&block, || both.scan(&row, format_args!("{seed}, scan {i}")));
                 refused += u64::from(twin.shown.contains(&"Error") && block.on("Error"));
                 if twin.pins.contains(&"Execute") && !block.on("HasOffer") {
                     assert_eq!(block.all(&["OfferK", "OfferTi", "OfferTd"]), [0.0; 3]);
@@ -564,8 +568,7 @@ fn large<R: Number>() {
                 }
                 let mut draw = Draw::new(9);
                 let mut signals = Signals { wrong: 0.0, scale: 1.0, ..Signals::new(twin, &mut draw) };
-                let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
-                let mut shown = vec![];
+                let (mut both, mut shown) = (Beside::new::<R>(twin), vec![]);
                 for i in 0..8 {
                     let mut row = signals.next(&shown, &mut draw);
                     if row.pins.contains(&"Mode") {
@@ -578,13 +581,7 @@ fn large<R: Number>() {
                         }
                         row.set(pin, value);
                     }
-                    let expected = reference(&row);
-                    shown = scan(twin, &block, &row);
-                    assert!(
-                        same(&expected, &shown),
-                        "{} {pin} {value}, scan {i}: {shown:?} instead of {expected:?}",
-                        twin.name
-                    );
+                    shown = both.scan(&row, format_args!("{pin} {value}, scan {i}"));
                 }
             }
         }
@@ -594,11 +591,10 @@ fn large<R: Number>() {
 /// More scans of dead time than there are numbers.
 fn endless_dead_time<R: Number>() {
     let twin = TWINS.iter().find(|twin| twin.name == "process_sim").expect("it is there");
-    let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
+    let mut both = Beside::new::<R>(twin);
     for (h, dead_time) in [(0.1, 0.3), (1e-6, 1e33), (0.1, 0.3)] {
         let row = Row::new(twin, &[("Gain", 1.0), ("T1", 1.0), ("H", h), ("DeadTime", dead_time), ("X", 1.0)]);
-        let (expected, shown) = (reference(&row), scan(twin, &block, &row));
-        assert!(same(&expected, &shown), "{h}: {shown:?} instead of {expected:?}");
+        both.scan(&row, h);
     }
 }
 
@@ -608,8 +604,7 @@ fn coarse<R: Number>() {
         for seed in 0..40 {
             let mut draw = Draw::new(8000 + seed);
             let mut signals = Signals { wrong: 0.02, scale: 1.0, grid: 0.5, ..Signals::new(twin, &mut draw) };
-            let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
-            let (mut shown, mut still) = (vec![], 0);
+            let (mut both, mut shown, mut still) = (Beside::new::<R>(twin), vec![], 0);
             for i in 0..100 {
                 let mut row = signals.next(&shown, &mut draw);
                 let d = &mut draw;
@@ -635,13 +630,7 @@ fn coarse<R: Number>() {
                     let h = d.of(&[0.1, 0.1, 0.1, 0.1, longest]);
                     row.set("H", if still > 0 { 0.0 } else { h });
                 }
-                let expected = reference(&row);
-                shown = scan(twin, &block, &row);
-                assert!(
-                    same(&expected, &shown),
-                    "{} {seed}, scan {i}: {shown:?} instead of {expected:?} for {row:?}",
-                    twin.name
-                );
+                shown = both.scan(&row, format_args!("{seed}, scan {i}"));
             }
         }
     }
@@ -701,21 +690,19 @@ fn beyond_numbers<R: Number>() {
     });
     assert!(shown[0] == shown[1] && shown[0] != 0.0, "{shown:?}");
     let twin = TWINS.iter().find(|twin| twin.name == "saturation").expect("it is there");
-    let (mut limits, saturation) = (core::<R>(twin), Block::new::<R>(twin.pou));
+    let mut limits = Beside::new::<R>(twin);
     for (low, high) in [(-1.0, 1.0), (0.5, 0.5), (0.5, 0.75)] {
         let row = Row::new(twin, &[("Low", low), ("High", high), ("X", 2.0)]);
-        let (expected, shown) = (limits(&row), scan(twin, &saturation, &row));
-        assert!(same(&expected, &shown), "{low} to {high}: {shown:?} instead of {expected:?}");
+        limits.scan(&row, low);
     }
     let most = R::MOST.as_f64();
-    let (mut reference, block) = (core::<R>(&AUTO_TUNER), Block::new::<R>(AUTO_TUNER.pou));
+    let mut both = Beside::new::<R>(&AUTO_TUNER);
     let usual = [("Enable", 1.0), ("Amplitude", most), ("WaitTime", 2.0), ("Longest", 99.0), ("MaxH", 1.0), ("H", 0.2)];
     let limits = [("PvLow", -9.0), ("PvHigh", 9.0), ("OpLow", -most), ("OpHigh", most), ("Rule", 1.0)];
     let mut row = Row::new(&AUTO_TUNER, &[&usual[..], &limits].concat());
     for d in [1.0, 1.2 * most, 1.4 * most] {
         row.set("D", d);
-        let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
-        assert!(same(&expected, &shown), "{d}: {shown:?} instead of {expected:?}");
+        both.scan(&row, d);
     }
 }
 
@@ -746,7 +733,7 @@ fn begins_beyond_numbers<R: Number>() {
 /// What an autotuner was told while no settings were good, or before it began anew, is not what an experiment starts with.
 fn told_before_it_is_good<R: Number>() {
     for told in ["BackNotAuto", "BackAtLow", "BackAtHigh"] {
-        let (mut reference, block) = (core::<R>(&AUTO_TUNER), Block::new::<R>(AUTO_TUNER.pou));
+        let mut both = Beside::new::<R>(&AUTO_TUNER);
         let usual = [("Enable", 1.0), ("Amplitude", 3.0), ("WaitTime", 2.0), ("Longest", 99.0), ("MaxH", 1.0)];
         let limits = [("PvLow", -9.0), ("PvHigh", 9.0), ("OpHigh", 10.0), ("X", 5.0), ("H", 0.2), ("Rule", 1.0)];
         let usual = Row::new(&AUTO_TUNER, &[&usual[..], &limits].concat());
@@ -766,9 +753,8 @@ fn told_before_it_is_good<R: Number>() {
             if !good {
                 row.set("MaxH", -1.0);
             }
-            let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
-            assert!(same(&expected, &shown), "{told}, scan {i}: {shown:?} instead of {expected:?}");
-            assert_eq!(block.on("Busy"), run);
+            both.scan(&row, format_args!("{told}, scan {i}"));
+            assert_eq!(both.block.on("Busy"), run);
         }
     }
 }
@@ -909,7 +895,8 @@ fn waves<R: Number>(cover: &mut Cover) {
 /// Nothing is offered by a rule that has no answer: of a process that is nearly all dead time, or whose static gain did not show.
 fn no_offer<R: Number>(cover: &mut Cover) {
     for (rule, delay) in [(1.0, 8), (1.0, 0), (2.0, 0), (3.0, 0)] {
-        let (mut reference, block) = (core::<R>(&AUTO_TUNER), Block::new::<R>(AUTO_TUNER.pou));
+        let mut both = Beside::new::<R>(&AUTO_TUNER);
+        let block = both.block.clone();
         let (order, fast) = if delay > 0 { (1, 5.0) } else { (3, 1.0) };
         let (x, late, load) = ([0.0; 3], vec![], 0.0);
         let (integrating, cancels, gain, noise, rest) = (false, false, 1.0, 0.0, 5.0);
@@ -921,8 +908,7 @@ fn no_offer<R: Number>(cover: &mut Cover) {
         for i in 0..1000 {
             let pv = process.step(if i == 0 { 5.0 } else { block.get("Y") }, 0.2, &mut draw);
             row.set_all(&[("Pv", pv), ("Execute", f64::from(i > 2))]);
-            let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
-            assert!(same(&expected, &shown), "{rule}, {delay}, scan {i}: {shown:?} instead of {expected:?}");
+            both.scan(&row, format_args!("{rule}, {delay}, scan {i}"));
             // What the bias brings, a load takes off.
             process.load = if delay == 0 && block.get("Phase") == 3.0 { -block.get("Bias") } else { 0.0 };
             if block.get("Phase") >= 4.0 {
@@ -947,17 +933,17 @@ fn rules<R: Number>(cover: &mut Cover) {
     let (placement, amigo) = (Block::new::<R>("GlappPointPlacement"), Block::new::<R>("GlappAmigoFrequency"));
     let mut draw = Draw::new(11);
     let shown = |block: &Block| block.all(&["Fits", "K", "Ti", "Td"]);
-    let told =
+    let numbers =
         |gains: Option<Gains<R>>| gains.map_or(vec![0.0; 4], |g| vec![1.0, g.k.as_f64(), g.ti.as_f64(), g.td.as_f64()]);
     let check = |ku: f64, tu: f64, kappa: f64, pid: bool| {
         placement.set_all(&[("Ku", ku), ("Tu", tu)]);
         placement.call();
-        let expected = told(point_placement(R::of(ku), R::of(tu)).ok());
+        let expected = numbers(point_placement(R::of(ku), R::of(tu)).ok());
         assert!(same(&expected, &shown(&placement)), "{:?} instead of {expected:?}", shown(&placement));
         amigo.set_all(&[("Ku", ku), ("Tu", tu), ("Kappa", kappa), ("WithDerivative", f64::from(pid))]);
         amigo.call();
         let kind = if pid { Kind::Pid } else { Kind::Pi };
-        let expected = told(amigo_frequency(R::of(ku), R::of(tu), R::of(kappa), kind).ok());
+        let expected = numbers(amigo_frequency(R::of(ku), R::of(tu), R::of(kappa), kind).ok());
         assert!(same(&expected, &shown(&amigo)), "{:?} instead of {expected:?} for {ku}, {tu}, {kappa}", shown(&amigo));
     };
     for _ in 0..2000 {
@@ -1016,15 +1002,7 @@ fn another_version<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
-#[test]
-fn lreal() {
-    random::<f64>();
-}
-
-#[test]
-fn real() {
-    random::<f32>();
-}
+in_both!(lreal, real: random);
 
 /// Park, Miller and Stockmeyer's check of the generator.
 #[test]

@@ -71,12 +71,4 @@ fn runs<R: Number>() {
     println!("{:?}: {scans} scans, width {width}, found first after {first:?}", R::BUILD);
 }
 
-#[test]
-fn lreal() {
-    runs::<f64>();
-}
-
-#[test]
-fn real() {
-    runs::<f32>();
-}
+in_both!(lreal, real: runs);

@@ -27,7 +27,8 @@ fn read(case: &Case) -> bool {
     case.input.iter().all(|(_, x)| !x[2].is_nan())
 }
 
-fn every_case<R: Number>(with_vectors: bool) {
+fn every_case<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for block in ["swing", "correction"] {
         let cases: Vec<Case> = cases(block).into_iter().filter(|case| block != "swing" || read(case)).collect();
         assert!(cases.len() >= 5, "{block}: {}", cases.len());
@@ -92,7 +93,8 @@ fn expected(case: &Case, i: usize, from: usize) -> Vec<f64> {
 }
 
 /// Beside a controller of ours, which is the core's here: it takes the u_FF that the block made in the scan before.
-fn own<R: Number>(with_vectors: bool) {
+fn own<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for case in cases("backlash_detection") {
         let r = |x: f64| R::of(x);
         let or = |name: &str, usual: R| case.param(name).map_or(usual, r);
@@ -135,7 +137,8 @@ fn own<R: Number>(with_vectors: bool) {
     }
 }
 
-fn beside_another<R: Number>(with_vectors: bool) {
+fn beside_another<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for case in cases("foreign_detection") {
         let mut pins = pins(&case, case.given("ti") / 2.0, 0.0);
         let mut foreign = Foreign {
@@ -161,19 +164,7 @@ fn beside_another<R: Number>(with_vectors: bool) {
     }
 }
 
-#[test]
-fn vectors_lreal() {
-    every_case::<f64>(true);
-    own::<f64>(true);
-    beside_another::<f64>(true);
-}
-
-#[test]
-fn vectors_real() {
-    every_case::<f32>(false);
-    own::<f32>(false);
-    beside_another::<f32>(false);
-}
+in_both!(vectors_lreal, vectors_real: every_case, own, beside_another);
 
 /// A limit cycle with another amplitude in every half-period, of which the pairs lie on a line, nearly or not at all. OP and PV by so
 /// much larger.
@@ -1009,12 +1000,4 @@ fn another_version<R: Number>(cover: &mut Cover) {
     }
 }
 
-#[test]
-fn random_lreal() {
-    random::<f64>();
-}
-
-#[test]
-fn random_real() {
-    random::<f32>();
-}
+in_both!(random_lreal, random_real: random);

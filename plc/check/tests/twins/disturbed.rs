@@ -107,12 +107,4 @@ fn disturbed<R: Number>() {
     assert!(accepted > 5000.0, "{accepted}");
 }
 
-#[test]
-fn lreal() {
-    disturbed::<f64>();
-}
-
-#[test]
-fn real() {
-    disturbed::<f32>();
-}
+in_both!(lreal, real: disturbed);

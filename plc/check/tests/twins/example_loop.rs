@@ -43,12 +43,4 @@ fn runs<R: Number>() {
     assert_eq!(one.all(&["AlarmSettings", "ErrorID", "Message"]), [1.0, 2.0, 6.0]);
 }
 
-#[test]
-fn lreal() {
-    runs::<f64>();
-}
-
-#[test]
-fn real() {
-    runs::<f32>();
-}
+in_both!(lreal, real: runs);

@@ -1,5 +1,20 @@
 //! The Structured Text of `plc/` beside the core. One program, since what the files share takes longer to compile than to run.
 
+/// Two tests: what is run in `f64` beside LREAL, and in `f32` beside REAL.
+macro_rules! in_both {
+    ($lreal:ident, $real:ident: $($run:ident),+) => {
+        #[test]
+        fn $lreal() {
+            $($run::<f64>();)+
+        }
+
+        #[test]
+        fn $real() {
+            $($run::<f32>();)+
+        }
+    };
+}
+
 mod advanced;
 mod bounds;
 mod codes;

@@ -143,15 +143,7 @@ fn cut<R: Number>() {
     assert!(after.len() > 5 && after.last().unwrap().1 > kept + 3.0, "{after:?}");
 }
 
-#[test]
-fn power_cut_in_a_half_period_lreal() {
-    cut::<f64>();
-}
-
-#[test]
-fn power_cut_in_a_half_period_real() {
-    cut::<f32>();
-}
+in_both!(power_cut_in_a_half_period_lreal, power_cut_in_a_half_period_real: cut);
 
 /// The power goes in the middle of a half-period and while u_FF is not 0. Detections and estimates stay; u_FF is 0 at once, or where the
 /// other maker's controller still holds one, goes to 0 by its ramp; and `Compensate`, which is still on, counts only once it has been seen
@@ -231,12 +223,4 @@ fn cut_beside_each<R: Number>() {
     }
 }
 
-#[test]
-fn power_cut_while_compensating_lreal() {
-    cut_beside_each::<f64>();
-}
-
-#[test]
-fn power_cut_while_compensating_real() {
-    cut_beside_each::<f32>();
-}
+in_both!(power_cut_while_compensating_lreal, power_cut_while_compensating_real: cut_beside_each);

@@ -135,16 +135,4 @@ fn checked_before<R: Number>() {
     }
 }
 
-#[test]
-fn lreal() {
-    checked_before::<f64>();
-    open::<f64>();
-    nothing::<f64>();
-}
-
-#[test]
-fn real() {
-    checked_before::<f32>();
-    open::<f32>();
-    nothing::<f32>();
-}
+in_both!(lreal, real: checked_before, open, nothing);

@@ -431,12 +431,4 @@ fn detectors<R: Number>(cover: &mut Cover) {
     assert!(accepted > 2.0 * sequences() as f64 && refused as u64 > sequences());
 }
 
-#[test]
-fn lreal() {
-    all::<f64>();
-}
-
-#[test]
-fn real() {
-    all::<f32>();
-}
+in_both!(lreal, real: all);

@@ -45,12 +45,4 @@ fn checks<R: Number>() {
     assert!(failed.iter().all(|count| *count > 3), "{failed:?}");
 }
 
-#[test]
-fn lreal() {
-    checks::<f64>();
-}
-
-#[test]
-fn real() {
-    checks::<f32>();
-}
+in_both!(lreal, real: checks);

@@ -10,15 +10,7 @@ fn whole<R: Number>() {
     assert_eq!(self_test::run(R::library()), Some([1.0, 1.0, 1.0, 0.0, 0.0]));
 }
 
-#[test]
-fn lreal() {
-    whole::<f64>();
-}
-
-#[test]
-fn real() {
-    whole::<f32>();
-}
+in_both!(lreal, real: whole);
 
 /// Every block with statements is one of those driven, or inside one of them.
 #[test]

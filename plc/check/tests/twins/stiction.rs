@@ -7,6 +7,7 @@ use crate::common::names::given;
 use crate::common::{Block, Case, Draw, Number, cases, same};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{Push, Saturation, Standing, Stiction, StictionSample, StictionSettings, StictionState, Sum};
+use glapp_plc_check::Build;
 use serde_json::Value;
 
 /// What the pins hold in a scan.
@@ -178,7 +179,8 @@ fn of_case(case: &Case) -> Pins {
     }
 }
 
-fn vectors<R: Number>(with_vectors: bool) {
+fn vectors<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for case in cases("stiction") {
         let (block, mut reference) = (Block::new::<R>("GlappStiction"), Reference::<R>::default());
         let mut pins = of_case(&case);
@@ -196,22 +198,14 @@ fn vectors<R: Number>(with_vectors: bool) {
             let got = &shown[3..6];
             if with_vectors {
                 let row = case.output.as_ref().unwrap()[i].as_array().unwrap();
-                let told: Vec<f64> = row.iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect();
-                assert!(same(&told, got), "{}, scan {i}: {got:?} instead of {told:?}", case.name);
+                let expected: Vec<f64> = row.iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect();
+                assert!(same(&expected, got), "{}, scan {i}: {got:?} instead of {expected:?}", case.name);
             }
         }
     }
 }
 
-#[test]
-fn vectors_lreal() {
-    vectors::<f64>(true);
-}
-
-#[test]
-fn vectors_real() {
-    vectors::<f32>(false);
-}
+in_both!(vectors_lreal, vectors_real: vectors);
 
 /// A loop that swings, with everything that can go wrong with it.
 fn drawn(d: &mut Draw) -> Pins {
@@ -424,15 +418,7 @@ fn another_version<R: Number>(cover: &mut Cover) {
     }
 }
 
-#[test]
-fn random_lreal() {
-    random::<f64>();
-}
-
-#[test]
-fn random_real() {
-    random::<f32>();
-}
+in_both!(random_lreal, random_real: random);
 
 /// The vectors have every standing that there is for it.
 #[test]

@@ -4,8 +4,10 @@ use crate::common::blocks::{BLOCKS, core, library};
 use crate::common::detector::{Pins, Reference, scan};
 use crate::common::{Block, Case, Number, cases, compare, same};
 use glapp_core::Conditions;
+use glapp_plc_check::Build;
 
-fn every_case<R: Number>(with_vectors: bool) {
+fn every_case<R: Number>() {
+    let with_vectors = R::BUILD == Build::Lreal;
     for block in BLOCKS {
         for case in cases(block) {
             compare(&case, core::<R>(block, &case), library::<R>(block, &case).0, with_vectors);
@@ -13,15 +15,7 @@ fn every_case<R: Number>(with_vectors: bool) {
     }
 }
 
-#[test]
-fn lreal() {
-    every_case::<f64>(true);
-}
-
-#[test]
-fn real() {
-    every_case::<f32>(false);
-}
+in_both!(lreal, real: every_case);
 
 fn pins(case: &Case) -> Pins {
     let mut conditions = Conditions::default();
@@ -46,7 +40,8 @@ fn pins(case: &Case) -> Pins {
 
 /// Records of the vectors' detector have no OpSpan that is made of the limits; a span given is above every width here. What is shown is
 /// within `tolerance` of the vectors, as a share of the number or of 1 where that is smaller; 0: to the bit.
-fn detector<R: Number>(tolerance: f64) {
+fn detector<R: Number>() {
+    let tolerance = if R::BUILD == Build::Lreal { 0.0 } else { 1e-5 };
     for case in cases("detector") {
         let mut pins = pins(&case);
         if pins.op_limits.is_some() && pins.op_span.is_none() {
@@ -88,13 +83,5 @@ fn detector<R: Number>(tolerance: f64) {
     }
 }
 
-#[test]
-fn detector_lreal() {
-    detector::<f64>(0.0);
-}
-
-/// REAL has seven digits.
-#[test]
-fn detector_real() {
-    detector::<f32>(1e-5);
-}
+// REAL has seven digits.
+in_both!(detector_lreal, detector_real: detector);

@@ -16,7 +16,7 @@
 use crate::data::cells::{Cells, Strip, crossings};
 use crate::data::segment::{Segment, Stretch};
 use crate::decide::bootstrap::Draws;
-use crate::decide::thresholds::{LAW, OWN_PERIOD, OWN_SWING};
+use crate::decide::thresholds::{LAW, OWN_CYCLE};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::linear::{dot, solve};
@@ -50,14 +50,14 @@ pub struct Cycle {
 impl Cycle {
     /// Whether the recorded swing is the one that the loop makes by itself.
     pub(crate) fn is_own(&self) -> bool {
-        let near = |part: f64, by: f64| part <= 1.0 + by && part * (1.0 + by) >= 1.0;
-        self.law > LAW && near(self.period, OWN_PERIOD) && near(self.swing, OWN_SWING)
+        let near = |part: f64| part <= 1.0 + OWN_CYCLE && part * (1.0 + OWN_CYCLE) >= 1.0;
+        self.law > LAW && near(self.period) && near(self.swing)
     }
 
     /// How near the two are: 1 where they are the same, 0 where period or swing are off by twice what is its own, or further.
     pub(crate) fn nearness(&self) -> f64 {
-        let off = |part: f64, by: f64| if part > 0.0 { part.ln().abs() / (2.0 * by.ln_1p()) } else { 1.0 };
-        1.0 - off(self.period, OWN_PERIOD).max(off(self.swing, OWN_SWING)).min(1.0)
+        let off = |part: f64| if part > 0.0 { part.ln().abs() / (2.0 * OWN_CYCLE.ln_1p()) } else { 1.0 };
+        1.0 - off(self.period).max(off(self.swing)).min(1.0)
     }
 }
 

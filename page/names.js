@@ -159,18 +159,22 @@ const Names = (data) => {
       if (found.length) chosen[role] = found[0];
     }
     if (chosen.pv === undefined || (chosen.sp === undefined && chosen.op === undefined)) {
-      throw missing(names, chosen, kind);
+      throw missing(names, meanings, loops, chosen, kind);
     }
     return chosen;
   }
 
   /** What is said where PV is missing, or SP and OP are. */
-  function missing(names, chosen, kind) {
+  function missing(names, meanings, loops, chosen, kind) {
     const taken = Object.entries(chosen).map(([role, at]) => `${data.columns.labels[role]} is ${names[at]}`).join(", ");
     const also = taken ? ` (${taken})` : "";
     const left = names.filter((_, i) => !Object.values(chosen).includes(i));
-    const roles = chosen.sp !== undefined || chosen.op !== undefined ? ["pv"] : ["pv", "op"].filter((role) => chosen[role] === undefined);
+    let roles = chosen.sp !== undefined || chosen.op !== undefined ? ["pv"] : ["pv", "op"].filter((role) => chosen[role] === undefined);
     if (left.length >= roles.length) {
+      // FIC101.SP and FIC101.OP alone make no loop, and yet it is plain that PV is missing.
+      const meant = new Set(meanings.flatMap(({ role }, i) => (Object.values(chosen).includes(i) ? [] : [role])));
+      const open = loops.length ? [] : roles.filter((role) => !meant.has(role));
+      if (open.length) roles = open;
       const what = `no ${kind} for ${roles.map((role) => data.columns.labels[role]).join(" and ")} among those left: ${listed(left)}${also}`;
       return new InputError(what, { hint: `choose ${roles.length === 1 ? "it" : "them"} below` });
     }

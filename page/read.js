@@ -83,8 +83,8 @@ const Reading = (data) => {
   async function open(bytes, stem) {
     const tables = (await sources(bytes)).map(shaped);
     const loops = tables.flatMap((source) => {
-      const names = source.tags ? [...source.tags.keys()] : source.names;
-      const meanings = settle(withOwnQualities(names).map(understand));
+      const names = source.tags ? [...source.tags.keys()] : withOwnQualities(source.names);
+      const meanings = settle(names.map(understand));
       if (!source.tags && source.time !== null) meanings.forEach((meaning, i) => { if ((meaning.role === "time") !== (i === source.time)) meaning.role = i === source.time ? "time" : null; });
       const of = groups(meanings);
       const plain = tables.length > 1 ? source.sheet : stem;

@@ -40,6 +40,12 @@ READ: dict[str, str | bytes] = {
     "windows-1252": "\n".join(["Zeit;Sollwert;Istwert;Stellgröße", *rows(SECONDS, ";", ",")]).encode("cp1252"),
     "utf-16": "\n".join(["t\tSP\tPV\tOP", *rows(SECONDS, "\t")]).encode("utf-16"),
     "a mark of utf-8": "\n".join(["t,SP,PV,OP", *rows(SECONDS)]).encode("utf-8-sig"),
+    "a quality beside each signal": "\n".join(
+        [
+            "t,F1.SP,Quality,F1.PV [bar],Quality,F1.OP,Quality",
+            *(f"{k},50,Good,{49 + k % 3},{'Bad' if k == 5 else 'Good'},{40 + k % 4},Bad" for k in range(24)),
+        ]
+    ),
     "ISO": "\n".join(["Timestamp,FIC101.SP,FIC101.PV,FIC101.OP", *rows(ISO)]),
     "ISO with fractions": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k / 10:06.3f}" for k in range(24)])]),
     "ISO with zones": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k:02d}+01:00" for k in range(24)])]),
@@ -98,6 +104,9 @@ REFUSED: dict[str, str | bytes] = {
     "a ragged row": "\n".join(["t,SP,PV,OP", *rows(SECONDS[:20]), "20,50,40", "21,50,40,40"]),
     "a mode nobody knows": "\n".join(["t,SP,PV,OP,MODE", *(f"{row},FUZZY" for row in rows(SECONDS))]),
     "two that could be PV": "\n".join(["t,SP,PV,PV,OP", *(f"{k},1,2,3,4" for k in range(24))]),
+    "one signal": "\n".join(["t,FIC101", *(f"{k},{k % 5}" for k in range(24))]),
+    "one signal that is known": "\n".join(["t,FIC101.PV", *(f"{k},{k % 5}" for k in range(24))]),
+    "SP and OP of a tag": "\n".join(["t,FIC101.SP,FIC101.OP", *(f"{k},50,{k % 5}" for k in range(24))]),
     "no PV": "\n".join(["t,SP,OP", *(f"{k},1,2" for k in range(24))]),
     "no time": "\n".join(["SP,PV,OP", *(f"{k},1,2" for k in range(24))]),
     "no such day": "\n".join(["Date;SP;PV;OP", *rows(["31.02.2024 10:00:00"] * 3, ";")]),

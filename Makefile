@@ -60,7 +60,7 @@ verify: setup $(VENV)/.docs
 	@+$(MAKE) --no-print-directory --jobs=2 $(VERIFIED:%=timed-%)
 	$(call stage,The other Python tests,9 min)
 	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 -m verify || \
-		{ printf '\n== What failed among others, once more and alone\n'; $(BIN)/pytest --verbose --numprocesses 1 --dist loadgroup --last-failed -m verify; }
+		{ printf '\n== What failed among others, once more and alone\n'; $(BIN)/pytest --verbose --numprocesses 0 --last-failed -m verify; }
 
 .PHONY: $(VERIFIED:%=timed-%)
 $(VERIFIED:%=timed-%): timed-%:

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable
@@ -53,6 +54,15 @@ def pytest_configure(config: pytest.Config) -> None:
         import standard_nodes
 
         standard_nodes.remember()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Keeps what failed without the group that a worker puts behind a name, or `--last-failed` would not find it."""
+    kept = session.config.cache
+    if kept is not None and "PYTEST_XDIST_WORKER" not in os.environ:
+        failed = kept.get("cache/lastfailed", {})
+        kept.set("cache/lastfailed", {re.sub(r"@[^]@]*$", "", name): True for name in failed})
 
 
 @pytest.fixture(scope="session")

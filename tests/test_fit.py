@@ -120,7 +120,7 @@ def test_small_steps_of_the_load_show_no_gap(number: int) -> None:
         ("none/steps/outside/36", "no model of the loop fits"),
         ("both/ramps/outside/9", "Record faster"),
         ("oscillation/sine/inside/4", "a disturbance with the period of this loop"),
-        ("backlash/ramps/outside/56", "80 needed"),
+        ("backlash/ramps/outside/56", "60 needed"),
     ],
 )
 def test_samples_too_far_apart_or_a_single_move_of_op_show_no_gap(name: str, reason: str) -> None:
@@ -197,7 +197,7 @@ def test_many_rows_are_cut_into_windows_as_long_as_the_process_asks_for() -> Non
     """Cells as long as a load's step once made 100 000 rows 8.9 (5.1 to 12.4)."""
     f = glapp.analyze(made("levels/PI/gap/0", 100_000).recording(100_000)).fit  # as test_lengths has it
     assert f is not None and f.verdict == "backlash", f
-    assert f.low is not None and f.high is not None and f.low <= 1.5 <= f.high < 1.6
+    assert f.low is not None and f.high is not None and f.low <= 1.5 <= f.high < 1.65
     assert all(w.t_end - w.t_start < 10_000 for w in f.windows) and len(f.windows) > 3
 
 

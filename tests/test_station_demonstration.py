@@ -103,7 +103,7 @@ def test_on_a_telephone_a_loop_is_a_card(browser: Any, demo: str) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     card = page.locator(".ag-row[row-index='0'] .ag-cell[col-id=card]")
     card.get_by_text("Check the linkage for play").wait_for()
-    assert card.inner_text().splitlines()[:2] == ["Backlash, 2.40 % (1.90 to 3.06)", "◆ Next round"]
+    assert card.inner_text().splitlines()[:2] == ["Backlash, 2.40 % (1.81 to 3.22)", "◆ Next round"]
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.set_viewport_size({"width": 1280, "height": 800})
     page.locator(".ag-row[row-index='0'] .ag-cell[col-id=verdict]").wait_for()
@@ -121,7 +121,7 @@ def test_an_engineer_enables_sees_the_effect_and_withdraws(browser: Any, demo: s
     # What was done is not done again where a busy machine had the plant take u_FF away, and the test runs anew.
     if off.count():
         off.click()
-    page.get_by_text("The width is 1.90 %, the lower limit of the fit").wait_for()
+    page.get_by_text("The width is 1.81 %, the lower limit of the fit").wait_for()
     if use.is_enabled():
         assert enable.is_disabled()
         use.click()

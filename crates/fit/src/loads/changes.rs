@@ -83,12 +83,16 @@ fn marked_alike(a: &Cells, b: &Cells) -> bool {
     a.stretches.iter().map(|s| &s.changes).eq(b.stretches.iter().map(|s| &s.changes))
 }
 
-/// What becomes of each of them. Of those that are the same it is worked out once.
-fn each(marked: &[Marked], becomes: impl Fn(Marked) -> Marked + Sync) -> Vec<Marked> {
-    let first = |i: usize| (0..i).find(|j| marked[*j].same(&marked[i])).unwrap_or(i);
-    let first: Vec<usize> = (0..marked.len()).map(first).collect();
-    let once = |(i, one): (usize, &Marked)| (first[i] == i).then(|| becomes(one.clone()));
-    let once: Vec<Option<Marked>> = marked.par_iter().enumerate().map(once).collect();
+/// What becomes of each of them. Of those that are the `same` it is worked out once.
+fn each<T: Sync, R: Clone + Send>(
+    all: &[T],
+    same: impl Fn(&T, &T) -> bool,
+    becomes: impl Fn(&T) -> R + Sync,
+) -> Vec<R> {
+    let first = |i: usize| (0..i).find(|j| same(&all[*j], &all[i])).unwrap_or(i);
+    let first: Vec<usize> = (0..all.len()).map(first).collect();
+    let once = |(i, one): (usize, &T)| (first[i] == i).then(|| becomes(one));
+    let once: Vec<Option<R>> = all.par_iter().enumerate().map(once).collect();
     first.iter().map(|i| once[*i].clone().expect("it is worked out for the first of those that are the same")).collect()
 }
 
@@ -144,12 +148,8 @@ pub(crate) fn detect_changes(
         };
         begun.par_iter().map(near).collect::<Vec<Marked>>()
     };
-    let mut near: Vec<Vec<Marked>> = Vec::new();
-    for (i, hint) in hints.iter().enumerate() {
-        // With a lost motion and without one the same changes may be marked.
-        let known = hints[..i].iter().position(|other| marked_alike(other, hint));
-        near.push(known.map_or_else(|| hinted(hint), |j| near[j].clone()));
-    }
+    // With a lost motion and without one the same changes may be marked.
+    let near = each(hints, marked_alike, hinted);
     let mut begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
     begun.extend(near.into_iter().flatten());
     let begun = if load == Load::Lines { shortlist(pilot, sign, begun) } else { begun };
@@ -171,7 +171,7 @@ pub(crate) fn detect_changes(
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     tried.truncate(3);
     tried.push(none);
-    let mut tried = each(&tried, |marked| refine(pilot, sign, marked));
+    let mut tried = each(&tried, Marked::same, |marked| refine(pilot, sign, marked.clone()));
     let none = cheapest(tried.pop().into_iter().chain(known));
     // Nearer widths and jumps with the steps as they are, then the steps once more.
     let best = nearer(pilot, sign, cheapest(tried), [0.2, 0.1, 0.05]);
@@ -225,16 +225,18 @@ fn shortlist(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Mar
     begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let (none, some): (Vec<Marked>, Vec<Marked>) = begun.into_iter().partition(|m| m.point.lost.d == 0.0);
     let [still, _] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
-    let fewer = |marked: Marked| {
+    let fewer = |marked: &Marked| {
         let record = prune(&Search { record: &marked.record, structure: still, sign }, &marked.point);
         let search = Search { record: &record, structure: still, sign };
         let point = search.descend(marked.point.theta, &marked.point.lost, 8, 0.1, f64::INFINITY);
         Marked::new(record, still, sign, point)
     };
     let best = |marked: Vec<Marked>| {
-        let mut fewer = each(&marked[..LOOKED_AT.min(marked.len())], fewer);
+        let mut fewer = each(&marked[..LOOKED_AT.min(marked.len())], Marked::same, fewer);
         fewer.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        cheapest(each(&fewer[..FOLLOWED.min(fewer.len())], |marked| refine(structure, sign, marked)))
+        cheapest(each(&fewer[..FOLLOWED.min(fewer.len())], Marked::same, |marked| {
+            refine(structure, sign, marked.clone())
+        }))
     };
     vec![best(none), best(some)]
 }
@@ -405,9 +407,9 @@ mod tests {
         };
         let all = [of(&[60.0], 1.0), of(&[60.0], 1.0), of(&[70.0], 1.0), of(&[60.0], 2.0), of(&[70.0], 1.0)];
         let count = AtomicUsize::new(0);
-        let dearer = each(&all, |marked| {
+        let dearer = each(&all, Marked::same, |marked| {
             count.fetch_add(1, Ordering::Relaxed);
-            Marked { cost: marked.cost + 10.0, ..marked }
+            Marked { cost: marked.cost + 10.0, ..marked.clone() }
         });
         assert_eq!(count.into_inner(), 3);
         let told = |marked: &Marked| (marked.cost, marked.record.stretches[0].changes.clone());

@@ -19,12 +19,10 @@ from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from glapp.errors import InputError
-
 from ..page import write
 from .answer import MethodAnswer
 from .design import CELLS
-from .methods import METHODS
+from .methods import METHODS, answer_of
 from .records import Truth, chosen, record
 from .score import Scored, tables, worst
 
@@ -42,9 +40,7 @@ def ask(name: str, methods: tuple[str, ...]) -> list[tuple[str, MethodAnswer, fl
     for method in methods:
         begin = perf_counter()
         try:
-            answer = METHODS[method](made[0])
-        except InputError as error:
-            answer = MethodAnswer("cannot_tell", reason=str(error))
+            answer = answer_of(method, made[0])
         except Exception as error:
             raise RuntimeError(f"{method} failed on {name}: {error!r}") from error
         answers.append((method, answer, perf_counter() - begin))

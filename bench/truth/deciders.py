@@ -13,12 +13,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from glapp import _glapp
-from glapp.errors import InputError
 
 from ..page import write
 from ..weigh.samples import Sample, read
 from .answer import MethodAnswer
-from .methods import METHODS
+from .methods import METHODS, answer_of
 from .records import record
 from .score import Scored, decided
 
@@ -46,13 +45,7 @@ def asked(samples: list[Sample]) -> Iterator[Scored]:
         assert made is not None
         of, truth = made
         answers = {name: of_fit(sample, claims) for name, claims in CLAIMS.items()}
-        for name, method in METHODS.items():
-            if name == "fit":
-                continue
-            try:
-                answers[name] = method(of)
-            except InputError as error:
-                answers[name] = MethodAnswer("cannot_tell", reason=str(error))
+        answers |= {name: answer_of(name, of) for name in METHODS if name != "fit"}
         for name, said in answers.items():
             yield Scored(truth, name, said.verdict, said.d, said.low, said.high, said.at_least, said.reason, 0.0)
 

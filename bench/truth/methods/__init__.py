@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from glapp.errors import InputError
+
 from ..answer import MethodAnswer
 from ..records import Record
 from . import ellipse, fit, haegglund, he, horch, slope, thesis, yamashita
@@ -19,3 +21,11 @@ METHODS: dict[str, Callable[[Record], MethodAnswer]] = {
     "slope ratio": slope.answer,
 }
 """In the order of the tables."""
+
+
+def answer_of(method: str, of: Record) -> MethodAnswer:
+    """What a method of `METHODS` says of a record; where it refuses the record, that it cannot tell, and why."""
+    try:
+        return METHODS[method](of)
+    except InputError as error:
+        return MethodAnswer("cannot_tell", reason=str(error))

@@ -22,7 +22,7 @@ from ..ordinary.answers import read as read_answers
 from ..truth import design as truth_design
 from ..truth import records as truth
 
-Half = Literal["A", "B", "C"]
+Half = Literal["A", "B", "C", "D"]
 Fault = Literal["none", "gap", "friction", "both"]
 
 SEED = 40

@@ -288,33 +288,19 @@ class Terms(_Part):
     """What each kind of evidence adds to the log-odds of a dead band, beyond what it says of a usual record."""
 
     likelihood: float
-    """Likelihood ratio of no gap."""
-    rival_load: float
-    """The same beside the load that rivals the gap most."""
+    """How much of what OP explains of PV the gap explains."""
     traversals: float
     """How often OP went through the width."""
     width: float
     """The width against OP's range."""
+    limit: float
+    """How closely the upper limit lies above the width."""
     noise: float
     """What the gap makes of PV against PV's noise."""
-    sampling: float
-    """How far rows are apart."""
-    evenness: float
-    """Whether OP swings evenly, or the load repeats itself."""
-    load_changes: float
-    """Whether the load changes as often as OP goes through the gap."""
-    model: float
-    """How well the model explains PV."""
-    families: float
-    """Whether all families of models see the gap."""
-    agreement: float
-    """Whether windows or recordings agree."""
     plateau: float
     """Whether PV stands while OP goes through the gap."""
-    cycle: float
-    """Whether the loop's own cycle is the recorded one."""
     process: float
-    """How well the process is known, and whether a load undoes what the valve does."""
+    """How far a load undoes what the valve does."""
     rules: float
     """What the rules of the ladder make of all that."""
 

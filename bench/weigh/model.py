@@ -19,8 +19,8 @@ KNOTS = 3
 ENDS = (0.03, 0.97)
 
 STIFF = 1.0
-"""Penalty of a squared rise between two corners, in records; chosen on parts A to C, twins left out together, of 1, 2, 3,
-5 and 10. With more the lines are too flat, and what is plain is understated."""
+"""Penalty of a squared rise between two corners, in records; chosen on parts A to C, twins left out together, of 1, 2,
+3, 5 and 10. With more the lines are too flat, and what is plain is understated."""
 
 
 @dataclass(frozen=True)

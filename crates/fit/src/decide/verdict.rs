@@ -499,7 +499,7 @@ mod tests {
     fn in_a_plain_record_any_evidence_for_a_gap_makes_it_likely() {
         // OP went through it twice each way, and a load of which nothing is known may do that.
         let twice = Evidence { passes: [2; 2], lr_no_gap: 30.0, lr_needed: GAP_IF_SELDOM, ..plain() };
-        let weak = Evidence { noisy_below: 0.3, high: Some(1.5), range: 2.0, ..twice };
+        let weak = Evidence { noisy_below: 0.3, range: 4.0, ..twice };
         let p = weak.usual_probability();
         assert!(USUAL_PRIOR < p && p < PROBABLE, "{p}");
         assert_eq!(said(&weak), (Confidence::Likely, Some(WidthKind::Interval)));

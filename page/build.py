@@ -28,7 +28,7 @@ from markupsafe import Markup
 
 import glapp
 from glapp import demo
-from glapp.reading import bounds, columns, heads, influx, long, names, shape, structured, times, values
+from glapp.reading import bounds, columns, heads, influx, long, names, shape, structured, times, values, wide
 from glapp.report import figures, words
 from glapp.simulate import COMPENSATION_STATES
 from glapp.station import lab
@@ -157,6 +157,8 @@ def of_reading() -> dict[str, Any]:
             "short": heads._SHORT,
             "ahead": heads._AHEAD,
             "units": sorted(names.UNITS),
+            "same_units": names.SAME_UNITS,
+            "any_unit": sorted(wide._ANY_UNIT),
             "footer": sorted(names.FOOTER),
             "facts": sorted(names.FACTS),
             "rule": "".join(sorted(heads._RULE)),

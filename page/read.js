@@ -124,7 +124,29 @@ const Reading = (data) => {
     const called = Object.fromEntries(Object.entries(chosen).map(([role, at]) => [role, names[at]]));
     if (source.tags && source.dated) called.time = source.times;
     const units = Object.fromEntries(Object.keys(chosen).map((role) => [role, unit(role)]).filter(([, one]) => one));
+    checkOneUnit(units, { [kind]: called.sp });
     return { columns: read.columns, told: read.told, t0: read.t0, chosen: called, units, loop: loop.name };
+  }
+
+  /** Refuses an SP in another unit than PV, where the file states both. */
+  function checkOneUnit({ sp, pv }, place) {
+    if (!sp || !pv) return;
+    const { units: known, any_unit: any, same_units: same } = data.heads;
+    const [ours, theirs] = [sp, pv].map(names_of.folded);
+    if ([ours, theirs].some((one) => !known.includes(one) || any.includes(one)) || (same[ours] ?? ours) === (same[theirs] ?? theirs)) return;
+    throw new InputError(`SP is in ${sp} and PV in ${pv}, must be in one unit`, { ...place, hint: "export both in one unit; where the file states a wrong one, correct it there" });
+  }
+
+  const finding = (code, severity, evidence, numbers = {}) => ({ code, severity, evidence, numbers });
+
+  const unusedTime = (sample_time, column) => (sample_time > 0 ? [finding("setting_unused", "warning", { setting: "sample_time", value: String(sample_time) }, { column })] : []);
+
+  const newestFirst = (column) => finding("newest_first", "info", { column });
+
+  /** Whether no time is later than the one before it, of each of these columns, and some are earlier. */
+  function fall(columns) {
+    const falls = (later) => (t) => t.some((value, i) => i > 0 && (later ? value > t[i - 1] : value < t[i - 1]));
+    return !columns.some(falls(true)) && columns.some(falls(false));
   }
 
   function checkAlive({ pv }, where) {
@@ -152,8 +174,17 @@ const Reading = (data) => {
     try {
       if (chosen.time !== undefined) {
         const at = chosen.time;
-        time = clock(column(at), names[at], units[at] ?? understand(names[at]).unit, time_format);
-        out.t = time.read(column(at));
+        const read = () => {
+          time = clock(column(at), names[at], units[at] ?? understand(names[at]).unit, time_format);
+          out.t = time.read(column(at));
+        };
+        read();
+        const turned = fall([out.t]);
+        if (turned) {
+          rows.reverse();
+          read();
+        }
+        time.told = [...(turned ? [newestFirst(names[at])] : []), ...time.told, ...unusedTime(sample_time, names[at])];
       } else if (sample_time > 0) {
         out.t = Float64Array.from(rows, (_, i) => i * sample_time);
       } else {
@@ -252,9 +283,18 @@ const Reading = (data) => {
   }
 
   /** A loop whose tags have times of their own: PV's are the rows, and the others keep their last value. */
-  function ofTags(source, names, chosen, { time_format }) {
+  function ofTags(source, names, chosen, { sample_time, time_format }) {
     const time = clockOf(source, time_format);
     const tags = samplesOf(source, names, chosen, time);
+    const turned = fall(Object.values(tags).map(({ t }) => t));
+    if (turned) {
+      const every = Object.values(tags).flatMap(Object.values);
+      for (const values of every) values.reverse();
+      const first = time.t0 === null ? 0 : Math.min(...Object.values(tags).map(({ t }) => t[0]));
+      for (const { t } of Object.values(tags)) t.forEach((value, i) => { t[i] = value - first; });
+      if (time.t0 !== null) time.t0 += 1000 * first;
+    }
+    time.told = [...(turned ? [newestFirst(source.times)] : []), ...time.told, ...unusedTime(sample_time, source.times)];
     let { pv } = tags;
     checkAlive({ pv: pv.value.map((value, i) => (pv.bad[i] ? NaN : value)) }, { tag: names[chosen.pv] });
     const signals = ["sp", "op"].filter((role) => role in tags);
@@ -272,7 +312,7 @@ const Reading = (data) => {
       }
     }
     const held = signals.map((role) => labels[role]).join(", ");
-    const told = own ? [{ code: "own_times", severity: "info", evidence: { held, pv_rows: count, rows: pv.t.length }, numbers: {} }] : [];
+    const told = own ? [finding("own_times", "info", { held, pv_rows: count, rows: pv.t.length })] : [];
     const out = { t: pv.t, pv: pv.value };
     let bits = Uint8Array.from(pv.bad, (bad) => (bad ? BAD : 0));
     for (const [role, tag] of Object.entries(tags)) {

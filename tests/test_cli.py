@@ -25,6 +25,7 @@ from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema
 from glapp.reading.settings import read_settings
+from glapp.recording import Recording
 from glapp.report.words import clock
 
 ROOT = Path(__file__).parents[1]
@@ -441,15 +442,25 @@ def test_time_that_runs_backwards_is_refused_with_its_row(run):
 
 
 @pytest.mark.slow
-def test_the_newest_row_first_is_told_as_such(run):
+def test_rows_from_the_newest_to_the_oldest_are_turned_and_that_is_told(run):
+    write("up.csv", rows(200, time=lambda k: datetime.fromtimestamp(1.7e9 + 60 * k, UTC).strftime("%Y-%m-%d %H:%M")))
+    [upward] = json.loads(run("analyze", "up.csv", "--json", "--no-fit")[1])["loops"]
     for form, step in (("%Y-%m-%d %H:%M", 60), ("%d.%m.%Y %H:%M:%S", 3600)):  # an hour back each row, not summer time
         stamp = [datetime.fromtimestamp(1.7e9 + step * k, UTC).strftime(form) for k in range(200)]
         head, *body = rows(200, time=lambda k, stamp=stamp: stamp[k]).splitlines()
         write("down.csv", "\n".join([head, *reversed(body)]) + "\n")
         code, out, _ = run("analyze", "down.csv", "--json", "--no-fit")
         [loop] = json.loads(out)["loops"]
-        assert code == 1 and "the newest row comes first; sort the rows by time, the oldest first" in loop["reason"]
-        assert "summer" not in loop["reason"] and "UTC" not in loop["reason"]
+        assert [one["code"] for one in loop["quality"]].count("newest_first") == 1
+        assert "time_reversed" not in {one["code"] for one in loop["quality"]}
+        if step == 60:
+            assert (loop["crossings"], loop["half_periods"]) == (upward["crossings"], upward["half_periods"])
+        one, other = body[3], body[100]
+        body[3], body[100] = other, one
+        write("mixed.csv", "\n".join([head, *reversed(body)]) + "\n")
+        code, out, _ = run("analyze", "mixed.csv", "--json", "--no-fit")
+        [loop] = json.loads(out)["loops"]
+        assert code == 1 and "the newest row comes first, but not throughout; sort the rows" in loop["reason"]
 
 
 SETTINGS = {
@@ -929,3 +940,12 @@ def test_a_loop_that_the_fit_answers_is_no_refusal(run):
     code, out, _ = run("analyze", "plant.csv", "--json", "--no-fit")
     [loop] = json.loads(out)["loops"]
     assert (code, loop["answer"]["verdict"], loop["answer"]["next"]["code"]) == (1, "refused", "correct")
+
+
+def test_identify_reads_the_beginning_once(run, monkeypatch):
+    """OP's unit was sought in rows that were read once more."""
+    write("plain.csv", rows(200))
+    passes, beginning = [], Recording.beginning
+    monkeypatch.setattr(Recording, "beginning", lambda self, n: passes.append(n) or beginning(self, n))
+    run("identify", "plain.csv")
+    assert len(passes) == 1

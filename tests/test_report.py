@@ -606,6 +606,10 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     assert list(dots.error_y.array) == [1.0] * 5 and list(dots.error_y.arrayminus) == [0.5] * 5
     assert (list(least.y), list(most.y)) == ([3.5], [0.4])
     assert list(line.y) == [2.0, 6.0] and line.x[0] == dots.x[0] and line.x[-1] == dots.x[-1]
+    # One window that tells something once had the only moment of the axis, which then counted microseconds.
+    alone = trend_figure(replace(worn, fit=replace(fit, windows=[windows[5], windows[7]], trend=None)))
+    first, last = alone.layout.xaxis.range
+    assert last - first == pytest.approx(2.1 * day * (1 if worn.t0 is None else 1000))
     write_report([result], file := tmp_path / "trend.html")
     text = " ".join(parsed(file).text)
     assert "8 windows of the recording" in text and ", up from 2 in 4 d" in text

@@ -427,10 +427,18 @@ def identify(
     >>> round(found.k, 3), round(found.ti, 2), found.usable
     (2.0, 30.0, True)
     """
-    [recording] = since_repair([recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)])
+    return identify_with_unit(recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags))[0]
+
+
+def identify_with_unit(recording: Recording) -> tuple[Identification, Loop]:
+    """Find K, Ti and Td, and the loop with the unit of OP that the same rows allow.
+
+    Raises InputError where the recording cannot be read.
+    """
+    [recording] = since_repair([recording])
     batch = recording.beginning(INSPECTED_ROWS)
     loop = with_op_unit(recording.loop, batch)
-    return identified(
+    found = identified(
         batch.t,
         batch.sp,
         batch.pv,
@@ -439,6 +447,7 @@ def identify(
         setpoint_weight=_given_setpoint_weight(loop),
         limits=loop.op_range(),
     )
+    return found, loop
 
 
 class Estimator:

@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from . import _glapp
 from .checked import Checked
 from .controller import Controller, Ideal, Span
 from .errors import InputError
@@ -164,8 +165,8 @@ class Loop(Checked):
     pv_span, op_span : (float, float), optional
         Range of PV and of OP [their units], low < high. Never taken from the range of the data.
     pv_unit, op_unit : str, optional
-        Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100); a recording with values outside
-        0..100 ends that assumption where neither is given.
+        Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100). Where neither is given, a recording
+        ends that assumption: with a value outside 0..100, or where OP stays within 0..1 (a fraction) or 4..20 (mA).
     opcua : Tags
         Its nodes where it is watched by OPC UA.
     controller : Controller, optional
@@ -295,9 +296,7 @@ class Loop(Checked):
     @property
     def op_label(self) -> str:
         """Unit of OP for display; "OP unit" where a span other than 0..100 is given without a unit."""
-        if self.op_unit is not None:
-            return self.op_unit
-        return "%" if self.op_span in (None, (0.0, 100.0)) else "OP unit"
+        return _glapp.op_unit(self.op_unit, self.op_span, None)
 
     def ideal(self) -> Ideal | None:
         """The controller in ideal form and signal units, None where no controller is given.

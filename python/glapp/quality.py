@@ -236,6 +236,34 @@ def own_times(held: str, pv_rows: int, rows: int) -> Finding:
     return _finding(_glapp.own_times(held, pv_rows, rows))
 
 
+def newest_first(column: str) -> Finding:
+    """Say that the newest row came first, and that the rows were taken from the last to the first.
+
+    - `column`: name of the column of times.
+
+    Examples
+    --------
+    >>> newest_first("Time").text.split(":")[0]
+    "the newest row comes first in column 'Time', so the rows were taken from the last to the first"
+    """
+    return _finding(_glapp.newest_first(column))
+
+
+def setting_unused(setting: str, value: str, column: str | None = None) -> Finding:
+    """Say that a setting is given which the recording has no use for.
+
+    - `setting`: `sample_time` beside a column of times, or `auto_values` without a column of the mode.
+    - `value`: what is given, as a loops.toml has it.
+    - `column`: name of the column of times.
+
+    Examples
+    --------
+    >>> setting_unused("sample_time", "2.0", "Time").text.split(":")[0]
+    "sample_time = 2.0 is not used, since column 'Time' has the times"
+    """
+    return _finding(_glapp.setting_unused(setting, value, column))
+
+
 def noise_sigma(pv: Floats) -> float | None:
     """Estimate the standard deviation of PV's fast noise [PV unit].
 

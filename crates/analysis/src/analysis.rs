@@ -5,7 +5,7 @@ use crate::crossings::{Beside, Exclusion, Known, NotCorrected, Travel, Verdict, 
 use crate::fitted::{FitWhy, Fitted, fitted, fitted_with, problem};
 use crate::harm::{Cells as HarmCells, Harm, harm};
 use crate::identify::{Identification, identified};
-use crate::quality::{self, Fault, Finding, Law, Scale, Severity, assumed_gain, inspect};
+use crate::quality::{self, Fault, Finding, Law, PERCENT, Severity, assumed_gain, inspect, op_unit};
 use crate::step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 use crate::summary::{Facts, Summary};
 use crate::words;
@@ -176,7 +176,7 @@ impl Analysis {
     /// Where a setting is out of its bounds.
     pub fn new(mut task: Task, beginning: &Inspected<'_>, position: Option<&[f64]>) -> Result<Self, ParameterError> {
         let rows = beginning.even();
-        task.op_percent = task.op_percent.or(Some(rows.op.is_none_or(within_percent)));
+        task.op_percent = task.op_percent.or(Some(op_unit(None, task.op_span, rows.op) == PERCENT));
         let mut steps: Vec<f64> = rows.t.windows(2).map(|pair| pair[1] - pair[0]).collect();
         steps.retain(|step| step.is_finite() && *step > 0.0);
         let h = if steps.is_empty() { 1.0 } else { median(&mut steps) };
@@ -471,12 +471,6 @@ fn doubt(kp: f64, crossings: &Crossings) -> Option<Finding> {
         return None;
     }
     assumed_gain(kp, median(&mut free), median(&mut kp_part))
-}
-
-/// Whether OP may be a percentage: no value says that it is not, and it is not all along within what a fraction or a
-/// current of 4 to 20 mA would be.
-pub fn within_percent(op: &[f64]) -> bool {
-    !op.iter().any(|u| *u < 0.0 || *u > 100.0) && Scale::of(op).is_none()
 }
 
 fn kept(rows: &Inspected<'_>, position: Option<&[f64]>) -> Rows {

@@ -27,7 +27,7 @@ mod summary;
 mod trend;
 pub mod words;
 
-pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
+pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task};
 pub use answer::{AnalysisResult, CorrectedAnswer, Settings};
 pub use crossings::{Crossings, Ladder};
 pub use data_statistics::{Counter, DataStatistics, Occurrences, Values};

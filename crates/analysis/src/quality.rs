@@ -20,8 +20,8 @@ pub use crate::words::Value;
 pub(crate) use finding::InOrder;
 pub use finding::{Fault, Finding, Severity};
 pub use settings::assumed_gain;
-pub use spans::Scale;
-pub use times::{assumed_time, own_times};
+pub use spans::{PERCENT, op_unit};
+pub use times::{assumed_time, newest_first, own_times, setting_unused};
 
 use crate::identify::{self, Identification, Settings, Values};
 use crate::{DataStatistics, Inspected};

@@ -20,10 +20,13 @@ use std::collections::HashMap;
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Request {
-    /// Begins the analysis of the recording whose columns are in memory.
+    /// Begins the analysis of the recording whose columns are in memory, and gives the unit of OP.
     Begin {
         /// What is known of its loop.
         task: glapp_analysis::Task,
+        /// Unit of OP, where a person or the file states one.
+        #[serde(default)]
+        op_unit: Option<String>,
     },
     /// Goes on with so many rows.
     Rows {
@@ -93,10 +96,11 @@ struct Memory {
 impl Memory {
     fn answer(&mut self, request: &str) -> Result<Value, String> {
         match serde_json::from_str(request).map_err(|error| error.to_string())? {
-            Request::Begin { task } => {
-                let recording = Recording::begin(task, std::mem::take(&mut self.columns))?;
+            Request::Begin { task, op_unit } => {
+                let columns = std::mem::take(&mut self.columns);
+                let (recording, unit) = Recording::begin(task, op_unit.as_deref(), columns)?;
                 self.recording = Some(recording);
-                Ok(Value::Null)
+                Ok(json!(unit))
             }
             Request::Rows { from, to } => {
                 self.recording.as_mut().ok_or("no recording was begun")?.rows(from..to).map(|()| Value::Null)

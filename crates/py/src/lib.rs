@@ -95,7 +95,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]
-    use crate::quality::{assumed_time, inspect, looks_like_fraction, noise_sigma, own_times, within_percent};
+    use crate::quality::{assumed_time, inspect, newest_first, noise_sigma, op_unit, own_times, setting_unused};
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
     #[pymodule_export]

@@ -1,6 +1,6 @@
 //! What is wrong with a recording: rows and counts in, findings out.
 
-use glapp_analysis::quality::{Interval, Known, Law, Scale};
+use glapp_analysis::quality::{Interval, Known, Law};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -80,6 +80,23 @@ pub fn own_times<'py>(py: Python<'py>, held: &str, pv_rows: u64, rows: u64) -> P
     plain(py, &glapp_analysis::quality::own_times(held, pv_rows, rows))
 }
 
+/// That the newest row came first, and the rows were taken from the last to the first.
+#[pyfunction]
+pub fn newest_first<'py>(py: Python<'py>, column: &str) -> PyResult<Bound<'py, PyAny>> {
+    plain(py, &glapp_analysis::quality::newest_first(column))
+}
+
+/// That a setting is given which is not used.
+#[pyfunction]
+pub fn setting_unused<'py>(
+    py: Python<'py>,
+    setting: &str,
+    value: &str,
+    column: Option<&str>,
+) -> PyResult<Bound<'py, PyAny>> {
+    plain(py, &glapp_analysis::quality::setting_unused(setting, value, column))
+}
+
 /// Standard deviation of PV's fast noise. See `glapp.quality.noise_sigma`.
 #[pyfunction]
 pub fn noise_sigma(py: Python<'_>, pv: Signal<'_>) -> PyResult<Option<f64>> {
@@ -87,14 +104,9 @@ pub fn noise_sigma(py: Python<'_>, pv: Signal<'_>) -> PyResult<Option<f64>> {
     Ok(py.detach(|| glapp_analysis::noise_sigma(pv)))
 }
 
-/// Whether OP stays within 0 to 1, as a fraction does and hardly any percentage.
+/// Unit of OP, as far as its settings and its values tell. See `glapp.Loop.op_label` and `glapp.recording.with_op_unit`.
 #[pyfunction]
-pub fn looks_like_fraction(op: Signal<'_>) -> PyResult<bool> {
-    Ok(Scale::of(op.as_slice()?) == Some(Scale::Fraction))
-}
-
-/// Whether OP may be a percentage: no value says that it is not.
-#[pyfunction]
-pub fn within_percent(op: Signal<'_>) -> PyResult<bool> {
-    Ok(glapp_analysis::within_percent(op.as_slice()?))
+pub fn op_unit(stated: Option<&str>, span: Option<(f64, f64)>, op: Option<Signal<'_>>) -> PyResult<String> {
+    let op = op.as_ref().map(|op| op.as_slice()).transpose()?;
+    Ok(glapp_analysis::quality::op_unit(stated, span, op).to_owned())
 }

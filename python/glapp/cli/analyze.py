@@ -32,7 +32,7 @@ __all__ = ["analyze"]
 
 @with_options
 def analyze(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Recordings, loops.toml files, or both.")],
     options: Options,
     as_loop: Annotated[
         str | None,

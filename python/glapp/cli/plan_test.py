@@ -26,7 +26,7 @@ __all__ = ["plan_test"]
 
 @with_options
 def plan_test(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Recordings, loops.toml files, or both.")],
     options: Options,
     op_within: Annotated[
         tuple[float, float] | None,

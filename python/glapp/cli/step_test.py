@@ -25,7 +25,7 @@ __all__ = ["step_test"]
 
 @with_options
 def step_test(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Recordings, loops.toml files, or both.")],
     options: Options,
     manual: Annotated[
         bool,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import count
@@ -21,6 +21,7 @@ import pyarrow as pa
 
 from ..errors import InputError
 from .source import Source
+from .times import Clock
 
 __all__ = ["HELD", "Passes", "Share"]
 
@@ -87,12 +88,22 @@ class Passes:
         self._reading = Lock()
         self._clock = count(1)
         self._most: int | None = None  # loops in the next pass
+        self._from_last: dict[object, Clock | None] = {}
 
     def share(self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]) -> Share:
         """Announce a loop's columns; passes take the loops in the order in which they were announced."""
         share = Share(self, types, bad_words, next(self._clock))
         self._shares.add(share)
         return share
+
+    def clock_from_last(self, times: object, find: Callable[[], Clock | None]) -> Clock | None:
+        """What `find` finds of a column of times, which a file's loops mostly share: it is sought once.
+
+        - `times`: column, and how it is read.
+        """
+        if times not in self._from_last:
+            self._from_last[times] = find()
+        return self._from_last[times]
 
     def held(self, share: Share) -> _Held | None:
         """What is held for this loop, after a pass where it has to be read; None where it is to be streamed."""

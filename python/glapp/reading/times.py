@@ -194,7 +194,7 @@ class Clock:
         self.zone = time_zone
         self.t0: datetime | None = None
         self.found: list[Finding] = []
-        self._name, self._unit = name, _UNITS.get((unit or "").strip(" .").lower())
+        self.name, self._unit = name, _UNITS.get((unit or "").strip(" .").lower())
         self._format = time_format
         self._calendar: str | None = None
         self._seconds = 1.0
@@ -290,7 +290,7 @@ class Clock:
         steps = steps[steps > 0]
         with np.errstate(over="ignore"):  # a number as large as 1e308 among them
             step = float(np.median(steps)) if len(steps) else None
-        dated = self._name.strip().lower() in _DATED
+        dated = self.name.strip().lower() in _DATED
         for calendar, zero in _TO_1970.items():
             if zero + _YEARS[0] <= low and high <= zero + _YEARS[1]:
                 if self._unit is not None and self._unit != "days":
@@ -315,7 +315,7 @@ class Clock:
     def _note_time_unit(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
         date = _moment(round((first - _TO_1970[calendar]) * 86_400_000), 1000)
         finding = assumed_time(
-            self._name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure
+            self.name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure
         )
         self.found.append(finding)
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
+from ..quality import Finding, newest_first, setting_unused
 from ..recording import AT_HIGH, AT_LOW, Batch, Recording, finished
 from .columns import LABELS
-from .names import MISSING
+from .names import MISSING, SAME_UNITS, UNITS, folded
+from .newest_first import FromLast, clock_from_last
 from .passes import Passes
 from .source import ahead
 from .times import Clock
@@ -35,7 +38,7 @@ from .values import (
     words_for_bad,
 )
 
-__all__ = ["Reader", "WideRecording"]
+__all__ = ["Reader", "WideRecording", "check_one_unit", "unused_settings", "with_units"]
 
 _NUMBERS = ("sp", "pv", "op", "position")
 
@@ -74,6 +77,48 @@ def with_units(loop: Loop, units: dict[str, str]) -> Loop:
     return loop.model_copy(update={key: unit for key, unit in found.items() if getattr(loop, key) is None})
 
 
+def check_one_unit(units: dict[str, str], loop: Loop, file: str, **place: str) -> None:
+    """Refuse an SP in another unit than PV, where the file states both and the settings state none.
+
+    - `units`: label of each signal to its unit.
+    - `loop`: settings as they were given.
+    - `place`: column or tag of SP.
+
+    Raises InputError where the units differ in more than how they are written.
+    """
+    sp, pv = (units.get(label) for label in ("SP", "PV"))
+    if loop.pv_unit is not None or sp is None or pv is None:
+        return
+    ours, theirs = folded(sp), folded(pv)
+    if not {ours, theirs} <= UNITS - _ANY_UNIT or SAME_UNITS.get(ours, ours) == SAME_UNITS.get(theirs, theirs):
+        return
+    raise InputError(
+        f"SP is in {sp} and PV in {pv}, must be in one unit",
+        file=file,
+        loop=loop.name,
+        value=sp,
+        bound=pv,
+        hint="export both in one unit; where the file states a wrong one, write the unit of both in loops.toml: "
+        f'pv_unit = "{pv}"',
+        **place,
+    )
+
+
+_ANY_UNIT = {"eu", "deg"}
+"""Words that stand for more than one unit."""
+
+
+def unused_settings(loop: Loop, columns: dict[str, str]) -> list[Finding]:
+    """Say which settings a recording has no use for; `columns`: label of each signal to its column or tag."""
+    found = []
+    if loop.sample_time is not None and (time := columns.get(LABELS["time"])) is not None:
+        found.append(setting_unused("sample_time", f"{loop.sample_time:g}", time))
+    if loop.auto_values is not None and LABELS["mode"] not in columns:
+        words = ", ".join(repr(word) if isinstance(word, str) else f"{word:g}" for word in loop.auto_values)
+        found.append(setting_unused("auto_values", f"[{words}]"))
+    return found
+
+
 class WideRecording(Recording):
     """One loop of a table with one column per signal.
 
@@ -96,6 +141,7 @@ class WideRecording(Recording):
         self._at = {role: source.places[name][0] for role, name in chosen.items()}
         self.columns = {LABELS[role]: name for role, name in chosen.items()}
         self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}
+        given = loop
         self.loop = loop = with_units(loop, self.units)
         [head] = source.head([self._at.get("time", self._at["pv"])])
         if len(head) == 0:
@@ -103,11 +149,23 @@ class WideRecording(Recording):
         if len(head) == 1:
             raise InputError("has only one row", file=source.label, hint="a recording needs many rows")
         clock = None
+        self._from_last = False
+        self._last_row = 0  # of the latest pass, where rows are taken from the last
         if (at := self._at.get("time")) is not None:
+            name, unit = chosen["time"], source.unit(at)
+
+            def clock_of(first: pa.Array, others: pa.Array | None) -> Clock:
+                return Clock(first, others, loop.time_format, loop.time_zone, name, unit)
+
             try:
-                clock = Clock(head, source.tail(at), loop.time_format, loop.time_zone, chosen["time"], source.unit(at))
+                clock = clock_of(head, source.tail(at))
             except CellFault as fault:
                 raise self._fault(fault, "time", 0) from None
+            late = passes.clock_from_last(
+                (at, loop.time_format, loop.time_zone),
+                partial(clock_from_last, source, clock, at, lambda first: clock_of(first, head)),
+            )
+            clock, self._from_last = late or clock, late is not None
         elif loop.sample_time is None:
             raise InputError(
                 f"no time column among: {', '.join(source.names[:20])}",
@@ -128,10 +186,13 @@ class WideRecording(Recording):
         )
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
-        self.found = clock.found if clock else ()
+        self.found = [*(clock.found if clock else ()), *unused_settings(loop, self.columns)]
+        if self._from_last:
+            self.found.insert(0, newest_first(chosen["time"]))
         self._ends = {role: end for role in _NUMBERS if role in self._at and (end := self._end(role))}
         self.units = {LABELS[role]: end for role, end in self._ends.items()} | self.units
         self.loop = with_units(self.loop, self.units)
+        check_one_unit(self.units, given, source.label, column=chosen.get("sp", ""))
         types = {
             i: pa.float64() if role in _NUMBERS and role not in self._ends else pa.string()
             for role, i in self._at.items()
@@ -163,7 +224,11 @@ class WideRecording(Recording):
         order = list(self._share.types)
         done, alive = 0, False
         self._fraction = 0.0
-        for columns, fraction in self._share.stream():
+        stream = self._share.stream()
+        if self._from_last:
+            stream = FromLast(stream, self._tell)
+            self._last_row = stream.rows - 1
+        for columns, fraction in stream:
             n = len(columns[0])
             if n == 0:
                 continue
@@ -203,6 +268,9 @@ class WideRecording(Recording):
                 hint="is it the right column?",
             )
 
+    def _tell(self, fraction: float) -> None:
+        self._fraction = fraction
+
     def _end(self, role: str) -> str | None:
         """Unit behind the numbers of a signal, as in 48.20 m³/h; None where the first cells have none or several."""
         if self._source.typed:
@@ -238,10 +306,13 @@ class WideRecording(Recording):
         return [column.take(pa.array(rows)) for column in columns], rows
 
     def _fault(self, fault: CellFault, role: str, done: int) -> InputError:
+        record = done + fault.index
+        if self._from_last:
+            record = self._last_row - record
         return InputError(
             fault.what,
             file=self.source,
-            row=self._source.row_number(done + fault.index),
+            row=self._source.row_number(record),
             column=self.columns[LABELS[role]],
             value=fault.value,
             hint=fault.hint,

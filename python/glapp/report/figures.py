@@ -151,7 +151,7 @@ def loop_figure(result: Result) -> go.Figure:
     if has_detections:
         _detections(figure, result, row["d"])
     _time_axis(figure, result, len(panels))
-    legend = 20 * math.ceil(len(present) / 3)  # a narrow page holds three reasons in a row
+    legend = 20 * (1 + math.ceil(len(present) / 3))  # below its title; a narrow page holds three reasons in a row
     figure.update_layout(
         height={1: 400, 2: 560, 3: 700}[len(panels)] + legend,
         margin={"l": 78, "r": 24, "t": 64, "b": 60 + legend},
@@ -166,7 +166,7 @@ def loop_figure(result: Result) -> go.Figure:
             "yanchor": "bottom",
             "itemclick": False,
             "itemdoubleclick": False,
-            "title": {"text": "half-periods  "},
+            "title": {"text": "half-periods", "side": "top"},  # beside them it pushed the last one off the paper
         },
     )
     return figure

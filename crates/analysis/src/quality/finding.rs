@@ -48,6 +48,10 @@ faults! {
     TimeAssumed = "time_assumed": Info Warning;
     /// Signals were recorded each at times of its own, and were brought to common rows.
     OwnTimes = "own_times": Info;
+    /// The newest row came first, and the rows were taken from the last to the first.
+    NewestFirst = "newest_first": Info;
+    /// A setting is given that this recording has no use for.
+    SettingUnused = "setting_unused": Warning;
     /// From so few rows nothing can be told.
     TooFewRows = "too_few_rows": Refuse;
     /// Rows whose time is not a number.

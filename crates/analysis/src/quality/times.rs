@@ -93,6 +93,20 @@ pub fn own_times(held: &str, pv_rows: u64, rows: u64) -> Finding {
         .with("rows", rows)
 }
 
+/// Says that the newest row came first by the column of times of this name, and that the rows were taken from the last to the
+/// first.
+pub fn newest_first(column: &str) -> Finding {
+    Finding::new(Fault::NewestFirst, Severity::Info).with("column", column.to_owned())
+}
+
+/// Says that a setting is given which is not used: `sample_time` beside this column of times, or `auto_values` without a column
+/// of the mode. `value` is what is given.
+pub fn setting_unused(setting: &str, value: &str, column: Option<&str>) -> Finding {
+    let finding = Finding::new(Fault::SettingUnused, Severity::Warning);
+    let finding = finding.with("setting", setting.to_owned()).with("value", value.to_owned());
+    finding.telling("column", column.unwrap_or_default().to_owned())
+}
+
 /// Says what the numbers of a time column were taken for, where that was not plain.
 ///
 /// `column` and `first` are its name and its first value as it is written, `step` the ordinary step between its numbers,

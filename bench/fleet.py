@@ -146,7 +146,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
 
 
 def planted(lake: Path, out: Path) -> tuple[int, int, list[dict[str, Any]]]:
-    """How many of the planted problems are in the results, of how many, and which are not."""
+    """Number of the planted problems that are in the results, of how many, and the missing ones."""
     found = fleet.read(out, "problems").to_pylist()
     truth = pq.read_table(lake / "_truth" / "problems.parquet").to_pylist()
 

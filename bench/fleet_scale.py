@@ -282,7 +282,7 @@ def _below(root: int) -> list[int]:
 
 
 def _of(pid: int, name: str) -> bytes:
-    """What is told of a process; nothing where it is gone."""
+    """Usage of a process; nothing where it is gone."""
     try:
         return Path(f"/proc/{pid}/{name}").read_bytes()
     except OSError:

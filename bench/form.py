@@ -65,7 +65,7 @@ class Tested:
 
 
 def t86(plant: Any) -> float:
-    """When 86.5 % of the way are gone for good in a step response of the process [s]."""
+    """Time from which a step response of the process stays beyond 86.5 % of its way [s]."""
     t, y = Plant.of(plant).step(np.arange(0.0, 100.0, 0.01))
     return float(t[np.flatnonzero(y / y[-1] < 1 - math.exp(-2))[-1] + 1])
 

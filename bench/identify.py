@@ -1,4 +1,4 @@
-"""How often `glapp.identify` is right: `python -m bench.identify [records]`, 300 of each kind by default.
+"""Success of `glapp.identify`: `python -m bench.identify [records]`, 300 of each kind by default.
 
 Every record is a simulated loop whose K, Ti and Td are known: P1 to P8 under a PI or PID by one of five rules, with or
 without a filter before the controller, a gap, noise, steps of the setpoint; h is Ti/100 to Ti. The four ways to record
@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 RULES = ("ZN frequency", "Lambda 3T", "AMIGO step", "SIMC", "MIGO 1.4")
 KINDS = ("PI", "PID")
 SEEN = ("every scan", "OP rounded", "between scans", "between, OP rounded")
-"""How the recorder saw the controller: each of its scans; or one of many, OP as old as one scan."""
+"""Ways in which the recorder saw the controller: each of its scans; or one of many, OP as old as one scan."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _steps(random: Random, t_end: float, apart: float, size: float, rest: float)
 
 @dataclass(frozen=True)
 class IdentifyAnswer:
-    """What was said of a record; the errors are relative to the truth, the width is that of the interval."""
+    """Answer on a record; the errors are relative to the truth, the width is that of the interval."""
 
     kind: str
     seen: str

@@ -54,7 +54,7 @@ the load about every half an hour; ramps of two hours; day and night, with a sma
 steps of the setpoint about every half an hour, with a small walk of the load."""
 
 RULES = ("Lambda T", "Lambda 3T", "AMIGO step", "SIMC", "MIGO 1.4")
-"""Of `bench.truth`; without those that leave little margin."""
+"""Rules of `bench.truth`, without those that leave little margin."""
 
 HALF_HOUR, TWO_HOURS, DAY = 1800.0, 7200.0, 86_400.0
 
@@ -200,7 +200,7 @@ def _ramps(random: Random, size: float, t: Floats) -> Floats:
 
 
 def asked(name: str, lengths: Sequence[int]) -> list[LoadsAnswer]:
-    """What is said of the beginnings of one record, the shortest first."""
+    """Answers for the beginnings of one record, the shortest first."""
     whole = made(name, max(lengths))
     return [LoadsAnswer.to(whole, samples) for samples in sorted(lengths)]
 

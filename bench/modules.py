@@ -62,7 +62,7 @@ class Shown:
 
 
 def show(case: Case, c: Ideal, **told: float) -> Shown:
-    """What a `PidAdvanced` that is told so much shows after 1000 Ti."""
+    """Outputs of a `PidAdvanced` with this much known, after 1000 Ti."""
     plant = Process.of(case.plant)
     h = c.ti / 20
     loop = Graph(
@@ -86,7 +86,7 @@ def show(case: Case, c: Ideal, **told: float) -> Shown:
 
 
 def shows(case: Case) -> dict[str, Shown]:
-    """What a loop shows with much and with little known; an integrating process has no Kp, and is set so."""
+    """Outputs of a loop with much and with little known; an integrating process has no Kp, and is set so."""
     c = RULES[case.rule](case.plant)
     integrates = PLANTS[case.plant].gain is None
     kp = {"integrating": 1.0} if integrates else {"kp": case.gain}
@@ -99,7 +99,7 @@ def shows(case: Case) -> dict[str, Shown]:
 
 
 def answered(widths: Sequence[float], d: float) -> str:
-    """How many, and their median and range over d."""
+    """Number of answers, and their median and range over d."""
     seen = sorted(width / d if d else width for width in widths if not math.isnan(width))
     if not seen:
         return "0"

@@ -125,7 +125,7 @@ def drawn(number: int) -> Drawn:
 
 
 def recorded(loop: Drawn, made: Simulation) -> glapp.Recording:
-    """What a historian has of a simulated day."""
+    """A historian's data of a simulated day."""
     table = made.to_arrow().drop_columns(["POSITION", "LOAD"])
     return glapp.recording_from(table, glapp.Loop(name=f"L{loop.number}", op_unit="%", op_span=(-50, 50)))
 
@@ -204,7 +204,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     for fault in ("gap", "none"):
         seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS[kind])
         if kind == "by_hand":
-            # Until the person begins, the loop runs in automatic; then OP goes on from where it stands.
+            # The loop runs in automatic until the person begins; then OP goes on from where it stands.
             before = run_many([loop.scenario(fault, seed, begin) for seed in seeds], progress=False)
             days = [
                 loop.scenario(fault, seed, t_end, _by_hand(begin, test.hold, float(day.op[-1]) + moves, loop.h))
@@ -246,7 +246,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
 
 
 def _guided(signals: dict[str, Any], hold: float, loop: Drawn) -> tuple[str | None, float]:
-    """What a test decides that is looked at `LOOKS` times in each hold, and when [s since its first row]."""
+    """Decision of a test that is looked at `LOOKS` times in each hold, and its time [s since its first row]."""
     t = signals["t"] - signals["t"][0]
     for at in np.arange(3 * hold, t[-1], hold / LOOKS):  # no reversal comes before
         rows = slice(0, int(np.searchsorted(t, at)))
@@ -266,7 +266,7 @@ def _by_hand(begin: float, hold: float, levels: Any, h: float) -> tuple[Manual, 
 
 
 def table(lines: list[dict[str, Any]]) -> str:
-    """What is counted."""
+    """Table of the counts."""
     made = [one for one in lines if "promised" in one]
     text = [f"{len(lines)} loops, {len(made)} planned, {len(lines) - len(made)} refused"]
     if not made:

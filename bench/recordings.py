@@ -1,4 +1,4 @@
-"""What more recordings of one valve are worth: `python -m bench.recordings`.
+"""Value of more recordings of one valve: `python -m bench.recordings`.
 
 One loop of `bench.loads`, recorded on several days: the same dynamics, controller and valve, another load and noise, a
 process gain up to a quarter off. `glapp.fit` is asked about one day, three, and so on. Every answer goes
@@ -42,7 +42,7 @@ SAMPLES = 750
 
 @dataclass(frozen=True)
 class RecordingAnswer:
-    """What `glapp.fit` said of so many days of a loop.
+    """Answer of `glapp.fit` on so many days of a loop.
 
     - `name`: that of `bench.loads` without the day.
     - `d_true`: width of the gap [% of OP]; 0 for none.
@@ -78,7 +78,7 @@ class RecordingAnswer:
 
     @property
     def row(self) -> str:
-        """What the load or the recorder does."""
+        """The load or the recorder of a row."""
         return self.name.split("/")[0]
 
     @classmethod

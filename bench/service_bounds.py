@@ -47,7 +47,7 @@ TINY = 1e-6  # of what must be above 0
 
 @dataclass
 class Look:
-    """What another maker's client sees at the nodes."""
+    """State of the nodes as another maker's client sees it."""
 
     child: asyncio.subprocess.Process
     now: dict[str, float | None] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class Look:
                 continue
             t, loop, value = json.loads(line)
             for name in [loop] if loop is not None else list(self.now):
-                # It was so until now.
+                # The state until now was that.
                 if self.now.get(name) != 0.0 or value != 0.0:
                     self.moved[name] = t
                 self.now[name] = value

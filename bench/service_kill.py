@@ -56,13 +56,13 @@ GAP = 3.0 * SCAN
 """More than that between two samples no half-period goes on across [s]."""
 
 LONGEST = 600.0
-"""So long a machine that is busy may take until a monitor has begun, or ended [s]."""
+"""Longest time until a monitor has begun, or ended, on a busy machine [s]."""
 
 FITTED = 5
-"""So many loops are fitted, one of each kind."""
+"""Number of loops that are fitted, one of each kind."""
 
 PIECES = 20_000
-"""So many values at most the monitor that runs through takes at once."""
+"""Largest number of values that the monitor that runs through takes at once."""
 
 _KEPT = """CREATE TABLE IF NOT EXISTS taken (id INTEGER PRIMARY KEY, now REAL, body BLOB);
 CREATE TRIGGER IF NOT EXISTS take AFTER INSERT ON entries
@@ -200,7 +200,7 @@ def _taken(folder: Path) -> list[Entry]:
 
 
 def _breaks(killed: Path, sent: dict[tuple[str, Signal], dict[float, float]], kills: int) -> None:
-    """What was taken in beside what the plant told: what is missing, and whether anything goes across it."""
+    """Missing and extra entries of the store compared with the plant, and half-periods across a break."""
     with Reader(killed) as reader:
         names = {id: name for name, id in reader.loops().items()}
         lost = sum(event["kind"] == "lost" for event in reader.events(most=1_000_000))

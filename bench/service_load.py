@@ -1,4 +1,4 @@
-"""What a thousand loops at 1 Hz cost the whole service: `python -m bench.service_load [loops] [seconds]`.
+"""Cost of the whole service for a thousand loops at 1 Hz: `python -m bench.service_load [loops] [seconds]`.
 
 The plant is a process of its own. This process connects by OPC UA, and runs rows, detectors and memory; what it needs
 of the processor is told in parts. A plant that gets too little of the processor falls behind the clock, and tells later
@@ -60,7 +60,7 @@ def _reached(monitor: Monitor) -> list[float]:
 
 
 def _resident() -> float:
-    """What this process has in memory now [MB]."""
+    """Present memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
 
 

@@ -31,7 +31,7 @@ LEVEL = "LIC104"
 CALM = "of SP half of the time"
 TOO_MUCH = [f"It is off. {TEXT_OF_STATE[why]}" for why in ("over_compensated", "worse")]
 LONGEST = 900.0
-"""So long anything may take on a machine that is busy [s]."""
+"""Longest wait on a busy machine [s]."""
 
 
 @contextmanager
@@ -51,7 +51,7 @@ def _window(browser: Browser) -> Iterator[tuple[Page, str, Path]]:
 
 
 def _settle(page: Page) -> None:
-    """Until what comes after the first picture is there: the library says nowhere when that is."""
+    """Waits until everything after the first picture is there: the library has no event for that."""
     page.wait_for_load_state("networkidle")
     time.sleep(1.5)
 
@@ -73,7 +73,7 @@ def _repaired(data: Path, loop: str) -> None:
 
 
 class _Engineer:
-    """Who presses the buttons of one loop, and writes down when and what was said."""
+    """Person who presses the buttons of one loop, and records messages with their times."""
 
     def __init__(self, page: Page, url: str, out: Path, loop: str) -> None:
         self.page, self.url, self.out, self.loop = page, url, out, loop

@@ -24,15 +24,15 @@ RANGE = (-50.0, 50.0)
 
 
 class Loop(NamedTuple):
-    """When `WRONG_SIGN` was raised in a loop, by the module beside its controller; None: never."""
+    """Times of `WRONG_SIGN` in a loop, by the module beside its controller; None: never."""
 
     own_limits: bool
     right: float | None
-    """With the right sign, how long after PV last crossed SP [Ti]."""
+    """Time of the warning with the right sign, after PV last crossed SP [Ti]."""
     wrong: float | None
-    """With the process turned round, how long after PV last crossed SP [Ti]."""
+    """Time of the warning with the process turned round, after PV last crossed SP [Ti]."""
     told_wrong: float | None
-    """Where the module is told a K of the other sign than the controller has, how long after the beginning [Ti]."""
+    """Time of the warning where the module's K has another sign than the controller's, after the beginning [Ti]."""
 
 
 def _found(s: Simulation) -> float | None:
@@ -73,7 +73,7 @@ def loop(number: int) -> Loop | None:
 
 
 def _cells(after: list[float | None]) -> list[str]:
-    """How many were missed, and how long the others took."""
+    """Number of misses, and the times of the others."""
     known = [one for one in after if one is not None]
     missed = len(after) - len(known)
     took = f"{np.median(known):.0f} / {np.percentile(known, 95):.0f}" if known else ""

@@ -428,7 +428,7 @@ class Reader:
         self.memory = 0, 0
 
     def read(self, path: Path) -> str:
-        """What came of one file."""
+        """Read one file; give the outcome in a word."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, __file__, "--child"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

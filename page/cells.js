@@ -1,7 +1,7 @@
 // Cells to numbers, flags and times: python/glapp/reading/values.py and times.py.
 "use strict";
 
-/** What is wrong with a file or a cell: what, where, and what to do next. */
+/** Error in a file or a cell: what, where, and what to do next. */
 class InputError extends Error {
   constructor(what, { row, column, tag, hint } = {}) {
     const place = [row === undefined ? "" : `row ${row}`, column ? `column '${column}'` : "", tag ? `tag '${tag}'` : ""].filter(Boolean).join(", ");
@@ -68,7 +68,7 @@ const Cells = (data, folded) => {
 
   // --- numbers
 
-  /** How the cells of a table write numbers: what parts whole from decimal digits, and thousands; "" where none tells. */
+  /** Notation of the numbers in a table's cells: the marks of decimals and of thousands; "" where none tells. */
   function digitsOf(cells) {
     const shown = [];
     for (const [decimal, group] of [[",", "."], [".", ","]]) {
@@ -178,14 +178,14 @@ const Cells = (data, folded) => {
     throw new CellFault(i, `'${cell}' is not a limit flag`, "write 1 or 0");
   };
 
-  /** How to read a column of flags. */
+  /** Reader of a column of flags. */
   const rule = (role, column, name, marked) => ({ mode, op_low_flag: limit(4), op_high_flag: limit(8) })[role] ?? quality(texts(column).slice(0, 1000).map(word), name, marked);
 
   // --- times
 
   const plans = new Map();
 
-  /** Where in a stamp of one layout, its digits written 0, its parts are. */
+  /** Parts of a stamp of one layout, its digits written 0. */
   function plan(layout) {
     if (!plans.has(layout)) {
       const found = LAYOUT.exec(layout);
@@ -277,7 +277,8 @@ const Cells = (data, folded) => {
     numbers: { calendar, days: `${data.times.names[calendar]}, ${isoOf(Math.round(since * 86_400_000)).slice(0, 19)}` },
   });
 
-  /** What the numbers of a time column count, from their range, their steps, the column's name and its unit; and what is to be told. */
+  /** Unit of a time column's numbers, from their range, their steps, the column's name and its unit; and the finding
+   * to report. */
   function form(x, name, unit, text) {
     const known = x.filter(Number.isFinite);
     const [low, high] = [known.reduce((a, b) => Math.min(a, b)), known.reduce((a, b) => Math.max(a, b))];

@@ -1,4 +1,4 @@
-// Where a table begins and ends: python/glapp/reading/heads.py.
+// Beginning and end of a table: python/glapp/reading/heads.py.
 "use strict";
 
 const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {

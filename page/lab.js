@@ -268,7 +268,7 @@ const Laboratory = (() => {
     mine.postMessage({ kind: "fit", columns: columns_of, task: { controller, op_percent: true } });
   }
 
-  /** What a link asks for behind #laboratory?, as gap.d=4&pid.k=1.5; the first that is refused ends it. */
+  /** Settings in a link behind #laboratory?, as gap.d=4&pid.k=1.5; the first that is refused ends it. */
   function asked() {
     for (const [path, value] of new URLSearchParams(location.hash.split("?")[1] ?? "")) {
       set([path], Number(value));

@@ -44,7 +44,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
 
   // --- tags
 
-  /** Where what begins here and is no tag ends: a comment, a declaration, an instruction. */
+  /** End of a comment, a declaration, or an instruction that begins here and is no tag. */
   function passed(text, at) {
     const end = text.startsWith("<!--", at) ? "-->" : text.startsWith("<![CDATA[", at) ? "]]>" : ">";
     const found = text.indexOf(end, at + 2);

@@ -180,7 +180,7 @@ function span(of) {
   return [low, high];
 }
 
-/** What the core is told, as glapp.estimate tells it. */
+/** Task for the core, in the form of glapp.estimate. */
 function task() {
   const [k, ti, td, b] = ["k", "ti", "td", "b"].map(typed);
   if ((k === null) !== (ti === null)) throw new Error("K and TI: give both, or neither");
@@ -331,7 +331,7 @@ const swatch = (name) => h("span", {}, h("i", { class: `swatch r-${name}` }), wo
 function quality(reply) {
   const { answer: doc, read, told } = reply;
   const reader = reader_of(reply);
-  // As in the package: what was found in reading comes before what is as grave.
+  // Findings of reading come before others of the same severity, as in the package.
   const weight = ({ code, severity }) => (code === "kp_assumed" ? 3 : Object.keys(EXPLAINED).indexOf(severity));
   const read_of = read.told.map((one) => ({ ...one, text: finding(one, reader) }));
   const all = [...read_of, ...doc.quality.map((one, i) => ({ ...one, text: told.quality[i] }))].sort((a, b) => weight(a) - weight(b));
@@ -458,7 +458,7 @@ function likelihood(pv, found, answer, op_unit) {
 
 // --- the report, a file of its own
 
-/** The same page without scripts: canvases as images. */
+/** Save the page without scripts: canvases as images. */
 function save() {
   const copy = $("result").cloneNode(true);
   const drawn = $("result").querySelectorAll("canvas");

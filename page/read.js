@@ -44,7 +44,7 @@ const Reading = (data) => {
     }
   }
 
-  /** What reads a text whole, by its beginning; undefined for a table of text. */
+  /** Reader for a text that is read whole, by its beginning; undefined for a table of text. */
   function wholly(beginning) {
     if (Points.isAnnotated(beginning)) return Points.annotated;
     if (Points.isLineProtocol(beginning)) return Points.lineProtocol;

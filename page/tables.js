@@ -17,7 +17,7 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
 
   // --- text
 
-  /** How a text is written, from its first bytes. */
+  /** Encoding of a text, from its first bytes. */
   function encoding(raw) {
     const marks = [["utf-8", [0xef, 0xbb, 0xbf]], ["utf-16le", [0xff, 0xfe]], ["utf-16be", [0xfe, 0xff]]];
     for (const [name, mark] of marks) if (mark.every((byte, i) => raw[i] === byte)) return name;

@@ -56,7 +56,7 @@ class Export:
     loop: str | None = "FIC101"
     """Name of the loop where the columns tell it; else it has the file's."""
     settings: dict[str, Any] = field(default_factory=dict)
-    """What a person has to say of it."""
+    """Settings of the person."""
     told: str | None = None
     """Finding that says what was done."""
 

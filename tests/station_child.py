@@ -71,7 +71,7 @@ def again(folder: Path) -> tuple[Monitor, Users]:
 
 
 def with_evil(row: dict[str, Any]) -> dict[str, Any]:
-    """What is shown, and beside it a loop of that name, whose signal says it too, and a database that lies aside."""
+    """A state with a loop of that name, whose signal says it too, and a database set aside."""
     return row | {
         "damaged": f"the database has 0 bytes; it was set aside as {EVIL}",
         "loops": row["loops"] | {EVIL: row["loops"]["FIC2"] | {"note": EVIL}},

@@ -1,4 +1,4 @@
-"""For the tests of the window in Chromium: a window in a process of its own, a browser, and who is logged in."""
+"""Setup of the window's tests in Chromium: a window in a process of its own, a browser, and a login."""
 
 import shutil
 import subprocess
@@ -12,7 +12,7 @@ import pytest
 CHROMIUM = shutil.which("chromium")
 HERE = Path(__file__).parent
 LONGEST = 60_000
-"""Nothing that is waited for takes longer, on any machine [ms]."""
+"""Longest wait, on any machine [ms]."""
 
 
 class Window:
@@ -48,7 +48,7 @@ class Window:
         self.process.wait(LONGEST / 1000)
 
     def start_again(self) -> None:
-        """At the same address, as a service that is restarted."""
+        """Starts the window again at the same address, as a service that is restarted."""
         self._start(int(self.url.rpartition(":")[2]))
 
 

@@ -165,7 +165,7 @@ def test_the_programs_of_the_page_compile(tmp_path: Path) -> None:
     if compiler is None:
         pytest.skip("there is no compiler for C here")
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
-    # Those for a microcontroller have a header of their own: test_embedded.py.
+    # The functions for a microcontroller have a header of their own: test_embedded.py.
     programs = [one for one in re.findall(r"```c\n(.*?)```", page, re.DOTALL) if "_f32(" not in one]
     assert len(programs) == 2
     around = (

@@ -47,7 +47,7 @@ WORDS = {
     "plan",
     "repair",
 }
-"""What Python adds: names, units, sentences, several recordings of one loop, and plans of tests."""
+"""Fields that Python adds: names, units, sentences, several recordings of one loop, and plans of tests."""
 
 CODES = {
     "version",
@@ -66,7 +66,7 @@ CODES = {
     "controller.tried",
     "controller.delta_u",
 }
-"""What the sentences are made of."""
+"""Codes that the sentences are made of."""
 
 
 def answered(recording: glapp.Recording, **asked: Any) -> dict[str, Any]:
@@ -133,7 +133,7 @@ def with_all_parts() -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_the_core_answers_what_is_declared() -> None:
-    # With so small a Kp the crossings are too narrow, and struck.
+    # The crossings are too narrow with so small a Kp, and struck.
     assert told(LoopAnswer, answered(worn(0.3)) | {"answer": with_all_parts()}) == (WORDS, CODES)
 
 

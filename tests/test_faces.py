@@ -31,7 +31,7 @@ SPANS: list[dict[str, Any]] = [
     {"op_span": (0, 500), "op_unit": "rpm", "acceptable_dead_band": 0.5},
     {"op_unit": "rpm"},
 ]
-"""What is known of OP: limits given and not, spans of other units, no span."""
+"""Knowledge of OP: limits given and not, spans of other units, no span."""
 
 
 def recordings(count: int) -> Iterator[glapp.Recording]:
@@ -137,7 +137,7 @@ OPC_UA = {
 
 
 def faces(recording: glapp.Recording, folder: Path) -> list[str]:
-    """What every face says of a recording, where it is not what the core decided."""
+    """Texts of every interface on a recording, where they are not the core's decision."""
     from glapp.service.fits import row_of
     from glapp.service.monitor import Monitor
     from glapp.service.options import MonitorOptions

@@ -55,7 +55,9 @@ def alone(pid: Pid) -> Graph:
 
 
 def discrete(pid: Pid) -> tuple[control.TransferFunction, control.TransferFunction]:
-    """From setpoint and from process value to output: backward differences, as the documentation states them."""
+    """Transfer functions from setpoint and from process value to output: backward differences, as the documentation
+    states them.
+    """
     z = control.TransferFunction([1, 0], [1], H)
     one = control.TransferFunction([1], [1], H)
     a = H / (pid.tf + H)
@@ -665,7 +667,7 @@ def test_a_schedule_is_edited_while_it_runs_without_a_bump(mode: Mode, k: float)
         most = max((g / ti for _, g, ti, _ in rows), default=1 / 5) * H * 1.0
         assert abs(loop["pid"] - before) <= most + 1e-9
         assert (loop["pid"] == before) == (mode == Mode.MANUAL)
-    # And it is in force: a step of PV is answered with the gain between the rows, here 1.5.
+    # The schedule is in force: a step of PV is answered with the gain between the rows, here 1.5.
     before = loop["pid"]
     loop.scan(pv=49.0)
     answer = 0.0 if mode == Mode.MANUAL else k * 1.5 * (1 + 0.1 / H + 2 * H / 5.5)
@@ -753,7 +755,9 @@ def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
 @pytest.mark.parametrize("inside", [True, False], ids=["PidAdvanced", "BacklashDetection"])
 @pytest.mark.slow
 def test_no_width_is_shown_below_the_noise_limit(inside: bool) -> None:
-    """Without a gap nine detections of a tenth of a per cent were shown; the noise is that of PV before the filter."""
+    """Regression: nine detections of a tenth of a per cent were shown without a gap; the noise is that of PV before the
+    filter.
+    """
     shown = {}
     for d in (0.0, 0.05):
         named: dict[str, Any] = {
@@ -837,7 +841,7 @@ def test_what_the_autotuner_inside_offers_is_taken_over(rule: TuneRule) -> None:
     loop.take_over("pid")
     assert [loop[f"pid.{name}"] for name in ("k", "ti", "td")] == offered
     loop.scan()
-    # What the new gains make of one sample more, in noise.
+    # Effect of the new gains on one sample more, in noise.
     assert abs(loop["pid"] - before) < offered[0] * 0.05 * (1 + offered[2] / 0.1)
     # Other parameters set later leave it in force.
     loop["pid.b"] = 0.5
@@ -877,7 +881,7 @@ def test_what_is_not_offered_is_not_taken_over(given: dict[str, Any], begin: boo
         loop.take_over("pid")
     assert {name: loop[name] for name in loop} == pytest.approx(before, nan_ok=True)
     assert math.isnan(loop["pid.tune_k"])
-    # Under a schedule the detector has the Kp all the same.
+    # The detector has the Kp also under a schedule.
     assert math.isnan(loop["pid.tune_kp"]) == ("schedule" not in given)
 
 

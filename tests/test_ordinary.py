@@ -109,7 +109,7 @@ def test_the_sweep_shows_the_width_and_the_jump_of_mere_friction(model):
     assert d == pytest.approx(2.0, rel=0.06) and jump == 0.0
     slips = Stem(model=model, fs=1.5, fc=1.0, stribeck=0.1)
     d, _, _, jump = swept(Valve(stem=slips, lag=0.5), 2.0)
-    # It stands until the force has gone from one side's friction to fs of the other.
+    # The stem stands until the force has gone from one side's friction to fs of the other.
     assert 2.0 < d < 3.1 and 0.2 < jump < 1.0
     d, _, _, _ = swept(Valve(stem=slides, lag=0.5, positioner=3.0, d=1.0), 1.5)
     assert d == pytest.approx(1.5, rel=0.06)
@@ -235,7 +235,7 @@ def test_another_day_is_the_same_valve_and_controller():
 
 def test_the_oracle_knows_the_noise():
     sound = oracle.Record("steps/none/12/1")
-    # With OP as it was between the rows nothing is left but white noise of variance 1.
+    # With OP as it was between the rows only white noise of variance 1 is left.
     (cost,) = oracle.known(sound, sound.true, [sound.simulation.op - sound.rest])
     assert cost.left == pytest.approx(1.0, abs=0.1)
 

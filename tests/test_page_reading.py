@@ -193,7 +193,7 @@ UNAIDED = [name for name in MAKERS if name not in ASKED]
 
 @pytest.fixture(scope="module")
 def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    """What the page's reader makes of each text, and where that is."""
+    """Result of the page's reader for each text, and its place."""
     folder = tmp_path_factory.mktemp("page")
     (folder / "data.json").write_text(json.dumps(build.of_reading()), encoding="utf-8")
     scripts = json.dumps([str(path) for path in (PAPA, FORMATS, *(ROOT / "page" / f"{n}.js" for n in build.READER))])

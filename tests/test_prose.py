@@ -35,7 +35,7 @@ INVERTED = re.compile(
     r"|(?:(?!Speed|Need|Feed|Seed)[A-Z]\w+ed|Shown|Lost|Taken|Left|Given|Found|Held|Known|Written|Seen|Told|Put|Made)"
     r" (?:is|are|was|were)\b"
 )
-"""How a sentence begins whose subject comes behind its verb."""
+"""Beginning of a sentence whose subject comes behind its verb."""
 
 
 def sentences(text: str) -> list[str]:

@@ -105,7 +105,7 @@ def test_signals_against_their_spans() -> None:
     [found] = look(t, sp, pv, op, **k, pv_span=(high - 0.5, high + 1)).values()
     assert (found.code, found.severity, found.evidence["signal"]) == ("span", "warning", "PV")
     assert found.text.startswith(f"PV goes from {low:.4g} to {high:.4g}, beyond its span of {high - 0.5:.4g}")
-    # As a fraction and as a current, whatever the settings say or do not say of it.
+    # OP as a fraction and as a current, with the settings and without.
     for span in (None, (0.0, 100.0)):
         found = look(t, sp, pv, op / 100, op_span=span)["span"]
         assert found.evidence["looks_like"] == "fraction" and "--op-span 0 1" in found.text

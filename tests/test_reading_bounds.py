@@ -100,7 +100,7 @@ def test_one_long_cell_is_refused(tmp_path, at):
 
 
 def test_a_workbook_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
-    """What its directory says of the sizes is not believed either."""
+    """The sizes in its directory are not trusted either."""
     monkeypatch.setattr(bounds, "UNPACKED", 1 << 20)
     monkeypatch.setattr(bounds, "RATIO", 1)
     path = workbook(tmp_path / "plant.xlsx", "".join(far(f"A{40 + k}") for k in range(60_000)))
@@ -132,7 +132,7 @@ def test_what_no_check_foresees_ends_the_process_apart_and_no_other(tmp_path):
 @pytest.mark.parametrize("columns", [10**5, 10**6])
 @pytest.mark.slow
 def test_a_table_that_is_too_wide_is_refused_at_its_first_line(tmp_path, columns):
-    """It took 15 s and more than a minute."""
+    """Regression: the tables took 15 s and more than a minute."""
     path = tmp_path / "plant.csv"
     path.write_text("\n".join([",".join(f"c{k}" for k in range(columns)), *4 * ["1," * (columns - 1) + "1"]]))
     with pytest.raises(

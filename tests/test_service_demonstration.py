@@ -32,11 +32,11 @@ WHAT = {
     "FIC105": "sound",
     "TIC106": "cannot_tell",
 }
-"""How sure each answer is; that of PIC102 is that it oscillates."""
+"""Confidence of each answer; PIC102 oscillates for another reason."""
 
 
 def differences(stored: Any, made: Any, place: str = "") -> Iterator[str]:
-    """Where two answers differ; numbers by more than a millionth."""
+    """Paths at which two answers differ; numbers by more than a millionth."""
     if isinstance(stored, dict) and isinstance(made, dict):
         for name in sorted(stored.keys() | made.keys()):
             yield from differences(stored.get(name), made.get(name), f"{place}.{name}")

@@ -72,7 +72,7 @@ def theirs(stack, script, *words, pki=None):
 
 
 async def said(stack, script, *words, pki=None):
-    """What a program of theirs says at its end."""
+    """Last output of another maker's program."""
     child = await asyncio.to_thread(lambda: theirs(stack, script, *words, pki=pki))
     out, _ = await asyncio.to_thread(child.communicate, timeout=180)
     return json.loads(next(line for line in out.splitlines() if line.startswith(b"{")))
@@ -80,7 +80,7 @@ async def said(stack, script, *words, pki=None):
 
 @contextlib.contextmanager
 def their_server(stack, *folder):
-    """Where it listens, and what it says of itself."""
+    """Address of their server, and its description."""
     port = free_port()
     with theirs(stack, "server", port, *folder) as served:
         try:
@@ -144,7 +144,9 @@ def test_our_client_and_their_server(stack):
 
 @pytest.fixture(scope="module")
 def pki(tmp_path_factory):
-    """Who they are, and a stranger whom nobody trusts: NAME.der, NAME.crt (the same as text) and NAME.pem, the key."""
+    """Certificates of the programs, and of a stranger whom nobody trusts: NAME.der, NAME.crt (the same as text) and
+    NAME.pem, the key.
+    """
     folder = tmp_path_factory.mktemp("pki")
 
     async def make(name, uri, *uses):
@@ -208,7 +210,7 @@ def test_their_client_and_our_plant():
 @pytest.mark.parametrize("sealed", [False, True], ids=["open", "encrypted"])
 @pytest.mark.parametrize("stack", STACKS)
 def test_their_client_and_our_answers(stack, sealed, pki, tmp_path):
-    """What we say of a loop, as it is and as it changes; none of it is to be written.
+    """Their client reads our values of a loop, as they are and as they change; none of them can be written.
 
     Encrypted it is said to who knows the password, and they speak to nobody whose certificate they do not know.
     """

@@ -139,7 +139,7 @@ def gaps(values, scan):
 
 @pytest.fixture(scope="module")
 def faulty(shared):
-    """What a watch saw while in each of eight loops something else went wrong for a while."""
+    """Results of a monitor while each of eight loops has another fault for a while."""
     kinds = ["bad", "stuck", "future", "late", "duplicate", "type", "back", "silent"]
 
     async def run(plant):
@@ -251,7 +251,7 @@ def test_the_same_thing_is_not_told_again_and_again(faulty):
 
 @pytest.mark.slow
 def test_server_gone_and_back_with_other_namespace_indices():
-    """Nothing is missing and nothing comes twice, though the server was away and its indices have moved."""
+    """No value is missing and none comes twice, though the server was away and its indices have moved."""
 
     async def run():
         async with SimPlant(2, scan=0.1) as plant:
@@ -420,7 +420,7 @@ def test_a_history_that_gives_more_than_was_asked(monkeypatch):
 
 @pytest.mark.verify
 def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
-    """It keeps its socket open and answers nothing: only its silence tells."""
+    """The server keeps its socket open and answers nothing: only its silence shows it."""
     port = free_port()
     settings = tmp_path / "loops.toml"
     command = [*GLAPP, "plant", "--loops", "1", "--scan", "0.1", "--port", str(port), "--settings", settings]
@@ -729,7 +729,7 @@ def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, kinds):
 
 @pytest.mark.parametrize("steps", range(5))
 def test_a_cancellation_is_not_lost_where_a_message_comes_with_it(steps):
-    """With wait_for of Python 3.11 the service went on listening after it was told to end."""
+    """Regression: with wait_for of Python 3.11 the service went on listening after it was told to end."""
 
     async def run():
         fed = Fed()
@@ -775,7 +775,7 @@ def refused(error):
 
 @served
 def test_writing(shared):
-    """What is written, what is refused, and what the plant does when we are silent."""
+    """Allowed writes, refused writes, and the plant without a heartbeat."""
     times = {}
 
     async def run(plant):
@@ -898,7 +898,7 @@ def test_a_plant_does_not_let_others_be_written(shared):
 
 
 def test_nothing_but_the_service_can_reach_a_plant():
-    """Neither the laboratory nor what Python may ask for: nothing outside of the service imports a client."""
+    """Nothing outside of the service imports a client: neither the laboratory nor the Python API."""
     package = ROOT / "python" / "glapp"
     reach = {
         str(path.relative_to(package))

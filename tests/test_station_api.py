@@ -160,7 +160,7 @@ def test_logins_count_by_the_address_they_come_from(plant: tuple[Monitor, Statio
 def test_a_token_reads_nothing_when_its_user_is_removed(
     client: TestClient, plant: tuple[Monitor, Station, Any]
 ) -> None:
-    """It was believed for ten seconds."""
+    """Regression: the token was believed for ten seconds."""
     users = plant[0].users
     for change in (
         lambda: users.put("rick", "operator", None, time.time()),

@@ -36,7 +36,7 @@ def test_time_goes_by_the_wall_whatever_the_steps() -> None:
 
 
 def test_it_keeps_real_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the ticks: here of a clock that goes on by uneven steps."""
+    """The speed does not depend on the ticks: here of a clock that goes on by uneven steps."""
     pytest.importorskip("nicegui")
     from glapp.station import lab_page
 
@@ -139,7 +139,7 @@ def test_what_is_no_loop_is_refused_with_its_place(project: Project, message: st
 
 
 def test_every_kind_can_be_made_by_a_form() -> None:
-    """With nothing but numbers."""
+    """The form is filled with nothing but numbers."""
     needed = {
         "Noise": "amplitude=1",
         "Resolution": "step=1",
@@ -174,7 +174,7 @@ def test_blocks_are_drawn_and_names_are_no_markup() -> None:
 
 @pytest.mark.slow
 def test_it_has_no_way_to_the_service() -> None:
-    """Nothing of the service, the API or the network is imported by the laboratory."""
+    """The laboratory imports nothing of the service, the API or the network."""
     import subprocess
     import sys
 

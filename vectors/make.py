@@ -565,7 +565,7 @@ def _smoother(tf: float) -> Callable[[float, float], tuple[float, bool]]:
 
 
 def compensation_cases() -> Iterator[dict[str, Any]]:
-    """Those of a size that is known, to which nothing is offered and which nothing hinders; those of an estimate."""
+    """Cases of a size that is known, to which nothing is offered and which nothing hinders; cases of an estimate."""
     for one in _compensation_cases():
         yield one | {"input": [[*row, *[NAN] * (8 - len(row))] for row in one["input"]]}
 
@@ -856,7 +856,7 @@ def _runs_away(
 
 
 def wrong_sign_cases() -> Iterator[dict[str, Any]]:
-    """What runs away, at either limit, and what only looks like it."""
+    """Cases that run away, at either limit, and cases that only look like it."""
     up = {"k": 2.0, "ti": 2.4, "low": 0.0, "high": 100.0}
 
     def rows(*changes: tuple[int, list[float]], turn: int = 1, way: float = 1.0) -> list[list[float]]:
@@ -1646,7 +1646,7 @@ def _half_periods(
         begin = i
     if ending is not None:
         if rows:
-            # What is read at the closing crossing is not known: it is as at the opening one.
+            # Values at the closing crossing are not known: they are those at the opening one.
             measured = _measured(rows[begin:], rows[begin][1])
             sign = crossings[-1][1]
         else:
@@ -1659,7 +1659,7 @@ def _half_periods(
 
 
 class _Memory:
-    """What is remembered from one half-period to the next."""
+    """Memory from one half-period to the next."""
 
     def __init__(self, params: Params) -> None:
         self.params = params
@@ -2011,7 +2011,7 @@ class _Relay:
                 self.read_gain(total)
 
     def integrals(self) -> dict[str, float]:
-        """Of OP and PV, plain and with cos and sin at the middle of each step."""
+        """Integrals of OP and PV, plain and with cos and sin at the middle of each step."""
         t = 0.0
         turns = []
         for h, *_ in self.samples:
@@ -2333,7 +2333,7 @@ def pid_module(params: Params, h: Sequence[float], samples: Sequence[Sequence[fl
 
 
 class _Controller:
-    """What the controller remembers from scan to scan."""
+    """State of the controller from scan to scan."""
 
     def __init__(self, params: Params) -> None:
         self.b, self.c, self.tf = params.get("b", 1.0), params.get("c", 0.0), params.get("tf", 0.0)
@@ -2642,7 +2642,7 @@ class _Detection:
         return _shown(self.widths[-int(self.params["n"]) :])[0] if self.widths else NAN
 
     def all(self) -> list[float]:
-        """What is shown."""
+        """All outputs."""
         whole = NAN if self.whole() < self.noise_floor else self.whole()
         over = self.over[0] + 2 * self.over[1]
         return [self.u_ff, *self.shown, self.noise_floor, whole, self.standing, over, self.error]
@@ -2896,7 +2896,7 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     def theirs(
         params: Params, truly: int, enable: Callable[[int], float], h: Sequence[float] = (), **changes: dict[int, float]
     ) -> list[list[float]]:
-        """What is read of a PI controller that truly has u_FF `truly` scans after it was made."""
+        """Signals read of a PI controller that truly has u_FF `truly` scans after it was made."""
         made: list[list[float]] = []
         names = ["pv", "sp", "op", "told", "back", "enable"]
         integral, handed, beside = 50.0, [0.0] * truly, _Foreign(params)
@@ -3625,7 +3625,7 @@ NULLS: dict[str, dict[str, str]] = {
     "wrong_sign": {"yf": "no number"},
     "zero_crossing": {"e": "no number"},
 }
-"""What null means, input by input, where a case has one."""
+"""Meaning of null, input by input, where a case has one."""
 
 
 def case(comment: str, flags: list[str], params: Params, samples: list[Any], h: Any = None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What is said of a record, beside its truth."""
+"""Answer on a record, beside its truth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Told = Literal["right", "wrong", "silent"]
 
 
 def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
-    """What a verdict with its limits tells of a gap that is `d` wide, 0 for none.
+    """Outcome of a verdict with its limits for a gap `d` wide, 0 for none.
 
     Right: a width whose interval holds the truth, a lower bound below it, *sound* where there is no gap.
     Wrong: what does not hold. Silent: nothing of it, and *sound, none above x* where the gap is narrower.
@@ -37,7 +37,7 @@ def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
 
 @dataclass(frozen=True)
 class LoadsAnswer:
-    """What `glapp.analyze` said of a record, through its fit.
+    """Answer of `glapp.analyze` on a record, through its fit.
 
     - `d`, `low`, `high`, `lr`: as in `glapp.fit.Fit`; lr is `lr_no_gap`.
     - `lowest`: the least number among width and limits, of the whole and of each window [% of OP].
@@ -122,7 +122,7 @@ COUNTED = ("no gap", "width", "bound", "gap", "right", "wrong", "silent")
 
 
 def counted(answers: Sequence[LoadsAnswer]) -> list[int]:
-    """How many are about no gap, and a width or a bound to them; about a gap, and told rightly, wrongly or not."""
+    """Counts of records without a gap with their widths and bounds, and of others by right, wrong and no answer."""
     none, gap = ([a for a in answers if (a.truth.d > 0) == there] for there in (False, True))
     numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
     return [*numbers, len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
@@ -135,7 +135,7 @@ def read(path: Path) -> list[LoadsAnswer]:
 
 
 def against(before: Iterable[LoadsAnswer], now: Sequence[LoadsAnswer]) -> str:
-    """What changed for each record that both have."""
+    """Change for each record that both have."""
     then = {answer.key: answer for answer in before}
     both = [(then[answer.key], answer) for answer in now if answer.key in then]
     lines = [f"{len(both)} records are in both."]

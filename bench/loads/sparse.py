@@ -1,4 +1,4 @@
-"""What is said where few samples lie in a process' lag: `python -m bench.loads.sparse`.
+"""Answers where few samples lie in a process' lag: `python -m bench.loads.sparse`.
 
 The loops are those of `bench.loads`, longer, and only every r-th row is recorded: 0.4 to 5 of them in a lag.
 """

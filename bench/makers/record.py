@@ -39,7 +39,7 @@ class Export:
     ending: str
     content: bytes
     loop: str | None = TAG
-    """What the loop's name has in it; None where no column tells, and the file's name is the loop's."""
+    """Part of the loop's name; None where no column tells, and the file's name is the loop's."""
     t: Floats = field(default_factory=lambda: K * STEP)
     sp: Floats | None = field(default_factory=lambda: SP)
     pv: Floats = field(default_factory=lambda: PV)

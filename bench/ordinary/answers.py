@@ -1,4 +1,4 @@
-"""What is said of a record, with all that can decide it, on one line."""
+"""Answer on a record, with all that can decide it, on one line."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ OLD = {
 
 @dataclass(frozen=True)
 class Said:
-    """What an answer claims.
+    """Claim of an answer.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Line:
 
     @property
     def key(self) -> tuple[str, int]:
-        """What it is about."""
+        """Key of the record."""
         return self.truth.name, self.recordings
 
     @property
@@ -95,7 +95,7 @@ class Line:
         return self.document.get("fit") or {}
 
     def said(self, again: bool = False) -> Said:
-        """What is claimed; `again`: as the ladder of today judges the stored evidence, without a fit."""
+        """Claim of an answer; `again`: as the ladder of today judges the stored evidence, without a fit."""
         if self.error is not None:
             return Said("refused", None, None, None, None, None)
         answer, fit, best = self.document.get("answer") or {}, self.fit, self.evidence
@@ -129,7 +129,7 @@ class Line:
 
 
 def _judged(told: Mapping[str, Any], numbers: Mapping[str, float | None]) -> Said:
-    """What the fit says; that none is seen is *sound* where its bound is within what is acceptable."""
+    """Verdict of the fit; a valve without a gap is *sound* where its bound is within the acceptable limit."""
     confidence, high = told["confidence"], numbers["high"]
     if confidence == "none_seen" and high is not None and high <= LIMIT:
         confidence = "sound"
@@ -163,7 +163,7 @@ def read(path: Path) -> list[Line]:
 
 
 def done(path: Path) -> set[tuple[str, int]]:
-    """What a file has already; a line that was cut off while it was written is taken out of it."""
+    """Finished lines of a file; a line that was cut off while it was written is removed from it."""
     if not path.exists():
         return set()
     texts = path.read_text(encoding="utf-8").splitlines(keepends=True)

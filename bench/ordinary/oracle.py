@@ -1,4 +1,4 @@
-"""Which gaps could be told by somebody who knows neither process nor load: `python -m bench.ordinary.oracle FILE`.
+"""Gaps that an oracle without knowledge of process and load could tell: `python -m bench.ordinary.oracle FILE`.
 
 The oracle of `bench.truth.ladder` on its last rung: it is told the true valve, the noise, and of process and load only
 the kind; gain, lags, dead time and the load's places are sought, with the true valve and without a gap. It is asked
@@ -136,7 +136,7 @@ class Record(Known):
 
 @dataclass(frozen=True)
 class Seen:
-    """What the oracle sees of a record.
+    """Result of the oracle on a record.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Seen:
         moves = [op - record.rest, *(record.valve(op, part * whole) - record.rest for part in tried)]
         if d > 0 and record.scenario.valve is not None:
             moves.append(record.valve(op) - record.rest)
-        # What is not known of OP between the rows is more noise.
+        # The unknown course of OP between the rows is more noise.
         variance = max(1.0, min(cost.left for cost in known(record, record.true, moves)))
         costs: list[Cost] = sought(record, record.true, moves, variance)
         nearest = sorted(range(1, len(moves)), key=lambda i: costs[i].cost)[:FOLLOWED]
@@ -175,7 +175,7 @@ class Seen:
 
 
 def ask(name: str) -> Seen | str:
-    """What the oracle sees of the record, or why it cannot be asked."""
+    """Result of the oracle on the record, or the reason why it cannot be asked."""
     try:
         return Seen.of(name)
     except linalg.LinAlgError as error:
@@ -207,7 +207,7 @@ def main() -> None:
     out = given.answers.with_suffix(".oracle.jsonl")
     asked = [Seen(**json.loads(text)) for text in out.read_text("utf-8").splitlines()] if out.exists() else []
     none = [line for line in lines.values() if line.truth.d == 0][: given.most]
-    # In the order of the file, so that what is there early has both.
+    # Read in the order of the file, so that rows there early have both.
     names = [name for name, line in lines.items() if line in gaps or line in none]
     left = [name for name in names if name not in {seen.name for seen in asked}]
     with ProcessPoolExecutor(given.jobs) as pool, out.open("a", encoding="utf-8") as file:
@@ -222,7 +222,7 @@ def main() -> None:
 
 
 def table(lines: list[Line], ratios: dict[str, float], again: bool = False) -> str:
-    """Of the gaps that the oracle sees, how many are told."""
+    """Table of the gaps that the oracle sees, with the number that the fit tells."""
     asked: dict[tuple[str, bool], float] = {}
     for line in lines:
         key = (line.truth.kind, line.truth.apart)

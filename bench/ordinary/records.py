@@ -48,7 +48,7 @@ LEAST_MOVE = 0.02
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true of a record, known to no method.
+    """Truth of the record, known to no method.
 
     Attributes
     ----------
@@ -260,7 +260,7 @@ def _truth(drawn: Drawn, simulation: Simulation, kept: slice, rows: int) -> Trut
 
 
 def reversals(x: Floats, least: float) -> tuple[int, int]:
-    """How often x turned upwards and downwards, with a move of `least` or more each way."""
+    """Numbers of turns of x upwards and downwards, with a move of `least` or more each way."""
     moves = np.sign(np.diff(x))
     at = np.flatnonzero(moves)
     turned = at[1:][moves[at[1:]] != moves[at[:-1]]]

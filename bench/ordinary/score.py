@@ -62,7 +62,7 @@ def titled(title: str, table: str) -> str:
 
 
 def share(of: Sequence[bool]) -> str:
-    """How many of how many, in per cent with 95 % limits."""
+    """Share in per cent with 95 % limits."""
     n, k = len(of), sum(of)
     if n == 0:
         return "-"
@@ -81,7 +81,7 @@ def _by_row(group: Group) -> dict[str, list[Judged]]:
 
 
 def gapless(one: Group) -> str:
-    """Of records without a gap, how many are called one: row by row, and all."""
+    """Number of records without a gap that are called one: row by row, and all."""
     without = [j for j in one if j.line.truth.d == 0]
     groups = {}
     for row, of in _by_row(without).items():
@@ -126,7 +126,7 @@ def cycles(one: Group) -> str:
 
 
 def seen(one: Group) -> str:
-    """Of gaps that the rule of bench.truth calls identifiable, how many are told, row by row."""
+    """Number of gaps told of those that the rule of bench.truth calls identifiable, row by row."""
     there = [j for j in one if j.line.truth.identifiable]
     groups: dict[str, Group] = {
         "rows near": [j for j in there if not j.line.truth.apart],
@@ -206,7 +206,7 @@ def sound(one: Group) -> str:
 
 
 def unsound(one: Group) -> str:
-    """What keeps a valve without a gap from being called sound although OP turned often, the most frequent first."""
+    """Reasons why a valve without a gap is not called sound although OP turned often, the most frequent first."""
     turned = [j for j in one if j.line.truth.d == 0 and j.line.truth.op_turns >= TURNS]
     found = Counter(_doubt(j) for j in turned if j.said.confidence != "sound")
     return markdown(["reason", "records"], [[why, str(n)] for why, n in found.most_common()]) if found else ""
@@ -234,7 +234,7 @@ def jumps(line: Line) -> bool:
 
 
 def causes(one: Group) -> str:
-    """What is called which cause."""
+    """Causes named, by true cause."""
     groups: dict[str, Callable[[Line], bool]] = {
         "clearance": lambda line: line.truth.fault == "gap",
         "friction": lambda line: line.truth.fault == "friction",
@@ -254,7 +254,7 @@ def causes(one: Group) -> str:
 
 
 def process(one: Group) -> str:
-    """How often the limits of gain, dead time and lags hold, inside the fit's family, without an integrator."""
+    """Coverage of the limits of gain, dead time and lags, inside the fit's family, without an integrator."""
     body = []
     for near in (True, False):
         of = [
@@ -282,7 +282,7 @@ def process(one: Group) -> str:
 
 
 def several(every: Group) -> str:
-    """What several days of one valve say together, beside what the first says alone."""
+    """Joint answers of several days of one valve, beside that of the first alone."""
     alone = {j.line.truth.name: j for j in every if j.line.recordings == 1}
     numbers = sorted({j.line.recordings for j in every})
     if len(numbers) < 2:
@@ -313,7 +313,7 @@ def several(every: Group) -> str:
 
 
 def times(one: Group) -> str:
-    """How long a record takes."""
+    """Times of a record."""
     if not one:
         return ""
     seconds = [j.line.seconds for j in one]

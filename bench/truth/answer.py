@@ -1,4 +1,4 @@
-"""What a method says of a record, in words that are the same for all."""
+"""Answer of a method on a record, in terms common to all."""
 
 from __future__ import annotations
 

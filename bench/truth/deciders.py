@@ -1,4 +1,4 @@
-"""Who decides how many, rightly and wrongly: `python -m bench.truth.deciders FILE`.
+"""Number of records that each method decides, rightly and wrongly: `python -m bench.truth.deciders FILE`.
 
 FILE has the lines of `python -m bench.weigh`. The records of bench.truth among them are made again, and all methods but
 the fit are asked about them. What the fit says follows from its stored evidence by the ladder of today, so that no
@@ -27,7 +27,7 @@ CLAIMS = {"fit, found": ("found",), "fit, found or likely": ("found", "likely")}
 
 
 def of_fit(sample: Sample, claims: tuple[str, ...]) -> MethodAnswer:
-    """What the ladder of today makes of the stored evidence."""
+    """Judgement of today's ladder on the stored evidence."""
     told = _glapp.fit_judgement(json.dumps(sample.evidence))  # type: ignore[attr-defined]
     if told["confidence"] in claims:
         return MethodAnswer("at_least" if told["width_kind"] == "bound" else "backlash")
@@ -37,7 +37,7 @@ def of_fit(sample: Sample, claims: tuple[str, ...]) -> MethodAnswer:
 
 
 def asked(samples: list[Sample]) -> Iterator[Scored]:
-    """What each method says of the records of bench.truth among the samples."""
+    """Answers of each method on the records of bench.truth among the samples."""
     for sample in samples:
         if not sample.name.startswith(SOURCE):
             continue

@@ -85,7 +85,7 @@ _BEGIN = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 
 @dataclass(frozen=True)
 class _Export:
-    """How one historian writes: header, time stamp, decimal mark and separator."""
+    """Format of one historian: header, time stamp, decimal mark and separator."""
 
     header: str
     stamp: Callable[[datetime], str]

@@ -34,7 +34,7 @@ TimeFormat = Literal[
     "matlab",
     "julian",
 ]
-"""How a time column is written where the data does not tell: the order of a date, or what its numbers count."""
+"""Layout of a time column where the data does not tell it: the order of a date, or the unit of its numbers."""
 
 
 class Columns(Checked):
@@ -114,7 +114,7 @@ _SIGNALS = ("sp", "pv", "op", "mode", "low", "high", "position", "u_ff")
 
 
 class Process(Checked):
-    """What is known about the process.
+    """Facts known of the process.
 
     - `type`: flow, pressure and temperature mostly regulate themselves; level mostly integrates.
     - `kp`: static gain Kp of a self-regulating process (not of the controller), not 0.
@@ -219,7 +219,7 @@ class Loop(Checked):
     """
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What was given, and nothing that has its default."""
+        """The given values, without those that have their default."""
         return ((key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set)
 
     def op_range(self) -> tuple[float, float] | None:
@@ -227,7 +227,7 @@ class Loop(Checked):
         return (0.0, 100.0) if self.op_span is None and self.op_label == "%" else self.op_span
 
     def _repr_html_(self) -> str:
-        """What is known, for a notebook."""
+        """Table of the known values for a notebook."""
         return table(self.name, [(str(key), repr(value)) for key, value in self.__repr_args__() if key != "name"])
 
     name: Annotated[str, Field(min_length=1)]

@@ -88,7 +88,7 @@ _MOST = float(np.finfo(np.float64).max)
 
 
 class Mode(enum.IntEnum):
-    """Who sets the output of a controller, `"pid.mode"`.
+    """Source of a controller's output, `"pid.mode"`.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Mode(enum.IntEnum):
 
 
 class Way(enum.IntEnum):
-    """How a compensation finds the direction in which the valve is driven (2.2).
+    """Method by which a compensation finds the direction of the valve (2.2).
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Way(enum.IntEnum):
 
 
 class Source(enum.IntEnum):
-    """Where the width comes from that a compensation takes its share of (6.4), `comp_source`.
+    """Source of the width that a compensation takes its share of (6.4), `comp_source`.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class Unfit(enum.IntEnum):
 
 
 class TuneRule(enum.IntEnum):
-    """Which controller the autotuner in a `PidAdvanced` offers (`docs/auto_tuner.md`).
+    """Controller that the autotuner in a `PidAdvanced` offers (`docs/auto_tuner.md`).
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class TuneRule(enum.IntEnum):
 
 
 class FrictionModel(enum.IntEnum):
-    """How a valve sticks and slips (`docs/simulator.md`).
+    """Friction of a valve, by model (`docs/simulator.md`).
 
     Attributes
     ----------
@@ -813,7 +813,7 @@ class BacklashDetection(_Compensating):
 
 
 class Push(enum.IntEnum):
-    """How `Stiction` pushes a valve that sticks (`docs/compensation.md`).
+    """Method by which `Stiction` pushes a valve that sticks (`docs/compensation.md`).
 
     Attributes
     ----------

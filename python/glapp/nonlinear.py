@@ -572,7 +572,7 @@ def phase_lead(loop: Process, margin: float) -> PhaseLead:
     if backlash_margin(loop)[0] >= margin:
         return PhaseLead(1.0, 1.0, *backlash_margin(loop), loop)
     w = loop.frequencies(per_decade=60)
-    # Where |L| is near 1 is where lead is needed.
+    # Lead is needed near |L| = 1.
     middle = float(w[int(np.argmin(np.abs(np.log(np.abs(loop.response(w))))))])
     centres = middle * np.geomspace(0.1, 10, 81)
 

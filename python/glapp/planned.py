@@ -52,7 +52,7 @@ class Planned:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan:
-    """What would decide.
+    """Plan of the test that would decide.
 
     Attributes
     ----------

@@ -356,7 +356,7 @@ class Plant:
         return Bode(at, np.abs(response), np.degrees(np.unwrap(np.angle(response))))
 
     def _horizon(self) -> float:
-        """How long a step response is worth looking at [s]."""
+        """Length of a step response that is worth looking at [s]."""
         poles = np.roots(self.den)
         rates = np.abs(poles.real[np.abs(poles.real) > 1e-12])
         settles = bool(len(poles)) and bool((poles.real < -1e-12).all())

@@ -1,4 +1,4 @@
-"""How far a task is, told to whoever shows it."""
+"""Progress of a task, reported to the caller that shows it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a recording, found before anything is estimated from it.
+"""Findings on a recording, made before anything is estimated from it.
 
 Two sources of evidence: `DataStatistics`, counts over every row, and an `InspectionSample`, the rows kept in memory.
 Each `Finding` names one fault, its numbers and what to do; `docs/quality.md` lists them all.  Codes, severities,
@@ -201,7 +201,7 @@ def findings_from_core(
 ) -> list[Finding]:
     """Put findings of the core into words and list them behind those that are known, gravest first."""
     findings = [*known, *(_finding(one, pv_unit, op_unit, t0, first_row) for one in found)]
-    # What hangs on an assumed gain is known last.
+    # Findings that depend on an assumed gain are known last.
     grave = ("refuse", "warning", "info")
     return sorted(findings, key=lambda one: (one.code == "kp_assumed", grave.index(one.severity)))
 

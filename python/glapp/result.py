@@ -1,4 +1,4 @@
-"""What an analysis of one loop ends in."""
+"""Result of an analysis of one loop."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ REASONS = tuple(_glapp.reasons())
 """Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
 
 Crossings = Literal["estimate", "provisional", "no_estimate", "refused"]
-"""What zero crossings allow to be said; provisional: fewer than N detections."""
+"""Verdict of the zero crossings; provisional: fewer than N detections."""
 
 Verdict = Literal[Crossings, "backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
 """The one verdict of a loop: the fit's, or where nothing was fitted that of the crossings."""
 
 Confidence = Literal["found", "likely", "cannot_tell", "none_seen", "sound", "refused", "not_judged"]
-"""How sure it is that there is a dead band."""
+"""Confidence that there is a dead band."""
 
 Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
 Floats = NDArray[np.float64]
 
 _FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed", "judgement", "weighed")
-"""What the one answer hangs on of a fit, beside the change of its width in time."""
+"""Fields of a fit that the one answer depends on, with the trend of its width."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -146,7 +146,7 @@ class HalfPeriods:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the detector worked with, in ideal form, seconds and the signals' units.
+    """Settings that the detector used, in ideal form, seconds and the signals' units.
 
     Attributes
     ----------
@@ -222,7 +222,7 @@ class Corrected:
 
 @dataclass(frozen=True, slots=True)
 class Next:
-    """What to do next: a code, and what it is about (a part of the valve, a reason of rejection) where it has that.
+    """Next step: a code, and its subject (a part of the valve, a reason of rejection) where it has one.
 
     `tested`: the recording holds a step test, which is used; no further one is asked for.
     """
@@ -270,7 +270,7 @@ class StepTestWidth:
 
 @dataclass(frozen=True, slots=True)
 class Harm:
-    """What the gap does to the loop: shares, 0 to 1, of PV's variance about SP and of OP's travel; `worst` of both."""
+    """Harm of the gap to the loop: shares, 0 to 1, of PV's variance about SP and of OP's travel; `worst` of both."""
 
     pv_share: float | None
     op_share: float | None
@@ -279,7 +279,7 @@ class Harm:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """How the width changes in time.
+    """Trend of the width.
 
     - `code`: whether a change is plain: five widths or more, and three standard errors.
     - `widths`, `widths_needed`: widths that it rests on, and that a change must rest on.
@@ -627,7 +627,7 @@ class Result:
         return f"<Result {self.name}: {answer.verdict},{width} {found}>"
 
     def _repr_html_(self) -> str:
-        """What is so, what to do and why, for a notebook."""
+        """State, next step and reason, for a notebook."""
         texts = self.texts()
         why = [("why" if i == 0 else "", text) for i, text in enumerate(texts["why"])]
         by = [] if self.by_position is None else [("by", self.by_position)]

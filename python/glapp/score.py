@@ -36,12 +36,12 @@ __all__ = [
 ]
 
 Found = Literal["gap", "stiction", "both", "sound", "other"]
-"""What the workshop found. *other*: the loop swings, and the valve is not the reason."""
+"""Finding of the workshop. *other*: the loop swings, and the valve is not the reason."""
 
 Outcome = Literal["right", "wrong", "silent", "not counted"]
 
 FAULTS = ("gap", "stiction", "both")
-"""What is a fault of the valve."""
+"""Faults of the valve."""
 
 COLUMNS = ("file", "loop", "found", "width", "unit", "date")
 """Columns that are read; `file` and `found` must be there."""
@@ -49,7 +49,7 @@ COLUMNS = ("file", "loop", "found", "width", "unit", "date")
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """What is known of one valve.
+    """Known state of one valve.
 
     - `row`: row of the file of labels; its header is row 1.
     - `file`: recording, or a loops.toml.
@@ -228,10 +228,10 @@ def _in_op(label: Label, result: Result) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How many answers of one confidence are right, wrong and silent."""
+    """Numbers of right, wrong and silent answers of one confidence."""
 
     confidence: str
-    """That of the answer, or *oscillation*."""
+    """Confidence of the answers, or *oscillation*."""
     right: int
     wrong: int
     silent: int
@@ -250,7 +250,7 @@ def counted(scored: Sequence[Scored]) -> list[Count]:
 
 
 def _outcome(answer: Answer) -> str:
-    """How sure the answer is; an oscillation for another reason is an answer of its own."""
+    """Confidence of the answer; an oscillation for another reason is an answer of its own."""
     return answer.verdict if answer.verdict == "oscillation" else answer.confidence
 
 

@@ -64,7 +64,7 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What one move from hold to hold gives.
+    """Reading of one move from hold to hold.
 
     - `kind`: a move in the same direction as the last (Kp), a reversal (d), or one that gives nothing.
     - `start`, `end`: from the end of the hold before to the end of the hold after [s since the first row].

@@ -84,7 +84,7 @@ class Thinner:
         return np.concatenate([*self._t, self._t_rest[:1]])
 
     def band(self, name: str) -> Band:
-        """What was thinned of one column, the rows that do not fill a bucket included."""
+        """Thinned values of one column, the rows that do not fill a bucket included."""
         low, high = self._low[name], self._high[name]
         rest = self._rest[name]
         if len(rest):

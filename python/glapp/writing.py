@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["GENERATOR", "write_file", "write_parquet"]
 
 GENERATOR = '<meta name="generator" content="glapp">'
-"""What every page of ours has in its head: no other is overwritten."""
+"""Mark in the head of every page of ours: no other page is overwritten."""
 
 
 def write_file(path: Path, content: str | bytes) -> None:

@@ -1,4 +1,4 @@
-"""What a figure of the thesis is here: one sentence, numbers beside the thesis', and a picture."""
+"""A figure of the thesis: one sentence, numbers beside the thesis', and a picture."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class Shown:
 
     @property
     def name(self) -> str:
-        """In full: "Figure 8.1", "Table 8.1"."""
+        """Full name: "Figure 8.1", "Table 8.1"."""
         return self.number if self.number.startswith("Table") else f"Figure {self.number}"
 
     @property

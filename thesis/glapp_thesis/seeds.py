@@ -22,7 +22,7 @@ SAMPLES = 4_000_000
 
 
 class Spread(NamedTuple):
-    """What many seeds gave.
+    """Spread of the results of many seeds.
 
     - `median`, `low`, `high`: of those seeds that gave a number; NaN where none did.
     - `share`: share of the seeds that gave one.

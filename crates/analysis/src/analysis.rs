@@ -38,13 +38,13 @@ pub struct Controller {
     pub b: f64,
 }
 
-/// What is known of a loop, and what is asked.
+/// A loop with its settings, and the questions to ask of it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Task {
     /// The controller; none: it is read out of OP's moves.
     pub controller: Option<Controller>,
-    /// Its setpoint weight, where a person stated it.
+    /// Setpoint weight, where a person stated it.
     pub setpoint_weight: Option<f64>,
     /// Process gain Kp, where it is known [PV unit/OP unit].
     pub kp: Option<f64>,
@@ -56,7 +56,7 @@ pub struct Task {
     pub op_span: Option<(f64, f64)>,
     /// Whether OP is a percentage, and its span 0 to 100 where none is given; none: unless the recording contradicts it.
     pub op_percent: Option<bool>,
-    /// Where the detector stands, if no estimate can be right there.
+    /// Position of the detector in the plant, where it rules out an estimate.
     pub exclusion: Option<Exclusion>,
     /// Widest dead band that is acceptable, where that is said [% of OP's span].
     pub acceptable: Option<f64>,
@@ -77,7 +77,7 @@ pub struct Task {
 }
 
 impl Default for Task {
-    /// Nothing is known, and everything is asked.
+    /// A task with nothing known and every question asked.
     fn default() -> Self {
         Self {
             controller: None,
@@ -147,21 +147,21 @@ pub struct Analysis {
     op: bool,
 }
 
-/// Where the controller's settings come from.
+/// Sources of the controller's settings.
 #[derive(Clone, Copy, Debug)]
 struct Origins {
     law: Origin,
     b: Origin,
 }
 
-/// What an analysis ends in.
+/// Result of an analysis.
 #[derive(Debug)]
 pub struct Done {
     /// The answer.
     pub answer: AnalysisResult,
     /// The detector whose filter time was taken, with its place in the ladder; none where there was none.
     pub crossings: Option<(usize, Crossings)>,
-    /// What was fitted; none where that was not asked or there is no OP.
+    /// The fit; none where it was not asked or OP is missing.
     pub fitted: Option<Fitted>,
     /// Whether OP is recorded.
     pub op: bool,
@@ -232,8 +232,8 @@ impl Analysis {
         ladder.rungs_mut().par_iter_mut().map(|rung| rung.take_closely(columns)).collect()
     }
 
-    /// What is to be fitted, for who does so elsewhere and hands it to [`finish_with`](Self::finish_with); none where nothing
-    /// is.
+    /// The problem to fit, for a caller that fits it elsewhere and passes the result to
+    /// [`finish_with`](Self::finish_with); none where there is none.
     pub fn problem(&mut self) -> Option<FitProblem<'static>> {
         let quality = self.fits().then(|| self.inspected())?;
         let sign = self.sign();
@@ -324,7 +324,7 @@ impl Analysis {
         Done { answer, crossings, fitted, op: self.op }
     }
 
-    /// What is wrong with the recording, gravest first.
+    /// Findings on the recording, gravest first.
     fn inspected(&self) -> Vec<Finding> {
         let known = quality::Known {
             k: self.controller.map(|controller| controller.k),
@@ -394,7 +394,7 @@ impl Analysis {
         Some(rows.read(&settings)).filter(|test| test.d.is_some())
     }
 
-    /// What the gap does to the loop in the record that shows it best, by its fit to PV.
+    /// Effect of the gap on the loop, in the record that shows it best, by its fit to PV.
     fn harm(&mut self, fitted: &Fitted) -> Option<Harm> {
         let joint = fitted.pv.as_ref()?.as_ref().ok()?;
         let process = fitted.answer.process.filter(|_| fitted.answer.verdict.found())?;
@@ -462,7 +462,7 @@ fn gain(task: &Task) -> (Option<f64>, Origin) {
     process_gain(task.kp, task.pv_span.map(wide).zip(task.op_span.map(wide)), task.integrating)
 }
 
-/// What an assumed Kp does to the detections.
+/// Effect of an assumed Kp on the detections.
 fn doubt(kp: f64, crossings: &Crossings) -> Option<Finding> {
     let accepted = || crossings.rows().iter().filter(|row| row.record.mask == 0).map(|row| row.record.parts);
     let mut free: Vec<f64> = accepted().map(|parts| parts.free).collect();

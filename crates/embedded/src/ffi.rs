@@ -29,7 +29,7 @@ struct Held<B, S> {
     state: S,
 }
 
-/// What stands at the pointer, where it is one.
+/// Value at the pointer; an error where it is null or not aligned.
 ///
 /// # Safety
 /// A pointer that is not null and aligned points to memory of that type, which nobody else uses meanwhile.
@@ -113,7 +113,7 @@ macro_rules! faces {
                 pub integrating: u32,
             }
 
-            /// What a detector shows.
+            /// Estimate of a detector.
             #[repr(C)]
             #[derive(Clone, Copy, Debug, Default, PartialEq)]
             #[allow(missing_docs)]
@@ -262,7 +262,7 @@ macro_rules! faces {
                 i32::from(one.block.update(&mut one.state, &sample).is_some())
             }
 
-            /// What the detections say.
+            /// Estimate by the detections.
             ///
             /// # Safety
             /// As the header says.
@@ -479,7 +479,7 @@ macro_rules! faces {
                 OK
             }
 
-            /// What comes after it tells; gives the flags for a detector beside it.
+            /// Takes the backward signals of the part after it; gives the flags for a detector beside it.
             ///
             /// # Safety
             /// As the header says.

@@ -95,7 +95,7 @@ pub struct Window {
     pub(crate) bootstrap: usize,
 }
 
-/// What a window says by itself, to be joined with the others; also that it says nothing: it cannot be fitted, or is not yet.
+/// Fit of one window, to be joined with the others; empty where the window cannot be fitted, or is not yet.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct WindowFit(Option<Fitted>);
 
@@ -140,7 +140,7 @@ impl Divided {
         Ok(Self { windows: records.into_iter().map(window).collect(), op, pv })
     }
 
-    /// What the windows say together; of each what it says by itself, in the same order.
+    /// Joint result of the windows, and the result of each alone, in the same order.
     ///
     /// # Errors
     ///
@@ -156,7 +156,7 @@ impl Divided {
 }
 
 impl Window {
-    /// What it says by itself.
+    /// Fit of this window alone.
     pub fn fit(&self) -> WindowFit {
         WindowFit(self.fitted(&|_| ()))
     }
@@ -195,9 +195,9 @@ fn between_shifts<'a>(stretch: Stretch<'a>, h: f64) -> Vec<Stretch<'a>> {
 /// One recording of a valve: its rows, or those of its windows.
 #[derive(Clone, Debug)]
 pub struct Recorded<'a> {
-    /// When its time is 0, on a clock that all recordings share [s]; NaN where that is not known.
+    /// Time 0 of the recording, on a clock that all recordings share [s]; NaN where that is not known.
     pub since: f64,
-    /// Its rows, in one piece, or the windows that were kept of a long history.
+    /// Rows in one piece, or the windows that were kept of a long history.
     pub samples: Vec<Samples<'a>>,
 }
 
@@ -263,7 +263,7 @@ mod tests {
         assert!(alone.0.as_ref().is_some_and(|fitted| !fitted.answer.reason.is_empty()));
         let handed: WindowFit = postcard::from_bytes(&postcard::to_allocvec(&alone).unwrap()).unwrap();
         assert_eq!(format!("{handed:?}"), format!("{alone:?}"));
-        // What one of two says is told while the other is not fitted yet, and nothing while neither is.
+        // One of two windows gives its result while the other is not fitted yet, and none while neither is.
         let two = Divided { windows: vec![window.clone(), window.clone()], ..divided };
         assert_eq!(two.combine(vec![handed, WindowFit::default()]).unwrap().records.len(), 1);
         assert!(two.combine(vec![WindowFit::default(), WindowFit::default()]).is_err());

@@ -1,4 +1,4 @@
-//! How far a fit is, told to whoever waits for it.
+//! Progress of a fit, reported to the caller that waits for it.
 
 use std::cell::Cell;
 use std::sync::Mutex;

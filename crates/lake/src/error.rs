@@ -1,4 +1,4 @@
-//! What is wrong with a file.
+//! Error of a file.
 
 use std::path::{Path, PathBuf};
 
@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 pub struct LakeError {
     /// The file.
     pub file: PathBuf,
-    /// Its row, the first one is 1.
+    /// Row of the error, the first one is 1.
     pub row: Option<u64>,
-    /// What is wrong, and what to do.
+    /// Error in words, and its remedy.
     pub what: String,
 }
 

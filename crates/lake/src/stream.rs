@@ -49,7 +49,7 @@ struct Column {
     reader: ColumnReader,
     /// The level at which a value is there.
     there: i16,
-    /// What its integers are, where it holds timestamps.
+    /// Unit of its integers, where it holds timestamps.
     ticks: Option<Ticks>,
 }
 
@@ -86,7 +86,7 @@ struct Clock {
     last: Option<f64>,
 }
 
-/// What is used again from batch to batch.
+/// Memory that is used again from batch to batch.
 #[derive(Default)]
 struct Scratch {
     levels: Vec<i16>,

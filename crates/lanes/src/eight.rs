@@ -15,7 +15,7 @@ pub(crate) struct Eight<S: Simd, const R: usize> {
     registers: [S::f64s; R],
 }
 
-/// What a comparison of two [`Eight`] gives.
+/// Result of a comparison of two [`Eight`].
 #[derive(Clone, Copy)]
 pub(crate) struct Truths<S: Simd, const R: usize> {
     simd: S,

@@ -16,13 +16,13 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::HashMap;
 
-/// What can be asked.
+/// A request.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Request {
     /// Begins the analysis of the recording whose columns are in memory.
     Begin {
-        /// What is known of its loop.
+        /// Facts known of its loop.
         task: glapp_analysis::Task,
     },
     /// Goes on with so many rows.
@@ -41,23 +41,23 @@ enum Request {
     },
     /// Fits, and gives the answer.
     Finish {
-        /// Who reads it.
+        /// Reader of the texts.
         reader: Reader,
     },
     /// Gives the answer, with what each of the windows says; what those say that are fitted so far, where some are not.
     Join {
         /// The answers of [`Request::Alone`], in the order of the windows; none of one that is not fitted yet.
         alone: Vec<Option<Vec<u8>>>,
-        /// Who reads it.
+        /// Reader of the texts.
         reader: Reader,
     },
     /// Puts something into words.
     Words(words::Asked),
     /// Reads the step test in the recording whose columns are in memory.
     StepTest {
-        /// Which rows were made in manual.
+        /// Rows made in manual.
         manual: Manual,
-        /// What is known of its loop.
+        /// Facts known of its loop.
         #[serde(default)]
         settings: StepTestSettings,
     },
@@ -65,7 +65,7 @@ enum Request {
     Laboratory(laboratory::Project),
     /// Makes scans, and gives what is recorded in each.
     Run {
-        /// How many.
+        /// Number of scans.
         scans: usize,
         /// `module.name` of what is recorded.
         record: Vec<String>,
@@ -76,7 +76,7 @@ enum Request {
     Set {
         /// `module.name`.
         path: String,
-        /// Its value; none: as where it is not given.
+        /// Value; none: the default.
         value: Option<f64>,
     },
 }
@@ -150,7 +150,7 @@ pub fn answer(request: &str) -> String {
 
 thread_local! {
     static MEMORY: RefCell<Memory> = RefCell::default();
-    /// What is handed over: a request, a name, an answer.
+    /// Exchanged text: a request, a name, an answer.
     static TEXT: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 

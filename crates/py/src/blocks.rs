@@ -102,7 +102,7 @@ impl Derivative {
 
 type Measured = (Status, u32, f64, f64, f64, f64, f64, f64, f64);
 
-/// What the signals did between two zero crossings.
+/// Signals between two zero crossings.
 ///
 /// Examples
 /// --------

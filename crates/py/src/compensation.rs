@@ -175,7 +175,7 @@ impl Compensation {
         Ok(self.block.update(&mut self.state, &sample))
     }
 
-    /// What it does, or why it does nothing.
+    /// State: active, or the reason why it is not.
     #[getter]
     fn standing(&self) -> &'static str {
         self.state.standing.name()
@@ -193,7 +193,7 @@ impl Compensation {
         self.state.delta
     }
 
-    /// What stays uncompensated of the width while it is in force.
+    /// Part of the width that stays uncompensated while it is in force.
     #[getter]
     fn left(&self) -> f64 {
         self.state.left()

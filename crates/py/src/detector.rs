@@ -162,7 +162,7 @@ attributes! {
     reason: u8 = |_span, record, _swing| record.reason() as u8;
     /// Estimate after this half-period [OP unit], NaN while there is none or it is below the noise limit.
     d_hat: f64 = |_span, record, _swing| record.shown().map_or(f64::NAN, |e| e.value);
-    /// What the detections say, whether above the noise limit or not [OP unit], NaN while there are none.
+    /// Estimate by the detections, above the noise limit or not [OP unit], NaN while there are none.
     median_mean: f64 = |_span, record, _swing| record.estimate.map_or(f64::NAN, |e| e.value);
     /// The noise limit [OP unit], NaN where it is not known.
     noise_floor: f64 = |_span, record, _swing| record.noise_floor.unwrap_or(f64::NAN);
@@ -223,7 +223,7 @@ impl PyDetector {
         columns(py, self.crossings.rows())
     }
 
-    /// How many half-periods ended with each first reason; index 0: accepted.
+    /// Number of half-periods by their first reason; index 0: accepted.
     #[getter]
     fn reasons(&self) -> Vec<u64> {
         self.crossings.reasons().to_vec()

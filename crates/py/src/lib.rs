@@ -32,7 +32,7 @@ mod wrong_sign;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// What the core refuses, as Python's ValueError; `glapp` adds the loop or the file.
+/// An error of the core as Python's ValueError; `glapp` adds the loop or the file.
 fn refused(error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }

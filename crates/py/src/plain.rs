@@ -1,4 +1,4 @@
-//! What Rust serializes, as plain Python: dict, list, str, int, float (infinite ones and NaN too), bool and None.
+//! Serialized Rust values as plain Python: dict, list, str, int, float (infinite ones and NaN too), bool and None.
 
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;

@@ -6,7 +6,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// What one record says, times in seconds.
+/// Result of one record, times in seconds.
 pub(crate) fn answered(py: Python<'_>, record: SegmentAnswer<AtValve>) -> PyResult<Bound<'_, PyDict>> {
     let SegmentAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);

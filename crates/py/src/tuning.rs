@@ -29,7 +29,7 @@ pub fn ziegler_nichols_frequency(ku: f64, tu: f64, pid: bool, original: bool) ->
     answer(rules::ziegler_nichols_frequency(ku, tu, kind(pid), table(original)))
 }
 
-/// Not `lambda`, which is a keyword of Python.
+/// Named `lam`, since `lambda` is a keyword of Python.
 #[pyfunction]
 pub fn lambda_tuning(kp: f64, t: f64, l: f64, lam: f64, pid: bool) -> Answer {
     answer(rules::lambda(kp, t, l, lam, kind(pid)))

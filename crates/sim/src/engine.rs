@@ -19,7 +19,7 @@ use std::ops::Range;
 
 /// Most samples of a simulation; more are a mistake in the scenario.
 const MOST_SAMPLES: f64 = 1e8;
-/// How far beyond what is asked of it a loop may go before it is called unstable.
+/// Ratio of a loop's value to its inputs from which it is called unstable.
 const RUNAWAY: f64 = 1e6;
 
 /// The random streams of a scenario.
@@ -197,7 +197,7 @@ impl Bounds {
     }
 }
 
-/// Who sets the output; in manual, to what, unless it stays.
+/// Source of the output; in manual its value, unless it stays.
 #[derive(Clone, Copy)]
 pub(crate) enum Mode {
     Auto,
@@ -291,7 +291,7 @@ struct State<const N: usize> {
     gap: BacklashState<f64>,
 }
 
-/// What most loops do without.
+/// Parts that most loops do not have.
 struct Extras {
     pv_resolution: f64,
     op_resolution: f64,
@@ -396,7 +396,7 @@ impl<const N: usize> Blocks<N> {
             }
             let mut flow = x;
             if !PLAIN && let Some(valve) = &mut extras.valve {
-                // Where it stands now; what flows until the next sample.
+                // Present position; the flow until the next sample follows from it.
                 let stands = valve.position();
                 flow = valve.update(x);
                 x = stands;

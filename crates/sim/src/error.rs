@@ -3,7 +3,7 @@
 use crate::GraphError;
 use glapp_core::ParameterError;
 
-/// What stands in the way of a simulation.
+/// Error of a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SimError {
     /// A parameter out of its bounds.
@@ -39,9 +39,9 @@ pub enum SimError {
     /// A setpoint or load given in the wrong shape.
     #[error("{name}: {what}")]
     Signal {
-        /// Which signal.
+        /// Name of the signal.
         name: &'static str,
-        /// What is wrong with it.
+        /// Error in words.
         what: String,
     },
     /// A loop that cannot be at rest where it is asked to begin.
@@ -68,7 +68,7 @@ pub enum SimError {
         signal: &'static str,
         /// The magnitude that it passed.
         bound: f64,
-        /// When \[s\].
+        /// Time \[s\].
         t: f64,
     },
 }

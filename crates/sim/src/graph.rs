@@ -5,7 +5,7 @@ use crate::module::{Jumps, Live, MOST_INPUTS, Module, Refusal};
 use glapp_core::modules::Gains;
 use glapp_core::{Backward, Forward};
 
-/// What is wrong with a graph of modules.
+/// Error in a graph of modules.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GraphError {
     /// A parameter out of its bounds.
@@ -13,7 +13,7 @@ pub enum GraphError {
     Parameter {
         /// The module.
         module: String,
-        /// What is wrong with it.
+        /// Error of the simulation.
         error: SimError,
     },
     /// No such kind of modules.
@@ -39,7 +39,7 @@ pub enum GraphError {
         module: String,
         /// The name that was asked for.
         name: String,
-        /// What there is.
+        /// Known names.
         known: String,
     },
     /// A wire that cannot be laid.
@@ -47,7 +47,7 @@ pub enum GraphError {
     Wire {
         /// The wire as it was written.
         wire: String,
-        /// What is wrong with it.
+        /// Error in words.
         what: String,
     },
     /// A module that takes no values from outside.
@@ -55,7 +55,7 @@ pub enum GraphError {
     NoInput {
         /// The module.
         module: String,
-        /// Its kind.
+        /// Kind of the module.
         kind: &'static str,
     },
     /// A column of inputs of the wrong length.
@@ -63,9 +63,9 @@ pub enum GraphError {
     Column {
         /// The module.
         module: String,
-        /// How many values there are.
+        /// Number of values.
         values: usize,
-        /// How many scans.
+        /// Number of scans.
         scans: usize,
     },
     /// An input or output that leads nowhere.
@@ -97,7 +97,7 @@ pub enum GraphError {
     SampleTimes {
         /// The module.
         module: String,
-        /// Its scan time \[s\].
+        /// Scan time of the module \[s\].
         own: f64,
         /// The graph's \[s\].
         h: f64,
@@ -134,7 +134,7 @@ pub enum GraphError {
         lead: String,
         /// The module whose output jumps.
         jumping: String,
-        /// What makes it jump.
+        /// Cause of the jump.
         what: &'static str,
     },
     /// A detector beside no controller.
@@ -154,7 +154,7 @@ pub enum GraphError {
     ModeUnknown {
         /// The module with the detector.
         detector: String,
-        /// What is connected.
+        /// Source that is connected.
         input: &'static str,
     },
 }
@@ -199,11 +199,11 @@ struct Node {
     name: String,
     live: Live,
     out: Forward<f64>,
-    /// Which node drives each input.
+    /// Node that drives each input.
     sources: [Option<usize>; MOST_INPUTS],
-    /// Which inputs of which nodes follow its output.
+    /// Nodes and inputs that follow its output.
     followers: Vec<(usize, usize)>,
-    /// What each input is told.
+    /// Backward signal at each input.
     told: [Backward<f64>; MOST_INPUTS],
     leads: Leads,
 }
@@ -297,7 +297,7 @@ impl Graph {
         self.h
     }
 
-    /// How many scans there were.
+    /// Number of scans.
     pub fn scans(&self) -> u64 {
         self.scans
     }
@@ -467,7 +467,7 @@ impl Graph {
         self.nodes[i].out.value
     }
 
-    /// What [`Self::get`] gives, of the module with this number; not a number where there is no such name.
+    /// Value of [`Self::get`] for the module with this number; not a number where the name is unknown.
     pub(crate) fn read(&self, i: usize, name: &str) -> f64 {
         self.nodes[i].read(name).flatten().unwrap_or(f64::NAN)
     }
@@ -688,7 +688,7 @@ impl Wiring<'_> {
         leads
     }
 
-    /// Which modules the output of a module reaches; modules with a delay end the way unless `through_processes`.
+    /// Modules that the output of a module reaches; modules with a delay end the way unless `through_processes`.
     fn reached(&self, from: usize, through_processes: bool) -> Vec<bool> {
         let mut reached = vec![false; self.names.len()];
         let mut ahead = vec![from];

@@ -33,11 +33,11 @@ struct Numbers {
     noise: usize,
     pid: usize,
     pv: usize,
-    /// What is sent to the valve, and the valve.
+    /// Nodes of the signal sent to the valve, and of the valve.
     op: usize,
     position: usize,
     watch: Option<usize>,
-    /// Where u_FF is handed to the controller, and what is told of a controller that is not ours.
+    /// Node that hands u_FF to the controller, and the signals of a controller that is not ours.
     u_ff: Option<usize>,
     told: Option<usize>,
     /// Setpoint, load, noise and process value of the outer loop.
@@ -157,7 +157,7 @@ impl Parts {
 /// The loop of a scenario at rest at the setpoint `sp` under its loads, that of the outer loop too; with where its modules
 /// are, and its process value.
 fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Numbers, f64), SimError> {
-    // What enters a dead time longer than the run is never seen.
+    // A signal that enters a dead time longer than the run never leaves it.
     let seen = |plant: &Plant| plant.clone().within(s.h * n as f64);
     let mut parts = Parts::default();
     let (mut first_sp, mut sp_from) = (sp, "sp");
@@ -322,7 +322,7 @@ mod tests {
         let mut columns = Columns::of_length(samples(s.h, s.t_end).unwrap(), s);
         let n = columns.t.len();
         let mut run = Run::new(s, on_modules).unwrap();
-        // In parts, as a run goes on.
+        // Computed in parts, as in a run that goes on.
         for first in (0..n).step_by(700) {
             run.advance(&mut columns.block().part(first..(first + 700).min(n)), first).unwrap();
         }

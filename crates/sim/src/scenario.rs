@@ -83,11 +83,12 @@ pub struct Controller {
 /// beside the controller. The module is told Ti, Td, b, the limits and the static gain as they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensated {
-    /// Its settings; `k` is the gain that the module is told, in all that it does. The limits are the controller's.
+    /// Settings of the compensation; `k` is the gain that the module is told, in all that it does. The limits are the
+    /// controller's.
     pub settings: CompensationSettings<f64>,
     /// Time constant of the detector's filter ≥ 0 \[s\].
     pub tf: f64,
-    /// When it is enabled \[s\].
+    /// Time of enabling \[s\].
     pub begin: f64,
     /// After how many scans the controller has what it is handed, where it is not a controller of the graph: the module reads
     /// its output, and whether it is in automatic. `None`: it is, and a scan is what it takes.
@@ -151,13 +152,13 @@ pub struct Columns {
     pub outer_sp: Vec<f64>,
     /// Process value of the outer loop; empty where there is none.
     pub outer_pv: Vec<f64>,
-    /// What the compensation handed to the controller's feed-forward; empty where there is none, as the next three.
+    /// Feed-forward that the compensation handed to the controller; empty without one, as the next three.
     pub u_ff: Vec<f64>,
-    /// How the compensation stood after the sample, as a number.
+    /// State of the compensation after the sample, as a number.
     pub standing: Vec<f64>,
-    /// Which warnings of over-compensation held: 1 that of code block 7.1, 2 the relay, 3 both.
+    /// Warnings of over-compensation: 1 that of code block 7.1, 2 the relay, 3 both.
     pub over: Vec<f64>,
-    /// What the module found wrong: [`WRONG_SIGN`](glapp_core::status::WRONG_SIGN) or 0.
+    /// Error of the module: [`WRONG_SIGN`](glapp_core::status::WRONG_SIGN) or 0.
     pub error: Vec<f64>,
 }
 
@@ -180,7 +181,7 @@ pub struct Block<'a> {
     pub error: &'a mut [f64],
 }
 
-/// What a detector saw in a simulated loop whose signals were not kept.
+/// Results of a detector in a simulated loop whose signals were not kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// The estimate at the end.

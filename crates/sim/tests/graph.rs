@@ -207,7 +207,7 @@ fn everything_can_be_read_and_set_while_it_runs() {
     assert_eq!(graph.get("pid.k").unwrap(), 3.0);
     graph.run(1).unwrap();
     assert!((graph.get("pid").unwrap() - before).abs() < 0.1, "without a bump");
-    // What is refused changes nothing, and says why.
+    // A refused value changes nothing, and the error says why.
     for (path, value, what) in [
         ("pid.ti", 0.0, "pid: ti = 0: must be greater than 0 s"),
         ("pid.high", -1.0, "low = 0"),
@@ -256,7 +256,7 @@ fn what_a_plant_tells_reaches_every_module_before_it() {
     assert_eq!(graph.get("sp.flags").unwrap(), 0.0);
     graph.set("valve.flags", f64::from(AT_LOW)).unwrap();
     graph.run(1).unwrap();
-    // In the backward pass of the same scan; direct-acting, so that the master sees its upper side.
+    // Read in the backward pass of the same scan; direct-acting, so that the master sees its upper side.
     assert_eq!(graph.get("sp.flags").unwrap(), f64::from(AT_HIGH));
     graph.set("valve.flags", f64::from(NOT_AUTO)).unwrap();
     graph.set("valve.tracking", 77.0).unwrap();
@@ -288,7 +288,7 @@ fn what_a_valve_and_a_converter_do() {
     assert_eq!(through("Friction", &[&friction[..], &[("start", 0.0)]].concat(), &moves[1..]), stem[1..]);
     // He's stem sticks again at once.
     assert_eq!(through("Friction", &[&friction[..], &[("model", 2.0)]].concat(), &moves)[3..5], [1.5, 1.5]);
-    // What is bad leaves the stem where it is.
+    // A bad value leaves the stem where it is.
     assert_eq!(through("Friction", &friction, &[0.0, 2.5, f64::NAN, 2.6])[1..], [1.5, 1.5, 1.6]);
     let wrong = Graph::new(
         1.0,
@@ -356,7 +356,7 @@ fn what_is_not_known_is_none() {
     assert_eq!((graph.known("pid.max_h").unwrap(), graph.known("process.h").unwrap()), (Some(2.5), Some(0.1)));
     assert_eq!(graph.window("pid").unwrap(), []);
     assert!(graph.window("process").unwrap_err().to_string().starts_with("process: there is no 'window' here"));
-    // And what has a default goes back to it.
+    // A parameter with a default goes back to it.
     graph.set("pid.b", 0.5).unwrap();
     graph.set("pid.b", None).unwrap();
     assert_eq!(graph.get("pid.b").unwrap(), 1.0);

@@ -1,4 +1,4 @@
-"""Where guessing fails and somebody sits at the terminal: the first rows, a question, and a settings file."""
+"""Questions at the terminal where guessing fails: the first rows, a question, and a settings file."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ __all__ = ["asked", "can_ask"]
 
 _ROWS = 3
 _WIDEST = 40
-"""So many columns are offered."""
+"""Number of columns offered."""
 _TIMES = 3
-"""So many questions of one file."""
+"""Number of questions about one file."""
 _SIGNALS = (("time", "the time"), ("pv", "PV"), ("op", "OP"), ("sp", "SP"))
 _FORMATS = {
     "day order": ("day first", "month first"),
     "time unit": ("milliseconds", "seconds", "minutes", "hours", "days", "excel", "matlab", "julian"),
 }
-"""What `time_format` may be, by what is asked."""
+"""Choices of `time_format`, by the question."""
 
 
 def can_ask() -> bool:

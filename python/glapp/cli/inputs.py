@@ -242,7 +242,7 @@ def _called(recording: Recording, name: str) -> Recording:
 def _only(
     opened: list[Recording | Valve | Refused], asked: Sequence[str], names: Sequence[str] | None
 ) -> list[Recording | Valve | Refused]:
-    """Those that were asked for, by the name they have here or by the one in their file."""
+    """The requested recordings, by their name here or by the one in their file."""
     if not names:
         return opened
     known = {entry.name for entry in opened}

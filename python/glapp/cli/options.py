@@ -1,4 +1,4 @@
-"""What a person may say about a loop on the command line, and the same as the keys of `Loop`."""
+"""Options of the command line that describe a loop, and their keys in `Loop`."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Options:
         return self._given(_COLUMNS)
 
     def settings(self) -> dict[str, Any]:
-        """What was given, as keys of `Loop`.
+        """The given options as keys of `Loop`.
 
         Raises CommandError where a value is out of its bounds or another is missing beside it.
         """

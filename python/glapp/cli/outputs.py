@@ -55,7 +55,7 @@ def check_output(option: str, path: Path, inputs: Iterable[Path], ours: tuple[st
 
 
 def fault_of(path: Path, write: Callable[[], object]) -> InputError | None:
-    """What went wrong when this file was written."""
+    """The error of writing this file."""
     try:
         write()
     except OSError as error:

@@ -43,7 +43,7 @@ def need_opcua() -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Fault:
-    """When what happens, where, and for how long [s]."""
+    """Time, kind, loop and duration of a fault [s]."""
 
     after: float
     kind: str

@@ -1,4 +1,4 @@
-"""What `glapp watch` and `glapp station` share: their options, what they need, and how they end."""
+"""Parts that `glapp watch` and `glapp station` share: options, requirements, and their end."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ _HURRY = 20_000.0
 """Seconds of a simulated plant per second, until it has caught up with the clock on the wall."""
 
 _SOON = 0.01
-"""How often such a plant tells its values [s]: it waits for each u_FF."""
+"""Interval at which such a plant sends its values [s]: it waits for each u_FF."""
 
 TOKEN = "GLAPP_TOKEN"
 """The environment's variable that may hold a token of the API."""
@@ -394,7 +394,7 @@ def restore(
         say_note(f"the database that was there is {aside.name} now")
 
 
-# What is asked of the service goes through its API, in the name of who asks.
+# Commands to the service go through its API, in the name of the person who asks.
 
 
 @watch.command(epilog=examples("glapp watch login engineer"))
@@ -535,7 +535,7 @@ def _token_of(api_url: str, user: str) -> str:
 
 
 def _answer_of_service(api_url: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
-    """What the service answers."""
+    """Answer of the service."""
     need("watch", "service", "httpx")
     if user is not None:
         token = _token_of(api_url, user)

@@ -163,7 +163,7 @@ def _take(history: _glapp.History, samples: dict[str, Signal], pinned: dict[str,
 
 
 def _crossing_columns(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
-    """What was heard so far, in columns."""
+    """State of the crossings so far, in columns."""
     detector = pinned["told"]
     rejected = dict(heard["reasons"])
     answer = {"why": heard["why"], "reasons": rejected, "detections": heard["detections"]}

@@ -86,7 +86,7 @@ _HEAD = 1000
 _MOST_WORDS = 1000
 """Different words of quality in a file that are looked at."""
 _YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for year in (1971, 2101))
-"""What is older or younger is no time of a sample [µs since 1970]."""
+"""Range of times that a sample may have [µs since 1970]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """What is known of a file after a look.
+    """Facts on a file after a look at it.
 
     - `name`: relative to the lake, with `/`.
     - `size`, `mtime_ns`: by which a changed file is told [B, ns].
@@ -334,7 +334,7 @@ def _line(error: Exception) -> str:
 
 
 def _folders(name: str) -> dict[str, str]:
-    """What the folders `key=value` of a path tell."""
+    """Folders `key=value` of a path."""
     pairs = (part.partition("=") for part in name.split("/")[:-1] if "=" in part)
     return {key: unquote(value) for key, _, value in pairs if value != "__HIVE_DEFAULT_PARTITION__"}
 
@@ -447,7 +447,7 @@ def _valid_times(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDA
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where the loops' signals are.
+    """Places of the loops' signals.
 
     - `loops`: the loops that have a PV and an SP or OP somewhere, by name.
     - `long`: tag to (place of its loop in `loops`, place of its signal in `SIGNALS`).
@@ -466,7 +466,7 @@ class Places:
 def places(
     files: Sequence[File], given: Sequence[Loop] | None, defaults: Mapping[str, Any]
 ) -> tuple[Places, list[DataIssue]]:
-    """Which tag and which column is which signal of which loop; without settings, the loops that the names show."""
+    """Signal and loop of each tag and column; without settings, the loops that the names show."""
     tags = SignalColumns(sorted(set().union(*(file.tags for file in files if file.long))))
     problems: list[DataIssue] = []
     found: dict[str, dict[str, str]] = {}  # loop to role to tag
@@ -594,7 +594,7 @@ def touched(file: File, group: Group, known: Places, wanted: range, begin: int, 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is wanted of a group of rows: of which loops, under which tags or columns, from when to before when."""
+    """Request to a group of rows: the loops, under their tags or columns, and a stretch of time."""
 
     known: Places
     names: Sequence[str]
@@ -605,7 +605,7 @@ class _Asked:
 def _parts(
     lake: Path, file: File, known: Places, wanted: range, begin: int, end: int
 ) -> Iterator[tuple[_Part | None, list[DataIssue]]]:
-    """What a file holds of these loops within that time, a million rows at a time, and what is wrong with it."""
+    """Rows of a file for these loops and that time, a million at a time, and its data issues."""
     at, done = known.of(file), 0
     for i, several in groupby(file.groups, key=lambda group: group.of):
         groups = list(several)
@@ -745,7 +745,7 @@ def _values(
 
 
 def _bad(file: File, cells: pa.Array | None, done: int, problems: list[DataIssue], rows: int) -> NDArray[np.bool_]:
-    """Which rows are of bad quality, whichever of the three ways of telling it a file has; an unknown word is bad."""
+    """Whether each row is of bad quality, by the file's one of three ways to tell; an unknown word is bad."""
     if cells is None or not len(cells):
         return np.zeros(rows, np.bool_)
     decide = Quality(file.qualities, words_for_bad(()), file.column("quality") or "")
@@ -769,7 +769,7 @@ def _bad(file: File, cells: pa.Array | None, done: int, problems: list[DataIssue
 def _units(
     codes: NDArray[np.int64], cells: pa.Array, asked: _Asked, file: File, done: int, problems: list[DataIssue]
 ) -> NDArray[np.bool_]:
-    """Which rows are in the unit that the loop's settings tell; where they tell none, all are."""
+    """Whether each row is in the unit of the loop's settings; without a unit there, all are."""
     fits = np.ones(len(codes), np.bool_)
     texts = plain(cells).cast(pa.string())
     each = texts.dictionary_encode(null_encoding="encode")

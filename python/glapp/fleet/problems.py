@@ -1,4 +1,4 @@
-"""What is wrong with a lake: each fault is a row with its place, and the run goes on."""
+"""Data issues of a lake: each is a row with its place, and the run goes on."""
 
 from __future__ import annotations
 

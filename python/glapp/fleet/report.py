@@ -94,7 +94,7 @@ def write_report(out: str | Path) -> Path:
 
 
 def lost_of(lost: Mapping[str, int]) -> str:
-    """What of the lake is not in the answers, in sentences; empty where nothing is.
+    """Sentences on the parts of the lake that are not in the answers; empty where there are none.
 
     Examples
     --------

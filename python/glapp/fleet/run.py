@@ -218,7 +218,7 @@ def _changed_files(plan: Plan) -> list[DataIssue]:
 
 
 def _lost_counts(tables: Mapping[str, pa.Table]) -> dict[str, int]:
-    """What of the lake is not in the answers: the one count for the headline, the report and the exit code."""
+    """Counts of the lake's parts that are not in the answers, for the headline, the report and the exit code."""
     problems = problems_of(tables["problems"])
     parts = [one for one in problems if one.code in LOST]
     return {

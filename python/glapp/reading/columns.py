@@ -1,4 +1,4 @@
-"""Which column, or which tag, is which signal of which loop.
+"""Assignment of columns and tags to the signals of loops.
 
 Names are split at the usual separators and compared, whatever case and accents, with the words that control systems
 use (`glapp.reading.names`)::
@@ -51,7 +51,7 @@ _INSIDE = 6  # letters of a word that is a signal's in the middle of a name too
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a column's name says: role, loop ("" where the name has no more to it), unit, and a word of `WEAK`."""
+    """Meaning of a column's name: role, loop ("" where the name has no more to it), unit, and a word of `WEAK`."""
 
     role: str | None
     loop: str = ""
@@ -318,7 +318,7 @@ def choose(
 def _missing(
     signals: SignalColumns, chosen: Mapping[str, str], loop: Loop, group: str | None, label: str, kind: str
 ) -> InputError:
-    """What is said where PV is missing, or SP and OP are: which is, what is left for it, and what to do."""
+    """Message where PV is missing, or SP and OP are: which is, what is left for it, and what to do."""
     taken = ", ".join(f"{LABELS[role]} is {name}" for role, name in chosen.items())
     also = f" ({taken})" if taken else ""
     unused = [name for name in signals.names if name not in chosen.values()]

@@ -44,7 +44,7 @@ _THREADS = min(os.cpu_count() or 1, 4)
 _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
 PACKED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
-"""How a file of that ending is packed."""
+"""Compression of a file by its ending."""
 
 
 class CsvSource(Source):
@@ -332,7 +332,7 @@ class CsvSource(Source):
 
 
 def encoding_of(raw: bytes, whole: bool, label: str) -> str:
-    """How a text is written, from its first bytes; `whole` where they are all of it.
+    """Encoding of a text, from its first bytes; `whole` where they are all of it.
 
     Raises InputError where they are no text.
     """

@@ -119,7 +119,7 @@ def _from(file: IO[bytes]) -> Iterator[bytes]:
 
 
 class Reach:
-    """How far apart the cells of a sheet are that hold something, from its text piece by piece.
+    """Extent of the filled cells of a sheet, from its text piece by piece.
 
     - `cells`: rows by columns, from the first to the last.
     - `last`: the last of both.

@@ -1,4 +1,4 @@
-"""What a path tells before its file is opened: whether it can be read at all, and the name of the recording."""
+"""Checks of a path before its file is opened: whether it can be read at all, and the name of the recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STRUCTURED = frozenset((".json", ".jsonl", ".ndjson", ".html", ".htm", ".xls", 
 _TABLES = frozenset((".xlsx", ".xlsm", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
 _COMPRESSED = frozenset((".gz", ".bz2", ".zst", ".lz4"))
 ENDINGS = tuple(sorted(_TEXT | _STRUCTURED | _TABLES | _COMPRESSED))
-"""Of the files that are read."""
+"""Endings of the files that are read."""
 
 
 def name_of(path: str | Path) -> str:

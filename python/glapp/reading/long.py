@@ -47,7 +47,7 @@ _WORDS = ("mode", "op_low_flag", "op_high_flag")
 _COMMON = 0.5
 """A signal that has a sample at less than this share of PV's has times of its own."""
 _MORE = 2
-"""So many times as many samples of OP as of PV, and OP's times are rows as well."""
+"""Ratio of OP's samples to PV's from which OP's times are rows as well."""
 
 
 @dataclass
@@ -245,7 +245,7 @@ class LongRecording(Recording):
 
     @property
     def found(self) -> Sequence[Finding]:  # type: ignore[override]
-        """What was noticed when it was opened and read."""
+        """Findings of opening and reading."""
         return [*self._store.clock.found, *self._found_here]
 
     def fraction_read(self) -> float | None:

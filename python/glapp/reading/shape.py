@@ -35,9 +35,9 @@ _OWN = ("sp", "pv", "op", "mode")
 _ROWS = 8
 """Fewer rows than this show nothing."""
 _GROUPS = 20
-"""So many loops are looked at."""
+"""Number of loops that are looked at."""
 _WIDEST = 200
-"""Of wider tables only columns without a name are looked at for times: each may be a page of a file."""
+"""Number of columns above which only those without a name are looked at for times: each may be a page of a file."""
 _DAYS, _DAY_STEP = (29221.0, 54789.0), 0.05
 """Days of a spreadsheet from 1980 to 2050, and the longest step between two rows [days]."""
 _HALF = r"(?i: ?[AP]\.?M\.?)"

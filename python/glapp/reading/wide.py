@@ -250,7 +250,7 @@ class WideRecording(Recording):
 
 
 def _empty(column: pa.Array) -> NDArray[np.bool_] | None:
-    """Which cells are empty, None where none is."""
+    """Whether each cell is empty, None where none is."""
     if pa.types.is_dictionary(column.type):
         column = plain(column)
     if pa.types.is_string(column.type):

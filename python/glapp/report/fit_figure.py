@@ -107,7 +107,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
             hovertemplate="OP %{x:.5~g}<br>%{y:.5~g}<extra></extra>",
         )
     )
-    # Where PV does not follow the valve at all, a gap has no flanks.
+    # A gap has no flanks where PV does not follow the valve at all.
     bottom, top = np.sort((np.quantile(seen, [0.05, 0.95]) - middle) / gain) if gain else (0.0, 0.0)
     drawn = [
         (answer.width, {"color": POSITION, "width": 2.6}, "at least" if answer.verdict == "at_least" else "fitted gap"),
@@ -224,7 +224,7 @@ def fit_figure(result: Result) -> go.Figure:
 
 
 def _family(family: dict[str, Any]) -> str:
-    """What a family of models is called."""
+    """Name of a family of models."""
     if family["noise"] == "position":
         return "OP to the valve's position"
     kind = f"{family['lags']} lags" if not family["integrating"] else "integrator and lag"

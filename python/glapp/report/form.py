@@ -126,7 +126,7 @@ def _page(one: Judged) -> dict[str, object]:
 
 
 def _reason_text(one: Judged) -> str:
-    """What the verdict stands on; no number is parted from its unit."""
+    """Reason of the verdict; no number is parted from its unit."""
     return _told(one).replace(" % of span", "\N{NO-BREAK SPACE}% of span")
 
 

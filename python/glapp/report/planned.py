@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 __all__ = ["KINDS", "limits", "question", "rows", "text"]
 
 KINDS = {"by_hand": "OP by hand", "setpoint": "Setpoint steps", "more_hours": "More hours"}
-"""What each kind of test is called."""
+"""Name of each kind of test."""
 
 
 def question(plan: Plan) -> str:
-    """What the test would decide."""
+    """Question that the test would decide."""
     return f"Is there a gap of {number(plan.width)} {op_unit(plan.unit)}?"
 
 

@@ -10,7 +10,7 @@ from .words import op_unit, quantity
 __all__ = ["calibration", "counts", "share_text", "workshop"]
 
 PROBABLE = {"p_gap": "a dead band", "p_beyond": "one beyond the limit"}
-"""What each probability is of."""
+"""Event of each probability."""
 
 
 def counts(scored: Sequence[Scored]) -> list[tuple[str, ...]]:
@@ -51,6 +51,6 @@ def share_text(so: int, not_so: int) -> str:
 
 
 def workshop(one: Scored) -> str:
-    """What the workshop found, with the width where it was measured."""
+    """Finding of the workshop, with the width where it was measured."""
     width = "" if one.width is None else f", {quantity(one.width, op_unit(one.result.unit))}"
     return f"{one.label.found}{width}"

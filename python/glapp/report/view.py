@@ -1,4 +1,4 @@
-"""What the templates show of a loop: text and rows of tables, from what the result holds; nothing is decided here."""
+"""Texts and rows of tables for the templates, from the result of a loop; nothing is decided here."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class LoopView:
 
     @property
     def planned(self) -> TableRows:
-        """What would decide, where that was asked for and the answer is open."""
+        """The test that would decide, where it was asked for and the answer is open."""
         return [] if self.r.plan is None else list(planned.rows(self.r.plan))
 
     @property
@@ -142,7 +142,7 @@ class LoopView:
 
     @property
     def recordings(self) -> TableRows:
-        """What each of several recordings says alone, and why one does not count."""
+        """Result of each of several recordings alone, and why one does not count."""
         if self.r.fit is None:
             return []
         unit = words.op_unit(self.r.unit)
@@ -177,7 +177,7 @@ class LoopView:
 
     @property
     def crossings(self) -> TableRows:
-        """What came of the zero crossings."""
+        """Results of the zero crossings."""
         r, unit = self.r, words.op_unit(self.r.unit)
         if not self.analysed:
             return []

@@ -27,7 +27,7 @@ def _catalogue_of(subject: str) -> dict[str, str]:
 
 
 class Reason(NamedTuple):
-    """How one verdict on a half-period is told: a label, what it means, and what to do if it is the usual one."""
+    """Texts on one verdict on a half-period: a label, what it means, and what to do if it is the usual one."""
 
     label: str
     meaning: str

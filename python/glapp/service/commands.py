@@ -1,4 +1,4 @@
-"""What persons ask for: settings, compensation, watchdog tests, fits. Each command is logged with who asked."""
+"""Commands of persons: settings, compensation, watchdog tests, fits. Each command is logged with who asked."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Commands:
         return bounds_of(watched.loop, compensation_settings(self._reader.settings(loop)), limits)
 
     def settings(self, loop: str) -> dict[str, Any]:
-        """What may be set of a loop, as it is in force: of its detector, and of its compensation where it has one."""
+        """Settable parameters of a loop, as in force: of its detector, and of its compensation where it has one."""
         watched = self._loops[loop]
         ideal = watched.loop.ideal()
         values: dict[str, Any] = {

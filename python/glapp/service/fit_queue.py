@@ -111,7 +111,7 @@ class FitQueue:
                 self.ask(watched.loop.name, NIGHT)
 
     def next_night(self) -> float:
-        """When the next fits of a night begin, by the service's clock [s since 1970 UTC]."""
+        """Time of the next fits of a night, by the service's clock [s since 1970 UTC]."""
         now = datetime.fromtimestamp(self._clock())
         begin = now.replace(hour=self.options.fit_hour, minute=0, second=0, microsecond=0)
         return (begin if begin > now else begin + timedelta(days=1)).timestamp()

@@ -68,7 +68,7 @@ class Ingest:
         self._lost = {watched.id for watched in self._loops.values() if watched.resampler.known(PV)}
 
     def alive(self, loop: str) -> float | None:
-        """When the source last heard of a loop [s since 1970 UTC]; None where it does not know."""
+        """Time of the source's last sign of a loop [s since 1970 UTC]; None where it does not know."""
         return None if self.source is None else self.source.alive(loop)
 
     def since(self) -> dict[tuple[str, Signal], float]:

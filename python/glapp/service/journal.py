@@ -50,7 +50,7 @@ class Journal:
 
     @property
     def waiting(self) -> int:
-        """How many entries wait in memory."""
+        """Number of entries that wait in memory."""
         return len(self._backlog)
 
     def add_event(self, event: Event) -> None:
@@ -96,7 +96,7 @@ class Journal:
             self.add_event(Event(now, None, "memory_again", text))
 
     def failing_for(self, now: float) -> float:
-        """For how long the store cannot be written by now [s]; 0 where it can."""
+        """Time since which the store cannot be written [s]; 0 where it can."""
         return 0.0 if self._failing_since is None else now - self._failing_since
 
     def _failed(self, why: str, now: float) -> None:

@@ -44,7 +44,7 @@ def _most() -> int:
 
 @dataclass(frozen=True, slots=True)
 class ListenerLimits:
-    """How much one listener takes.
+    """Limits of one listener.
 
     - `header`: a header is whole so soon after the connection was made or TLS was agreed on [s].
     - `body`: a body is whole so soon after its header [s], and one second later for each `slowest` bytes of it.
@@ -112,7 +112,7 @@ def logged_in(scope: Any) -> None:
 
 
 def network(host: str) -> str:
-    """What one who has an address can easily have all of.
+    """Network that an owner of an address can easily have all of.
 
     Examples
     --------

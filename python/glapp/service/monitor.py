@@ -38,7 +38,7 @@ _SHOWN = 5.0
 """Time between two writes of the status, for who reads it [s]."""
 
 _PATIENCE = 60.0
-"""So long the store may fail before nothing is compensated any more [s]."""
+"""Time that the store may fail before all compensation ends [s]."""
 
 
 class Monitor:
@@ -131,7 +131,7 @@ class Monitor:
         return watched
 
     def _usable_settings(self, given: Loop, plant_limits: tuple[float, float] | None) -> dict[str, Any]:
-        """What persons have set, without what is out of its bounds by now; that is told and not set any more.
+        """Settings by persons, without those that are out of their bounds by now; these are reported and not set again.
 
         Such a value was saved by a version with other bounds, or beside other settings in the loops.toml.
         """
@@ -263,14 +263,14 @@ class Monitor:
                 await self._show()
             await asyncio.sleep(max(0.0, self.options.step - (time.monotonic() - began)))
 
-    # What is shown
+    # Status for display
 
     async def _show(self) -> None:
         with suppress(StoreFull):
             await asyncio.to_thread(self.store.show, self._clock(), json.dumps(self.status()))
 
     def status(self) -> dict[str, Any]:
-        """What is shown of the service and of every loop."""
+        """State of the service and of every loop."""
         damaged = self.reader.damaged
         return {
             "now": self._clock(),
@@ -287,7 +287,7 @@ class Monitor:
         }
 
     def _behind(self) -> dict[str, float | None] | None:
-        """How far a plant that hurries is behind the clock on the wall [s], and how long it will take to catch up [s].
+        """Lag of a simulated fast plant behind the clock [s], and the time it needs to catch up [s].
 
         None where it has caught up, or does not hurry.
         """

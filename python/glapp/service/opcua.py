@@ -262,7 +262,7 @@ class OpcUa:
                     link.heartbeat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
 
     async def _limits(self, link: _Link) -> None:
-        """How many tags the server takes in one request."""
+        """Number of tags that the server takes in one request."""
         asked = [ua.NodeId(i) for i in _LIMITS]
         for seen, name in zip(
             await link.client.uaclient.read_attributes(asked, ua.AttributeIds.Value), _LIMITS.values(), strict=True

@@ -1,4 +1,4 @@
-"""What an OPC UA connection tells: the same thing at most once a minute, with how often it happened."""
+"""Events of an OPC UA connection: the same one at most once a minute, with its count."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from .signal import Event, Tell
 __all__ = ["REPEATED", "EventFilter"]
 
 REPEATED = 60.0
-"""What happens again is told once in this time, with how often it happened [s]."""
+"""Interval of reports on an event that repeats, with its count [s]."""
 
 _RUSH = 20
-"""So many tags with the same fault are told each for itself in that time; more are told together."""
+"""Tags with the same fault that are reported singly in that time; more are reported together."""
 
 
 @dataclass(slots=True)
 class _EventCount:
-    """How often something happened since it was told last."""
+    """Number of an event's occurrences since its last report."""
 
     loop: str | None
     text: str = ""
@@ -31,7 +31,7 @@ class _EventCount:
 
 @dataclass(slots=True)
 class _Rush:
-    """How often something happened in very many tags at once."""
+    """Number of occurrences in very many tags at once."""
 
     since: float
     told: int = 0
@@ -40,7 +40,7 @@ class _Rush:
 
 
 class Tag(Protocol):
-    """What an event is about."""
+    """Subject of an event."""
 
     loop: str
 

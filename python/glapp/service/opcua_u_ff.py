@@ -157,7 +157,7 @@ class UffNodes:
         return self.client
 
     async def _value_in_plant(self, client: Client, loop: str, feed: UffNode) -> float:
-        """What stands at the node of u_FF now."""
+        """Present value at the node of u_FF."""
         try:
             [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
         except (OSError, TimeoutError, ua.UaError) as error:

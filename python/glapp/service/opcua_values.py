@@ -27,7 +27,7 @@ class NotANumberError(Exception):
 
 
 def number_reader(loop: Loop, key: str) -> Callable[[Any], float]:
-    """How the value of a tag is read as a number."""
+    """Function that reads a tag's value as a number."""
     if key in ("low", "high"):
         return lambda raw: float(_real(raw) != 0.0)
     if key != "mode":
@@ -74,7 +74,7 @@ def as_written(value: float, kind: ua.VariantType) -> float:
 
 
 def reason(error: BaseException) -> str:
-    """What went wrong with a connection, for a person."""
+    """Reason of a connection's failure, for a person."""
     if isinstance(error, ua.UaStatusCodeError):
         return str(ua.StatusCode(error.code).name)
     if isinstance(error, TimeoutError):

@@ -159,7 +159,7 @@ class SimLoop:
         return self._scan + 1 + int(self._random.expovariate(1.0 / (times * self.kind.ti)))
 
     def _happen(self, days: float) -> None:
-        """What moves before the next scan: load, setpoint, wear."""
+        """Changes before the next scan: load, setpoint, wear."""
         graph, kind = self.graph, self.kind
         if self._scan >= self._next_load:
             graph["load.value"] = self._rest + self._random.uniform(-kind.step, kind.step)
@@ -214,7 +214,7 @@ def _gain(process: Module) -> float:
 
 
 class _Users:
-    """Who may connect, by name and password."""
+    """Users that may connect, by name and password."""
 
     def __init__(self, users: Mapping[str, str]) -> None:
         self._users = users
@@ -253,10 +253,10 @@ class _History(HistoryStorageInterface):  # type: ignore[misc]
         self.types: dict[ua.NodeId, ua.VariantType] = {}
 
     async def init(self) -> None:
-        """Nothing to open."""
+        """Does nothing: no connection to open."""
 
     async def stop(self) -> None:
-        """Nothing to close."""
+        """Does nothing: no connection to close."""
 
     async def read_node_history(
         self, node_id: ua.NodeId, start: datetime | None, end: datetime | None, nb_values: int
@@ -515,7 +515,7 @@ class SimPlant:
             await server.stop()
 
     def _stamp(self, written: Any, _: Any) -> None:
-        """What others write has the time of a plant that hurries, too: after the last scan, and before the next one."""
+        """Time stamp for others' values in the time of a fast plant: after the last scan, and before the next one."""
         if written.is_external and time.time() - self.time > 2.0 * self._scan:
             at = datetime.fromtimestamp(self.time + 0.5 * self._scan, UTC)
             for one in written.request_params.NodesToWrite:
@@ -603,7 +603,7 @@ class SimPlant:
         return now - self._heartbeats[1] <= self._watchdog
 
     async def _feed_forward(self, loop: SimLoop, alive: bool, t: float) -> None:
-        """What the control system does with u_FF: it takes what was written, and ramps it out where nobody is alive."""
+        """The control system's part with u_FF: it takes the written value, and ramps it out without a heartbeat."""
         key = (loop.name, Signal.U_FF)
         old = value = found = self._u_ff[loop.name]
         if self._server is not None:

@@ -45,9 +45,9 @@ class Repaired(_Asked):
     """A repair of the valve."""
 
     time: Annotated[float, Field(ge=0, le=1e11)]
-    """When [s since 1970 UTC]."""
+    """Time [s since 1970 UTC]."""
     note: Annotated[str, Field(max_length=500)] = ""
-    """What was done."""
+    """Description of the work done."""
 
 
 class Proof:
@@ -61,7 +61,7 @@ class Proof:
         self.plans, self.guided = Plans(monitor), GuidedTests(monitor)
 
     def work(self) -> list[Coroutine[Any, Any, None]]:
-        """What runs until the service ends."""
+        """Task that runs until the service ends."""
         return [self.plans.run(), self.guided.run()]
 
     async def repaired(self, loop: str, asked: Repaired, person: str, role: str) -> None:

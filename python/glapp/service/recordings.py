@@ -40,7 +40,7 @@ _PART = re.compile(r"(\d{4}-\d\d-\d\d)\.(\d+)\.parquet")
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _THROUGH = b"glapp.through"
 _AT_ONCE = 10
-"""So many loops of a day are put into their files at once."""
+"""Loops of a day that are written to their files at once."""
 
 _FIELDS = pa.schema(
     [

@@ -24,7 +24,7 @@ __all__ = ["compared", "fall_of", "repaired_at"]
 
 
 def repaired_at(reader: Reader, loop: str, until: float = math.inf) -> float:
-    """When the valve of a loop was last repaired before a moment [s since 1970 UTC]; minus infinity: never."""
+    """Time of the last repair of a loop's valve before a moment [s since 1970 UTC]; minus infinity: never."""
     return max((row["time"] for row in reader.repairs(loop) if row["time"] <= until), default=-math.inf)
 
 

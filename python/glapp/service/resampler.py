@@ -45,7 +45,7 @@ ALIVE, LOST = 255, 254
 SP, PV, OP, MODE, LOW, HIGH, POSITION, U_FF = range(8)
 
 SET_BACK = 5
-"""So many late values of PV in a row, each newer than the one before, are a clock set back."""
+"""Late values of PV in a row, each newer than the one before, that mean a clock set back."""
 
 _HELD_BACK = 1000
 """No more late values are kept for the case that a clock was set back."""
@@ -207,7 +207,7 @@ class Resampler:
         if limit <= self.released:
             return []
         pending = self._pending
-        # Of one time PV comes last: it is the sample that the others belong to.
+        # PV comes last of one time: it is the sample that the others belong to.
         pending.sort(key=_order)
         out: list[Sample] = []
         taken = 0

@@ -1,4 +1,4 @@
-"""How a server of ours by OPC UA is secured: certificate, policies, and who may connect.
+"""Security of our OPC UA servers: certificate, policies, and users.
 
 Needs the extra `glapp[opcua]`.
 """
@@ -26,7 +26,7 @@ _POLICIES = (
 
 @dataclass(frozen=True, slots=True)
 class Security:
-    """What a server shows and asks for.
+    """Security settings of a server.
 
     - `certificate`, `private_key`: of the server, .der and .pem; with them there are encrypted endpoints, and no open
       one.

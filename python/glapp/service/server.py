@@ -1,4 +1,4 @@
-"""What the monitor has to say of each loop, for other programs by OPC UA: a server of which nothing can be written.
+"""OPC UA server with the monitor's results on each loop, for other programs: nothing of it can be written.
 
 One object a loop, in the folder Loops; `NODES` tells what is in each. A value changes when what it says does, with the
 time from which on it says so: of an answer, when it was given.
@@ -88,7 +88,7 @@ _OF_ANSWER = {
 
 
 class NodeValue(NamedTuple):
-    """What a variable says.
+    """Value of a variable.
 
     - `value`: None where there is none.
     - `status`: OPC UA's status, bad where there is no value.
@@ -101,7 +101,7 @@ class NodeValue(NamedTuple):
 
 
 def node_values(loop: Mapping[str, Any]) -> dict[str, NodeValue]:
-    """What each of `NODES` says of a loop.
+    """Values of `NODES` for a loop.
 
     - `loop`: the loop's part of `Monitor.status`.
 
@@ -148,7 +148,7 @@ def _moment(seconds: float) -> datetime:
 
 
 class _Readers:
-    """Who may look: never more than a reader, and after some wrong passwords nobody for a while."""
+    """Login of readers: no role above reader, and after some wrong passwords nobody for a while."""
 
     def __init__(self, users: Mapping[str, str] | None) -> None:
         self._users = users

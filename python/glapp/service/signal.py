@@ -1,4 +1,4 @@
-"""What comes from a plant and what goes to it: values, events, and the face of every source of them."""
+"""Values from a plant and to it, events, and the interface of every source."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class Signal(StrEnum):
-    """What a tag of a loop is.
+    """Meaning of a loop's tag.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class WriteRefused(Exception):  # noqa: N818 - a refusal is an answer, not a fau
 
 
 class Source(Protocol):
-    """Where values come from, and the few places to which one may be written."""
+    """Source of values, with the few places that can be written."""
 
     async def run(self, take: Take, tell: Tell) -> None:
         """Hand over values and events, in the order in which they came, until cancelled."""
@@ -106,7 +106,7 @@ class Source(Protocol):
         """The feed-forward that stands in the plant now."""
 
     def alive(self, loop: str) -> float | None:
-        """When the loop was last heard of at all, by a value or by a sign that none has changed [s since 1970 UTC]."""
+        """Time of the last sign of the loop: a value, or a report that none has changed [s since 1970 UTC]."""
 
     async def heartbeat(self) -> None:
         """Tell the plant's watchdog that this program is alive."""

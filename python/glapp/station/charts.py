@@ -18,7 +18,7 @@ VALVE = "valve (model)"
 """OP after a gap of the width that was found."""
 
 DRAWN = 2000
-"""So many points of a signal are drawn at most where it was read from a file."""
+"""Points of a signal from a file that are drawn at most."""
 
 LIGHT = {
     "ink": "#1f2933",
@@ -122,7 +122,7 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
 
 
 PART = 0.05
-"""By span an axis covers this part of it at least."""
+"""Smallest range of an axis as a share of the span."""
 
 
 def _reach(span: tuple[float, float] | None) -> dict[str, Any]:

@@ -24,17 +24,17 @@ from .sessions import Session
 __all__ = ["CALM_AFTER", "CompensationPage"]
 
 CALM_AFTER = 20.0
-"""So many Ti must have been seen before and since to say whether PV is calmer."""
+"""Number of Ti before and since that the comparison needs."""
 
 AGAIN = 3.0
-"""What goes on is looked at again after so long [s]."""
+"""Interval of updates of running parts [s]."""
 
 ReadSignals = Callable[[float, float], Awaitable[dict[str, Any]]]
 Ask = Callable[[str], Awaitable[Any]]
 
 
 class CompensationPage:
-    """What stands in the dialog, built anew after each command.
+    """Content of the dialog, built anew after each command.
 
     - `station`: what the pages stand on.
     - `ask`: something from the API, by its path; None where it does not say.
@@ -99,7 +99,7 @@ class CompensationPage:
         return await command(self.station, self.session, asking, message) is not None
 
     async def _look(self) -> None:
-        """What has changed by itself: the effect goes on, a test is over, the compensation was withdrawn."""
+        """Update the parts that change by themselves: effect, end of a test, withdrawal."""
         status = self.station.view.shown["loops"].get(self.loop, {})
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))

@@ -27,10 +27,10 @@ LEFT = 60.0
 """A laboratory at which nobody looks stands still after this time [s]."""
 
 MOST = 20
-"""So many laboratories run in a window at most; the one that was left longest ago goes first."""
+"""Largest number of laboratories in a window; the one that was left longest ago goes first."""
 
 BEGUN = 1000.0
-"""So much of the first loop has been simulated when its page opens [s]."""
+"""Simulated time of the first loop when its page opens [s]."""
 
 WINDOWS = {60: "1 min", 600: "10 min", 3600: "1 h"}
 
@@ -189,7 +189,7 @@ class _Page:
             self.grid.run_grid_method("applyTransaction", {"update": changes})
 
     def _labels(self) -> dict[str, str]:
-        """What the signals are called, by their names; where that differs the name stands beside."""
+        """Labels of the signals by their names; where they differ the name stands beside."""
         return {
             name: name if self.lab.label(name) == name else f"{self.lab.label(name)} ({name})"
             for name in self.lab.signals

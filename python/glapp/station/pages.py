@@ -1,4 +1,4 @@
-"""What all pages have, and the two that show the whole plant: overview and events."""
+"""Common parts of all pages, and the two of the whole plant: overview and events."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory")
 
 @dataclass
 class Station:
-    """What the pages stand on.
+    """Shared state of the pages.
 
     - `view`: the database.
     - `api`: the service.
@@ -66,7 +66,7 @@ class Station:
     def _look(self) -> None:
         self.view.refresh()
         now = time.monotonic()
-        # What is shown grows older, too, and a fit goes on.
+        # The page's values grow older, too, and a fit goes on.
         if self.view.at != self._of[0] or now - self._of[1] > (1.0 if self.view.fitting else 5.0):
             self._of = self.view.at, now
             self.listed = self.listed.after(self.view.rows())

@@ -1,4 +1,4 @@
-"""What proves a gap, on a loop's page: the test that would decide, the guided test, before and after the repair."""
+"""Proof of a gap on a loop's page: the test that would decide, the guided test, before and after the repair."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .sessions import Session
 __all__ = ["ProofCards"]
 
 OPEN = ("likely", "cannot_tell")
-"""Of these answers it is told what would decide."""
+"""Confidences for which the page shows a test that would decide."""
 
 MINUTES = 60.0
 
@@ -37,7 +37,7 @@ ENDED = {
     "stopped": "Stopped",
     "silent": "Ended: no values",
 }
-"""How a guided test ended."""
+"""Texts on the end of a guided test."""
 
 RANGE = 7200.0
 """Beside the limits stands where OP and PV were in so many seconds."""
@@ -69,7 +69,7 @@ class ProofCards:
         self.dialogs = ui.element("div").style("display: contents")
 
     async def refresh(self) -> None:
-        """What the database has of them now; what has not changed stays as it is."""
+        """Show the database's present state of them; unchanged parts stay."""
         with suppress(InputError):  # the frame tells it
             plan, test, noted = await asyncio.to_thread(
                 self.station.view.read,

@@ -1,4 +1,4 @@
-"""Who is logged in to the window, and what keeps others out.
+"""Logins of the window, and its guards against strangers.
 
 A session is a random number in a cookie that no script can read and no other site can send; the service's token stays
 in this process, and on no disk. It is over when the service's token is: each request asks the service's database
@@ -51,7 +51,7 @@ LARGEST_FILE = 64_000_000
 """… and none at all: a recording that is to be read is the longest there is [bytes]."""
 
 FOR_PROGRAMS = "/api/"
-"""What programs ask: nothing is changed there, and no cookie set, so that a page elsewhere has nothing of it."""
+"""Path for programs: nothing is changed there, and no cookie set, so that a page elsewhere gets nothing from it."""
 
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
@@ -181,12 +181,12 @@ class Sessions:
         return self._tokens.of(token, self._clock()) is not None
 
     def end(self, id: str) -> None:
-        """It is over."""
+        """End the session."""
         self._all.pop(id, None)
 
 
 class Guard:
-    """What every request passes through first.
+    """Guard that every request passes first.
 
     - `app`: the pages behind it.
     - `sessions`: who is logged in.

@@ -23,10 +23,10 @@ from .sessions import LARGEST_FILE
 __all__ = ["Wizard"]
 
 LARGEST = LARGEST_FILE - 1_000_000
-"""So long a file may be [bytes]; what is sent around it is less than the rest."""
+"""Largest file [bytes]; the rest of the request is smaller than the difference."""
 
 _ONE = asyncio.Semaphore(1)
-"""Of all windows one reads a file at a time: each may take the memory that `glapp.reading.bounds` allows."""
+"""One window at a time reads a file: each may take the memory that `glapp.reading.bounds` allows."""
 
 COLUMNS = {"time": "time", "pv": "PV", "op": "OP", "mode": "mode"}
 """Columns that may be named, by their roles."""

@@ -1,4 +1,4 @@
-"""What a controller does to the loop: robustness and load rejection, dead time exact."""
+"""Assessment of a controller in a loop: robustness and load rejection, dead time exact."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def _margins(loop: Plant, w: Array, value: npt.NDArray[np.complex128]) -> tuple[
     """Gain margin at the crossings of the negative real axis, phase margin [°] at those of the unit circle."""
     gain, phase = math.inf, math.inf
     crossed = np.flatnonzero((np.sign(value.imag[:-1]) != np.sign(value.imag[1:])) & (value.real[:-1] < 0))
-    # With dead time there are any number of them: refined are those that may be the farthest out short of −1.
+    # With dead time there are any number of them: those that may be the farthest out short of −1 are refined.
     short = np.where(value.real[crossed] > -1.1, -value.real[crossed], 0.0)
     for i in crossed[short > 0.8 * short.max(initial=0.0)]:
         at = root(lambda x: float(loop.response(x).imag), w[i], w[i + 1])

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Longest filter of PV, in Td (or Ti without a derivative part), behind which OP's turns can be worked out by (4.1).
 const SMOOTH: f64 = 0.2;
 
-/// Where OP's travel between two turns is taken from.
+/// Source of OP's travel between two turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Travel {
     /// OP as recorded.
@@ -18,12 +18,12 @@ pub enum Travel {
     Law,
 }
 
-/// What is known beside the half-periods.
+/// Facts that the half-periods do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beside {
     /// Process gain [PV unit/OP unit], where it is known; what is assumed is not.
     pub kp: Option<f64>,
-    /// Where OP's travel is taken from.
+    /// Source of OP's travel.
     pub travel: Travel,
     /// Deviation of OP's fast noise [OP unit], where it can be told.
     pub op_noise: Option<f64>,
@@ -51,7 +51,7 @@ pub enum NotCorrected {
     },
     /// An integrating process does not come to rest off SP.
     Integrating,
-    /// There is no estimate to correct.
+    /// No estimate to correct.
     NoEstimate,
 }
 

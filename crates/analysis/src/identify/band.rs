@@ -20,7 +20,7 @@ const MOVES: usize = 2000;
 pub(super) const TUKEY: f64 = 4.685;
 const HUBER: f64 = 1.345;
 
-/// How much a move counts by its residual.
+/// Weight of a move as a function of its residual.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
     Huber,
@@ -70,7 +70,7 @@ pub(super) struct Band<'a> {
     pub signals: &'a Signals<'a>,
     pub m: usize,
     pub stretches: Stretches,
-    /// Where each block of time begins.
+    /// First index of each block of time.
     pub cut: Vec<usize>,
     pub weight: Vec<f64>,
     pub plain: Candidate,
@@ -222,7 +222,7 @@ impl<'a> Band<'a> {
     }
 }
 
-/// What a law leaves of OP's moves.
+/// Residual of OP's moves under a law.
 fn residual(op: &[f64], x: &[&[f64]], beta: &DVector<f64>) -> Vec<f64> {
     let explained = |k: usize| x.iter().zip(beta.iter()).map(|(x, beta)| x[k] * beta).sum::<f64>();
     op.iter().enumerate().map(|(k, op)| op - explained(k)).collect()

@@ -139,7 +139,7 @@ fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f
             span = span.hull(one.span);
         }
     }
-    // Where K is not told, as where a coarse OP rests through most short means, b is the ratio of two roundings.
+    // Where K is not determined (a coarse OP rests through most short means), b is the ratio of two roundings.
     let surer = |a: &&Found, b: &&Found| {
         a.width.is_infinite().cmp(&b.width.is_infinite()).then(weight_width(a).total_cmp(&weight_width(b)))
     };

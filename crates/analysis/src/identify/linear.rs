@@ -33,7 +33,7 @@ pub(super) fn moments<C: AsRef<[f64]>>(w: &[f64], columns: &[C]) -> Matrix {
     moments
 }
 
-/// What is left of a symmetric matrix without its first row and column.
+/// A symmetric matrix without its first row and column, after elimination.
 pub(super) fn without_first(a: &Matrix) -> Matrix {
     a.view((1, 1), (a.nrows() - 1, a.ncols() - 1)).into_owned()
 }

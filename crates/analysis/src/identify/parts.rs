@@ -9,7 +9,7 @@ pub(super) type Moves = [Vec<f64>; 3];
 /// Running sums of P, I and D part: a move between two means takes three look-ups.
 pub(super) type Sums = Vec<[f64; 3]>;
 
-/// What all lengths of the means and all laws share.
+/// Signals that all lengths of the means and all laws share.
 pub(super) struct Signals<'a> {
     rows: &'a Rows,
     /// Usual step [s].
@@ -39,7 +39,7 @@ impl<'a> Signals<'a> {
         let n = t.len();
         let later = |k: usize| step.get(k.wrapping_add_signed(lag)).is_some_and(|step| *step);
         let step: Vec<bool> = (0..step.len()).map(|k| step[k] && later(k)).collect();
-        // What the controller's filter held at the first step after a break is not known.
+        // The state of the controller's filter at the first step after a break is unknown.
         let step: Vec<bool> = (0..step.len()).map(|k| k > 0 && step[k - 1] && step[k]).collect();
         let mut good = vec![0; n];
         for k in 1..n {
@@ -144,7 +144,7 @@ impl Stretches {
             start.iter().map(|&k| (sums[k + 2 * m] - 2.0 * sums[k + m] + sums[k]) / m as f64).collect()
         };
         let (op, mut setpoint) = (moves(&signals.op), moves(&signals.setpoint));
-        // What the sums round off is no move of SP.
+        // A move within the rounding of the sums is no move of SP.
         for move_ in &mut setpoint {
             if move_.abs() < 1e-9 * signals.sp_size {
                 *move_ = 0.0;
@@ -153,7 +153,7 @@ impl Stretches {
         Self { start, m, op, setpoint }
     }
 
-    /// How the parts move in them.
+    /// Moves of the parts in these sums.
     pub fn moves(&self, sums: &[[f64; 3]]) -> Moves {
         let mut moves = [const { Vec::new() }; 3];
         for (j, moves) in moves.iter_mut().enumerate() {

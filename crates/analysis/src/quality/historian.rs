@@ -1,4 +1,4 @@
-//! What a historian or transmitter did to the signals: frozen, held or interpolated; spikes and shifts.
+//! Effects of a historian or transmitter on the signals: frozen, held or interpolated; spikes and shifts.
 
 use super::Finding;
 use super::finding::{Fault, Severity};

@@ -78,7 +78,7 @@ pub(super) fn longest_run<T: PartialEq>(values: &[T], wanted: impl Fn(&T) -> boo
     longest
 }
 
-/// How many are marked.
+/// Number of true marks.
 pub(super) fn count(marks: impl IntoIterator<Item = bool>) -> usize {
     marks.into_iter().filter(|mark| *mark).count()
 }

@@ -80,7 +80,7 @@ fn an_assumed_gain_that_matters_is_told() {
     assert_eq!(assumed_gain(30.0, f64::NAN, 0.04), None);
 }
 
-/// Whatever stands in a column: mostly numbers that repeat, that others meet, and that are none.
+/// Any value a column may hold: mostly numbers that repeat, values that others use, and non-numbers.
 fn anything() -> impl Strategy<Value = f64> {
     prop_oneof![
         100 => -3.0..3.0,

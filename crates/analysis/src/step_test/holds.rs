@@ -1,4 +1,4 @@
-//! Where OP was held.
+//! Holds of OP.
 
 use super::LEAST_ROWS;
 use crate::median;

@@ -1,4 +1,4 @@
-//! What each move from one settled hold to the next is, and from which side it presses the valve.
+//! Kind of each move from one settled hold to the next, and the side from which it presses the valve.
 
 use super::holds::Node;
 use super::posterior::Posterior;
@@ -113,7 +113,7 @@ mod tests {
     use super::super::posterior::tests::two_holds;
     use super::*;
 
-    /// What the first move is said to be where the probability that PV did not answer is so large.
+    /// Verdict on the first move, given the probability that PV did not answer.
     fn evidence_at(contrary: f64) -> Option<Evidence> {
         let free = |step: f64| {
             let blocks = two_holds(step, 0.1, 0.0);

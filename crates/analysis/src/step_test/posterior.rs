@@ -189,7 +189,7 @@ impl Posterior {
         (weighed(|of| of.mean), weighed(|of| of.variance).sqrt())
     }
 
-    /// What the limits hang on, for each ratio.
+    /// Statistics that the limits need, for each ratio.
     fn project(&self, over: &[f64], under: Option<&[f64]>) -> Vec<Projected> {
         let over = DVector::from_column_slice(over);
         let under = under.map(DVector::from_column_slice);

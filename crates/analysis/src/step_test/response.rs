@@ -1,4 +1,4 @@
-//! How a signal goes from one settled level to the next: T86 and overshoot.
+//! Response of a signal from one settled level to the next: T86 and overshoot.
 
 use super::blocks::mean;
 use super::holds::Node;

@@ -1,4 +1,4 @@
-//! How long after a move PV has settled.
+//! Settling time of PV after a move.
 //!
 //! The answers to all clear moves are laid over each other. t₁ and t₂ are the times at which 1/e and 1/e² of the way is left; of a
 //! single lag T they are T and 2T, and a tail of so many time constants t₂ − t₁ later the answer is over.
@@ -96,7 +96,7 @@ impl Signals<'_> {
         moves
     }
 
-    /// What is left of all answers in each bin, how large they are together, and the variance of their sum.
+    /// Residual of all responses in each bin, their size together, and the variance of their sum.
     fn laid_over(&self, moves: &[Move], n: usize, shortest: f64) -> (Vec<f64>, f64, f64) {
         let width = shortest / n as f64;
         let mut left = vec![0.0; n];
@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn a_process_without_lag_has_the_tail_of_a_part_of_a_bin() {
-        // Of one step, held for 1001 rows: a bin is 10 s. All is left at 0, nothing at the middle of the first bin.
+        // One step, held for 1001 rows: a bin is 10 s. All is left at 0, nothing at the middle of the first bin.
         let y: Vec<f64> = (0..2002).map(|k| if k < 1001 { 0.0 } else { 1.0 }).collect();
         let t: Vec<f64> = (0..2002).map(f64::from).collect();
         let node =

@@ -43,7 +43,7 @@ struct Test<'a> {
     nodes: Vec<Node>,
     tolerance: f64,
     integrating: bool,
-    /// In question.
+    /// Width in question.
     width: Option<f64>,
 }
 
@@ -297,7 +297,7 @@ fn misfit(blocks: &Blocks, axes: &Axes, tight: &Posterior, extra: f64) -> Option
     let loose = Posterior::of(&columns, axes, extra, 1.0)?;
     let at = loose.best;
     let rest = loose.rss[at] / loose.freedom as f64;
-    // What no noise shows either: the steps of a coarse PV, and the last of an answer that is not quite over.
+    // Errors that the noise does not show: the steps of a coarse PV, and the tail of an unfinished response.
     let known = extra + (NOT_OVER * range(&blocks.y)).powi(2);
     let beside = (rest + known * super::blocks::MEANS as f64).max(1e-300);
     let ratio = (tight.rss[at] - loose.rss[at]) / more as f64 / beside;

@@ -286,7 +286,7 @@ fn what_an_analysis_found_is_told_without_a_number_missing() {
         let message =
             of_identification(&Identification { samples: 9, values, settings: None, reason: Some(reason) }).unwrap();
         assert!(text(&message.code, &message.numbers, &reader).is_ok(), "{message:?}");
-        // What is stored says the same.
+        // A stored message renders to the same text.
         let stored = serde_json::to_string(&message).unwrap();
         let read: Message = serde_json::from_str(&stored).unwrap();
         assert!(text(&read.code, &read.numbers, &reader).is_ok(), "{stored}");

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// There is none.
+    /// No value.
     None,
     /// Yes or no.
     Flag(bool),
@@ -92,7 +92,7 @@ impl From<Message> for Value {
     }
 }
 
-/// Where the numbers of a message come from.
+/// A source of a message's numbers.
 pub trait Numbers {
     /// The one of that name; none where it is not there.
     fn value(&self, name: &str) -> Option<Value>;
@@ -138,7 +138,7 @@ impl dyn Numbers + '_ {
 pub struct Message {
     /// `subject.name`, as the catalogue has it.
     pub code: String,
-    /// Its numbers by name.
+    /// Numbers by name.
     #[serde(default)]
     pub numbers: BTreeMap<String, Value>,
 }

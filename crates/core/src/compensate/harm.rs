@@ -42,7 +42,7 @@ pub(crate) struct Harm<R> {
     pub(crate) band: R,
 }
 
-/// What [`Harm`] remembers.
+/// State of [`Harm`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct HarmState<R: Real> {
@@ -50,7 +50,7 @@ pub(crate) struct HarmState<R: Real> {
     since: Blocks<R>,
     /// Whether the block is one of those since it is in force.
     in_force: bool,
-    /// Of the block: how long it is \[s\], its integral of |e|, its reversals.
+    /// Running sums of the block: duration \[s\], integral of |e|, reversals.
     time: R::Sum,
     area: R::Sum,
     reversals: R,

@@ -9,11 +9,11 @@ use crate::{ParameterError, Real, Saturation, Sum};
 const TRAVEL: f64 = 0.2;
 /// The share of that way by which it moves in a sample where it only rounds.
 const ROUNDING: f64 = 1e-5;
-/// How many times as far PV must be from SP where OP reaches the limit as it was in the first half of that way.
+/// Ratio of PV's distance from SP where OP reaches the limit to that in the first half of the way.
 const GROWN: f64 = 1.5;
-/// How far PV must have gone beyond the farthest that it was from SP before.
+/// Ratio by which PV must exceed its farthest distance from SP before.
 const BEYOND: f64 = 1.1;
-/// How long OP must have stood at its limit \[Ti\].
+/// Time that OP must have stood at its limit \[Ti\].
 const WAIT: f64 = 5.0;
 /// A longer time between samples is a gap \[s\].
 const LONGEST: f64 = 1e9;
@@ -65,7 +65,7 @@ pub struct WrongSign<R> {
     travel: R,
 }
 
-/// What a [`WrongSign`] remembers.
+/// State of a [`WrongSign`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct WrongSignState<R: Real> {

@@ -43,7 +43,7 @@ pub struct Pid<R> {
     limits: Saturation<R>,
 }
 
-/// What a [`Pid`] remembers from sample to sample.
+/// State of a [`Pid`] from sample to sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PidState<R: Real> {

@@ -2,10 +2,10 @@
 
 use crate::{Real, Reason, Span, SwingParts};
 
-/// What [`pairs`] needs of a half-period.
+/// Facts of a half-period that [`pairs`] needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Half<R> {
-    /// From when to when.
+    /// First and last time.
     pub span: Span,
     /// +1 PV below SP, −1 above.
     pub sign: i8,
@@ -77,7 +77,7 @@ pub const FEWEST: usize = 3;
 /// Plateaus that lie further above Δy than this were not reached.
 const STEEPEST: f64 = 1.4;
 
-/// How far widths may lie from their median to agree; their scatter is all that tells of a load that wanders.
+/// Relative distance from their median within which widths agree; their scatter is the only sign of a wandering load.
 const AGREE: f64 = 0.1;
 
 /// Pairs of the accepted half-periods among `halves`, which are in the order of time: those with a travel, between

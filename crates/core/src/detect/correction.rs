@@ -59,12 +59,12 @@ pub struct CorrectionState<R: Real> {
     count: u8,
     /// A pair has come and is still to be worked off.
     due: bool,
-    /// With which Kp the width was worked out.
+    /// Kp of the width's calculation.
     kp: Option<R>,
     width: Result<Corrected<R>, Doubt>,
 }
 
-/// What is kept of a half-period.
+/// Facts kept of a half-period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Past<R> {

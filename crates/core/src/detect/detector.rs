@@ -30,7 +30,7 @@ pub struct Sample<R> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HalfPeriodResult<R> {
-    /// What the signals did.
+    /// Signals of the half-period.
     pub half: HalfPeriod<R>,
     /// The width and its parts; a detection where `mask` is 0.
     pub parts: WidthParts<R>,
@@ -40,7 +40,7 @@ pub struct HalfPeriodResult<R> {
     pub previous_delta_y: Option<R>,
     /// The estimate compared in (5.1), where it was asked.
     pub d_hat_before: Option<R>,
-    /// What the detections say after this half-period, where there are any.
+    /// Estimate after this half-period; none before the first detection.
     pub estimate: Option<Estimate<R>>,
     /// The noise limit, from the level of the noise at the last detection [OP unit]; none where it is not known.
     pub noise_floor: Option<R>,
@@ -206,7 +206,7 @@ impl<R: Real> Default for DetectorState<R> {
 }
 
 impl<R: Real> DetectorState<R> {
-    /// What the detections say, where there have been any.
+    /// Estimate by the detections; none before the first.
     pub fn estimate(&self) -> Option<Estimate<R>> {
         self.memory.estimate
     }
@@ -236,7 +236,7 @@ impl<R: Real> DetectorState<R> {
         Self { memory: Memory { previous_delta_y: self.memory.previous_delta_y, ..Memory::default() }, ..*self }
     }
 
-    /// How many half-periods were accepted so far.
+    /// Number of accepted half-periods so far.
     pub fn accepted(&self) -> u32 {
         self.memory.accepted
     }
@@ -443,7 +443,7 @@ impl<R: Real> Detector<R> {
             return (s, None);
         }
         let in_time = self.in_time(h);
-        // What is in time and continues no whole signal is bad; else the signal would start at this sample.
+        // A sample that is in time and continues no complete signal is bad; else the signal would start at it.
         let startable = flags & BAD == 0 && (sp - pv).is_measurable() && (!OP || op.is_measurable());
         let good = startable && (s.broken != 0 || !in_time);
         let mut ended = None;

@@ -9,7 +9,7 @@ named! {
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
     #[repr(u8)]
     pub enum Reason {
-        /// It was not rejected.
+        /// Not rejected.
         #[default]
         Accepted = 0 => "accepted",
         /// Samples are missing before or within it.
@@ -69,7 +69,7 @@ impl Reason {
 pub struct SafetyNet<R> {
     /// Reject Δu ≥ this span [OP unit]; `None`: the span is not known.
     pub op_span: Option<R>,
-    /// Which of the others are asked.
+    /// Other conditions that are checked.
     pub conditions: Conditions,
 }
 
@@ -108,7 +108,7 @@ impl Default for Conditions {
 }
 
 impl Conditions {
-    /// Their names, in order.
+    /// Names of the conditions, in order.
     pub const NAMES: [&str; 7] = ["limits", "too_short", "not_square", "decaying", "growing", "sp_moved", "too_small"];
 
     /// The switch of that name, where there is one.

@@ -74,7 +74,7 @@ pub struct SwingState<R: Real> {
     switched: bool,
 }
 
-/// What came of one half-period.
+/// Parts of the swing in one half-period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SwingParts<R> {

@@ -123,7 +123,7 @@ impl<R: Real> Width<R> {
         }
     }
 
-    /// Where Δu is taken from, given whether OP is recorded.
+    /// Source of Δu, given whether OP is recorded.
     #[inline(always)]
     pub fn source(&self, op_known: bool) -> TravelSource {
         match (self.td, op_known) {

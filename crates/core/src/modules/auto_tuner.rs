@@ -27,7 +27,7 @@ pub struct AutoTunerState<R: Real> {
     pub run: bool,
     /// The relay had the output in this scan.
     active: bool,
-    /// What was told backward in the last scan.
+    /// Flags received backward in the last scan.
     flags: Status,
 }
 

@@ -9,8 +9,8 @@ use crate::{
     WrongSign, WrongSignState,
 };
 
-/// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
-/// longer than so many Ti, and in which nothing but K and Ti moved OP.
+/// Number of half-periods in a row, with OP against K, that show a wrong sign: only those longer than the given number
+/// of Ti, in which nothing but K and Ti moved OP.
 const AGAINST: u8 = 3;
 const LONG: f64 = 3.0;
 /// Longest filter of PV, in Ti, behind which the estimate may be compensated by (thesis 8.2 has that by default).
@@ -27,15 +27,15 @@ named! {
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
     pub enum Unfit {
-        /// There is none yet.
+        /// No detection yet.
         NoDetection = 1 => "no_detection",
         /// A fit contradicts it.
         Struck = 2 => "struck",
-        /// There are fewer detections than the filter is long.
+        /// Fewer detections than the filter is long.
         Provisional = 3 => "provisional",
-        /// It is below the noise limit.
+        /// The estimate is below the noise limit.
         Noise = 4 => "noise",
-        /// It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
+        /// The estimate uses a default Kp, or a filter of PV longer than Ti/2.
         Crude = 5 => "crude",
     }
 }
@@ -103,8 +103,8 @@ pub struct BacklashDetectionState<R: Real> {
     pub compensation: CompensationState<R>,
     /// The warnings of over-compensation.
     pub over: OverWarning,
-    /// What the detections say of the whole gap, where there have been any. Compensation goes by it, shown or not: it only makes it
-    /// smaller.
+    /// Estimate of the whole gap; none before the first detection. Compensation goes by it, shown or not: it only makes
+    /// it smaller.
     pub whole: Option<Estimate<R>>,
     /// OP without u_FF in the last scan, where it is known [OP unit].
     pub u_fb: Option<R>,
@@ -192,7 +192,7 @@ impl<R: Real> BacklashDetectionState<R> {
         if self.unfit { None } else { self.whole }
     }
 
-    /// What is wrong: [`WRONG_SIGN`], or 0.
+    /// Error: [`WRONG_SIGN`], or 0.
     pub fn error(&self) -> Status {
         if self.sign.found || self.against >= AGAINST { WRONG_SIGN } else { 0 }
     }
@@ -235,7 +235,7 @@ impl<R: Real> BacklashDetection<R> {
         Self { smooth: self.smooth || tf > R::of(SMOOTH) * self.settings.ti, ..self }
     }
 
-    /// What it was made of; the compensation's `k`, `ti` and limits are those in force.
+    /// Settings it was made with; the compensation's `k`, `ti` and limits are those in force.
     pub fn settings(&self) -> BacklashDetectionSettings<R> {
         let compensation = self.compensation.as_ref().map(|(compensation, _)| *compensation.settings());
         BacklashDetectionSettings { detector: self.settings, compensation }
@@ -271,7 +271,7 @@ impl<R: Real> BacklashDetection<R> {
         self.learn(state, backward_flags, back.map(|back| back.tracking), None);
     }
 
-    /// Where the width to compensate comes from; none: there is no compensation.
+    /// Source of the width to compensate; none: there is no compensation.
     pub fn source(&self) -> Option<Source> {
         let settings = self.compensation.as_ref().map(|(compensation, _)| compensation.settings())?;
         (settings.source != Source::Typed || settings.size > R::ZERO).then_some(settings.source)

@@ -6,7 +6,7 @@ use crate::{
     SecondOrderFilter, SecondOrderFilterState, Sum,
 };
 
-/// What a module hands on to the next one.
+/// Value that a module hands on to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Forward<R> {
@@ -36,7 +36,7 @@ impl<R: Real> From<R> for Forward<R> {
     }
 }
 
-/// What a module tells the one before it: what became of the value that it was handed (thesis 6.1, 7.1).
+/// Report of a module to the one before it: the effect of the value it was handed (thesis 6.1, 7.1).
 ///
 /// | flag | meaning | thesis |
 /// |---|---|---|
@@ -65,8 +65,8 @@ impl<R: Real> Default for Backward<R> {
 }
 
 impl<R: Real> Backward<R> {
-    /// What two followers of one value say together: the narrower limits, all flags, and the first value in effect that is
-    /// not the one handed over.
+    /// Combined report of two followers of one value: the narrower limits, all flags, and the first value in effect
+    /// that is not the one handed over.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -212,7 +212,7 @@ mod tests {
         filter.forward(&mut state, 5.0.into(), 1.0);
         let held = filter.forward(&mut state, f64::NAN.into(), 1.0);
         assert_eq!((held.value, held.flags), (5.0, BAD));
-        // It starts at the first good value: what lay before says nothing about it.
+        // The start is the first good value: earlier values say nothing about it.
         assert_eq!(filter.forward(&mut state, 80.0.into(), 1.0), Forward::new(80.0, 0));
     }
 

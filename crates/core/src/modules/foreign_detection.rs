@@ -15,10 +15,10 @@ pub const FOREIGN_SCANS: usize = 32;
 pub struct ForeignDetectionSettings<R> {
     /// Detection and compensation, as beside a controller of ours.
     pub detection: BacklashDetectionSettings<R>,
-    /// How many scans after the one in which u_FF is made OP holds it, 1 to [`FOREIGN_SCANS`].
+    /// Number of scans from the one that makes u_FF to the one whose OP holds it, 1 to [`FOREIGN_SCANS`].
     pub delay: u32,
-    /// How far the u_FF that is read back may be from the one handed over, 0 or greater [OP unit]; a tenth of the width that the
-    /// source gives where not given.
+    /// Allowed difference between the u_FF read back and the one handed over, 0 or greater [OP unit]; a tenth of the
+    /// width that the source gives where not given.
     pub tolerance: Option<R>,
     /// The longest delay with which it may be enabled, as a share of Ti, 0 or greater; [`Way::longest_delay`] where not given. One
     /// scan always may.
@@ -32,10 +32,10 @@ impl<R: Real> ForeignDetectionSettings<R> {
     }
 }
 
-/// What is read of a controller that is not ours, all at the same time.
+/// Values read from another maker's controller, all of the same time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Read<R> {
-    /// Its output, where it is read; without it nothing is compensated [OP unit].
+    /// Output of the controller, where it is read; without it nothing is compensated [OP unit].
     pub op: Option<Forward<R>>,
     /// [`NOT_AUTO`]: it is not in automatic; [`AT_LOW`], [`AT_HIGH`]: something in the loop is at a limit; [`BAD`]: what is read is
     /// not to be believed; 0 = all well.
@@ -86,7 +86,7 @@ pub struct ForeignDetectionState<R: Real> {
     /// The last u_FF that were handed over.
     handed: [R; FOREIGN_SCANS],
     at: u8,
-    /// What is read back has been compared before.
+    /// The read-back value has been compared before.
     known: bool,
     /// Scans in a row in which it was off.
     off: u16,
@@ -99,7 +99,7 @@ impl<R: Real> ForeignDetection<R> {
         let known = delay >= 1 && delay as usize <= FOREIGN_SCANS;
         require("delay", R::of(f64::from(delay)), known, "a whole number of scans from 1 to 32")?;
         let ti = detection.detector.ti;
-        // Whatever their controller holds at the start is taken away, compensation or not.
+        // Any value that their controller holds at the start is removed, with compensation or without.
         let none = CompensationSettings::new(Way::Inverse, detection.detector.k, ti, R::ZERO, R::ZERO);
         let compensation = detection.compensation.unwrap_or(none);
         let longest = longest.unwrap_or(R::of(compensation.way.longest_delay()));
@@ -219,7 +219,7 @@ mod tests {
         ForeignDetectionSettings { delay: 2, longest: Some(1.0), ..ForeignDetectionSettings::new(detection) }
     }
 
-    /// Their controller: OP swings, and holds the u_FF handed over `delay` scans ago.
+    /// Model of another maker's controller: OP swings, and holds the u_FF handed over `delay` scans ago.
     struct Theirs {
         block: ForeignDetection<f64>,
         state: ForeignDetectionState<f64>,
@@ -304,7 +304,7 @@ mod tests {
         let mut theirs = Theirs::active();
         assert_eq!(theirs.scan(|read| read.flags = NOT_AUTO), 0.0);
         assert_eq!(theirs.standing(), Standing::NotAuto);
-        // What is read back still is what was handed over before.
+        // The value read back still is the one handed over before.
         assert_eq!(theirs.scan(|read| read.flags = NOT_AUTO), 0.0);
         theirs.scan(|_| ());
         assert_eq!(theirs.standing(), Standing::Waiting);
@@ -479,7 +479,7 @@ mod tests {
             for (i, (read, h)) in reads.iter().enumerate() {
                 let e = if i / 7 % 2 == 0 { 1.0 } else { -1.0 };
                 let u_ff = block.update(&mut state, 50.0.into(), (50.0 - e).into(), read, *h).value;
-                // Whatever is read back here lies within ± 1.
+                // Every value read back here is within ± 1.
                 prop_assert!(u_ff.abs() <= 1.0, "{u_ff}");
                 if read.flags & NOT_AUTO != 0 && state.detection.compensation.standing != Standing::NotEnabled {
                     prop_assert_eq!(u_ff, 0.0);

@@ -80,7 +80,7 @@ impl<R: Real> NoiseLevel<R> {
         if self.repeats >= HELD {
             return;
         }
-        // Those after a break are differences to what was before it; they are not used before all are new.
+        // Differences after a break are to a value before it; they are not used before all are new.
         let size = self.differ(x);
         if self.values < VALUES {
             self.values += 1;

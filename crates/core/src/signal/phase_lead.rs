@@ -32,7 +32,7 @@ pub struct PhaseLead<R> {
     more: R,
 }
 
-/// What a [`PhaseLead`] remembers.
+/// State of a [`PhaseLead`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PhaseLeadState<R: Real> {

@@ -32,13 +32,13 @@ pub struct Gains<R> {
 /// Whether a rule is to give a PI or a PID controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Without derivative part.
+    /// Controller without derivative part.
     Pi,
-    /// With derivative part.
+    /// Controller with derivative part.
     Pid,
 }
 
-/// Which of the two tables in use under the names of Ziegler and Nichols. They differ for PI only.
+/// The two tables in use under the names of Ziegler and Nichols. They differ for PI only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Table {
     /// The table of control textbooks (Åström and Hägglund): PI 0.9/a, 3L; 0.4Ku, 0.8Tu.
@@ -233,8 +233,8 @@ fn speed<R: Real>(name: &'static str, time: R) -> Result<R, ParameterError> {
     require(name, time, time > R::ZERO, "greater than 0 s")
 }
 
-/// Nothing leaves a rule that a [`Pid`](crate::Pid) would refuse: numbers so far apart that the result overflowed or
-/// vanished end here.
+/// Gains that a [`Pid`](crate::Pid) accepts; numbers so far apart that a rule overflowed or vanished end in an error
+/// here.
 fn gains<R: Real>(k: R, ti: R, td: R) -> Result<Gains<R>, ParameterError> {
     let bound = "within reach of the numbers: those of the process lie too far apart";
     Ok(Gains {

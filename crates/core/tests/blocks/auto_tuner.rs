@@ -1,4 +1,4 @@
-//! What must hold for a relay experiment: how it ends, whatever comes, and what it finds where the truth is known.
+//! Properties of a relay experiment: its end, whatever comes, and its result where the truth is known.
 
 use glapp_core::auto_tuner::{Found, Phase, Stop};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
@@ -215,7 +215,7 @@ fn single_precision_finds_the_same() {
     assert!(near(wide.kp.unwrap(), narrow.kp.unwrap()), "{wide:?} {narrow:?}");
 }
 
-/// Not counted in, a gap of an eighth of the relay's swing takes Ku up by more than a seventh and hides Kp.
+/// Regression: not counted in, a gap of an eighth of the relay's swing takes Ku up by more than a seventh and hides Kp.
 #[test]
 fn a_known_gap_is_counted_in() {
     let find = |d: f64| {
@@ -242,7 +242,7 @@ fn pv() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
-    /// Whatever comes, with whatever flags: within the amplitude, within the limits, over in time, and no NaN.
+    /// With any input and any flags: within the amplitude, within the limits, over in time, and no NaN.
     #[test]
     fn always_ends_and_never_leaves_its_bounds(
         amplitude in prop_oneof![-30.0..-0.1_f64, 0.1..30.0_f64],

@@ -112,7 +112,7 @@ fn every_parameter_of_a_schedule_has_its_number() {
     }
 }
 
-/// Their product is none in 32 bits.
+/// The product of the gains vanishes in 32 bits.
 #[test]
 fn gains_so_small_still_have_a_sign() {
     let mut schedule = [Gains::default(); SCHEDULE_ROWS];
@@ -121,7 +121,7 @@ fn gains_so_small_still_have_a_sign() {
     assert!(PidAdvanced::new(PidAdvancedSettings { schedule, rows: 1, ..small }).is_ok());
 }
 
-/// What can go wrong in a scan, and what can change with it.
+/// Faults of a scan, and changes with it.
 const FAULTS: [&str; 10] = [
     "none", "pv not a number", "pv flagged", "sp bad", "ff bad", "time jumps", "time stands still", "limits cross",
     "limits are no number", "not followed",
@@ -202,7 +202,7 @@ fn every_mode_change_in_every_fault_is_held_and_recovers_without_a_bump() {
                     let u = rig.scan();
                     assert!((0.0..=100.0).contains(&u), "{place}");
                     assert!((u - last).abs() <= rig.integration(), "{place}, scan {k}: {last} to {u}");
-                    // What is told backward is known one scan later.
+                    // The backward signal is known one scan later.
                     if k != 5 && k != 15 {
                         assert_eq!(rig.state.error, expected, "{place}, scan {k}");
                     }
@@ -560,7 +560,7 @@ fn feed_forward_goes_through_and_within_the_limits() {
     assert!((rig.scan() - before - 7.0).abs() < 1e-12);
     rig.ff = 900.0.into();
     assert_eq!(rig.scan(), 100.0);
-    // It is not wound up against: the feedback is where it was.
+    // The integral is not wound up against it: the feedback is where it was.
     rig.ff = 7.0.into();
     for _ in 0..200 {
         rig.scan();
@@ -671,7 +671,7 @@ fn a_flag_rejects_the_half_period_that_it_was_raised_in() {
     let settings = BacklashDetectionSettings { detector, compensation: None };
     let detection = BacklashDetection::new(settings).unwrap();
     for (flag, reason) in [(AT_HIGH, Reason::Saturated), (AT_LOW, Reason::Saturated), (NOT_AUTO, Reason::NotAuto)] {
-        // In any scan of the half-period from 500 to 599, its first and its last among them.
+        // Any scan of the half-period from 500 to 599, its first and its last among them.
         for at in [500, 533, 599] {
             let mut state = BacklashDetectionState::default();
             let mut reasons = std::vec::Vec::new();
@@ -789,7 +789,7 @@ proptest! {
             advanced.backward(&mut state, back);
             prop_assert!(u.is_good() && (0.0..=100.0).contains(&u.value), "{u:?}");
         }
-        // And it goes on.
+        // The loop goes on.
         for _ in 0..3 {
             state.pid.mode = Mode::External;
             advanced.forward(&mut state, 50.0.into(), 60.0.into(), 0.0.into(), 0.0.into(), H);

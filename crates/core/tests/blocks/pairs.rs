@@ -15,7 +15,7 @@ mod settings;
 const H: f64 = 0.1;
 const MODES: [Mode; 3] = [Mode::Manual, Mode::Auto, Mode::External];
 
-/// What can go wrong, for how many scans, and the error that it must raise in automatic.
+/// Fault, for how many scans, and the error that it must raise in automatic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     None,
@@ -72,7 +72,7 @@ struct Loop {
 impl Loop {
     fn new(inside: bool, way: Way) -> Self {
         let usual = settings::controller();
-        // Nothing but the fault is to take it away.
+        // Only the fault may take it away.
         let compensation = usual.compensation.map(|c| CompensationSettings { way, withdraw: false, ..c });
         let pid = PidSettings { tf: 0.2, ..usual.pid };
         let controller = if inside {
@@ -216,7 +216,7 @@ fn every_mode_change_in_every_fault_while_compensating() {
                     assert!((u - last).abs() <= most(&mut rig, yf), "{place}: {last} to {u}");
                     let blind = now == PvNoNumber || now == TimeJumps;
                     assert!(!blind || u == last, "{place}: not held");
-                    // What is told backward is known one scan later.
+                    // The backward signal is known one scan later.
                     if k != window.start && k != window.end {
                         assert_eq!(rig.error() & !WRONG_SIGN, now.error(mode), "{place}");
                     }
@@ -262,7 +262,7 @@ fn every_mode_change_in_every_fault_with_an_experiment_under_way() {
         TimeJumps => Stop::SampleTime,
         _ => Stop::None,
     };
-    // In the waiting phase, and with the relay running.
+    // Faults in the waiting phase, and with the relay running.
     for (begun, fault) in [20, 300].into_iter().flat_map(|begun| FAULTS.map(|fault| (begun, fault))) {
         for (from, to, at) in changes(fault) {
             let place = format!("{fault:?} after {begun} scans, {from:?} to {to:?} at {at}");

@@ -157,7 +157,7 @@ fn a_controller_is_offered_and_taken_over_without_a_bump() {
     }
     assert_eq!(reasons[Reason::Gap as usize], 1, "{reasons:?}");
     assert!(reasons.iter().sum::<i32>() > 100, "{reasons:?}");
-    // With the new K and Ti.
+    // Settings with the new K and Ti.
     let last = rig.s.detection.last.unwrap();
     let slope = last.parts.delta_u / (last.half.delta_y * last.half.delta_t);
     assert!((slope / (offered.k / offered.ti) - 1.0).abs() < 1e-12);
@@ -193,7 +193,7 @@ fn the_kp_that_was_found_is_the_detectors_unless_one_is_given() {
         let found = rig.s.tuner.experiment.found.unwrap().kp.unwrap();
         assert!(rig.s.kp == Some(found) && (found - 0.8).abs() < 0.08, "{found}");
         assert!((part(&mut rig) / given.unwrap_or(found) - 1.0).abs() < 1e-12);
-        // It outlives an experiment that is broken off, and detections that are forgotten.
+        // The setting outlives an experiment that is broken off, and detections that are forgotten.
         rig.s.tuner.run = true;
         rig.scan();
         rig.s.tuner.run = false;
@@ -273,7 +273,7 @@ fn whatever_ends_it_the_output_is_where_it_was_and_the_controller_goes_on_from_t
         assert!((rig.s.tuner.experiment.output - 50.0).abs() > 3.0);
         change(&mut rig);
         rig.told.tracking = rig.s.tuner.experiment.start;
-        // What comes back is known in the scan after.
+        // The backward signal is known in the scan after.
         if rig.told.flags != 0 {
             rig.scan();
         }
@@ -282,7 +282,7 @@ fn whatever_ends_it_the_output_is_where_it_was_and_the_controller_goes_on_from_t
         assert_eq!(back, start);
         assert!((start - 50.0).abs() < 0.2);
         (rig.told, rig.quality) = (Backward::default(), 0);
-        // It tracks for a scan more, and goes on.
+        // The output tracks for a scan more, and goes on.
         for _ in 0..3 {
             let u = rig.scan();
             // PV is off SP by what the experiment left.

@@ -1,4 +1,4 @@
-//! What must hold for the detector on any signal.
+//! Properties of the detector on any signal.
 
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::{

@@ -6,7 +6,7 @@ use crate::problem::Recorded;
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// What of a recording counts.
+/// Rows of a recording that count, each once.
 pub(crate) struct Once {
     /// PV of each of its samples, NaN in rows that stand in an earlier recording.
     pub(crate) pv: Vec<Vec<f64>>,
@@ -44,7 +44,8 @@ pub(crate) fn once(recordings: &[Recorded]) -> Vec<Once> {
     all
 }
 
-/// What tells the rows from each row on from others; None where they are too few, one is missing, or PV hardly moves.
+/// Keys that distinguish the rows from each row on from others; None where they are too few, one is missing, or PV
+/// hardly moves.
 fn marks(samples: &Samples) -> Vec<Option<u64>> {
     let Some(op) = samples.op else { return Vec::new() };
     let of = |(pv, op): (&[f64], &[f64])| {

@@ -27,7 +27,7 @@ pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const MORE: us
     pub(crate) pole: Wide<S, R>,
 }
 
-/// What the last state is, where there is one more.
+/// Number of a further last state, where there is one.
 pub(crate) const DRIFT: usize = 1;
 pub(crate) const SLOPE: usize = 2;
 /// A slope that changes where changes are marked, in the place of the load.
@@ -39,7 +39,7 @@ pub(crate) struct LoadChange {
     pub(crate) cell: usize,
     /// Variance of the change in each of the models.
     pub(crate) variance: Lanes,
-    /// How much earlier than the cell began [cells], below 1.
+    /// Time of the change before the cell's beginning [cells], below 1.
     pub(crate) before: Lanes,
 }
 
@@ -89,11 +89,11 @@ pub(crate) const START: usize = 6;
 
 /// The positions of the eight models, each `delay` cells before.
 pub(crate) enum Delayed<'d> {
-    /// Of each model its own.
+    /// Positions of each model.
     Each(&'d [Lanes]),
     /// Positions with a cell before the first, a part of a cell late: as many whole cells late in all models.
     Same { shifted: &'d [f64], part: Lanes },
-    /// Of each model its own, all as late: before their beginning what they were there, and at the end what they are there.
+    /// Positions of each model, all as late: the first ones hold before their beginning, the last ones after their end.
     Late { positions: &'d [Lanes], delay: f64 },
 }
 
@@ -117,7 +117,7 @@ impl Delayed<'_> {
     }
 }
 
-/// What a pass over a record leaves: innovations divided by their standard deviations, of PV and of the model's answer
+/// Results of a pass over a record: innovations divided by their standard deviations, of PV and of the model's answer
 /// with gain 1, and Σ ln S. Its room is kept from one pass to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Whitened {
@@ -127,8 +127,8 @@ pub(crate) struct Whitened {
     count: usize,
     pub(crate) log_s: Lanes,
     pub(crate) sums: Sums,
-    /// What the gains were, for the same models with another answer: for a cell in which they move, and for a run of cells in
-    /// which they stand still, what an innovation does to each of the states, and what it is worth.
+    /// Gains for the same models with another answer: for a cell in which they move, and for a run of cells in which
+    /// they stand still, the effect of an innovation on each of the states, and its weight.
     gains: Vec<Lanes>,
     gains_kept: usize,
     runs: Vec<Run>,
@@ -156,13 +156,13 @@ struct Run {
 enum Kind {
     /// The gain moves.
     Moves,
-    /// It stands still.
+    /// The gains stand still.
     Still,
     /// PV is missing.
     Missing,
 }
 
-/// Where a stretch begins among innovations, gains and runs.
+/// Beginning of a stretch among innovations, gains and runs.
 #[derive(Clone, Copy, Debug)]
 struct Checkpoint {
     count: usize,
@@ -252,7 +252,7 @@ const GATHERED: u32 = 16;
 
 /// Variance of the next innovation and the Kalman gain, kept while they move and frozen once they stand still.
 struct Gain<S: Simd, const R: usize, const N: usize> {
-    /// Below its diagonal P is what it is above, and not kept there.
+    /// P is symmetric: the entries below its diagonal are not kept.
     p: [[Wide<S, R>; N]; N],
     /// F·P·Hᵀ/S: what an innovation does to the next states.
     l: [Wide<S, R>; N],
@@ -546,7 +546,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         v.iter().map(step).collect()
     }
 
-    /// What the states `x` did not foresee of `y`.
+    /// Part of `y` that the states `x` did not predict.
     #[inline(always)]
     fn unforeseen(&self, x: &[Wide<S, R>; N], y: f64) -> Wide<S, R> {
         let rest = Wide::all(self.simd, y) - x[0];
@@ -707,7 +707,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         gain.look();
     }
 
-    /// What of a change so long before a cell reaches the states within it; the last one follows at once, the others one after
+    /// Effect on the states of a change so long before a cell; the last state follows at once, the others one after
     /// another.
     #[inline(always)]
     fn reached(&self, before: Wide<S, R>) -> [Wide<S, R>; N] {

@@ -22,7 +22,7 @@ pub(super) static KIND: Kind = Kind {
     })
 };
 
-/// Those of every controller.
+/// Parameters common to all controllers.
 pub(super) const PARAMETERS: &[Parameter] = &[
     ("k", Required),
     ("ti", Required),
@@ -45,7 +45,7 @@ struct Pid {
     state: PidState<f64>,
 }
 
-/// Where a setpoint is connected, it begins with that.
+/// The mode at the start: a connected setpoint is followed.
 pub(super) fn mode(context: Context) -> Mode {
     if context.connected[1] { Mode::External } else { Mode::Auto }
 }

@@ -67,7 +67,7 @@ fn told(pins: &mut Row, mode: f64, manual: f64, flags: f64) {
     pins.set_all(&bits.map(|(pin, bit)| (pin, flag(flags, bit))));
 }
 
-/// What the vectors have of a detection.
+/// Fields that the vectors have of a detection.
 fn of_detection(block: &Block) -> Vec<f64> {
     let mut row = vec![block.get("UFf"), block.given("HasShown", "Estimate.Value")];
     row.push(if block.on("HasShown") { block.get("Estimate.Count") } else { 0.0 });
@@ -289,7 +289,7 @@ impl Loop {
         }
     }
 
-    /// What the pins hold in the next scan, from what was shown in the last.
+    /// Pins of the next scan, given the outputs of the last.
     fn next(&mut self, block: &Block, d: &mut Draw) -> Row {
         self.scans += 1;
         let rare = if self.process.is_some() { 0.1 * self.wrong } else { self.wrong };
@@ -536,7 +536,7 @@ fn far_apart<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
-/// Both beside each other in a scan.
+/// One scan of reference and block.
 fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Row, seed: u64, i: usize) {
     let (expected, got) = (reference.scan(pins), scan(block, pins));
     assert!(agree(&expected, &got), "{}", difference(&expected.row, &got.row, pins, seed, i));
@@ -684,7 +684,7 @@ fn relay_and_gain<R: Number>(cover: &mut Cover) {
             let before = process.x[2];
             let pv = process.step(block.get("Output"), 0.2, &mut draw);
             if integrates {
-                // Its last lag integrates.
+                // The last lag integrates.
                 process.x[2] = before + 0.2 * process.x[1];
             }
             pins.set_all(&[("Pv", pv), ("Execute", f64::from(i > 2))]);
@@ -738,7 +738,7 @@ fn by_a_kp_that_was_found<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
-/// What is not the same, by its pin.
+/// Differences by pin.
 fn difference(expected: &[f64], got: &[f64], row: &Row, seed: u64, i: usize) -> String {
     let pins = PID_ADVANCED.shown;
     let name =

@@ -12,7 +12,7 @@ fn told(name: &str) -> Vec<(String, u16)> {
     rows.map(|(name, rest)| (name.to_owned(), rest.split(';').next().unwrap().parse().unwrap())).collect()
 }
 
-/// In order; the first one may stand for nothing to tell.
+/// Compares all values in order; the first one may stand for no value.
 fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u16) {
     let known: Vec<(String, u16)> = all.iter().map(|one| (format!("{one:?}"), number(*one))).collect();
     // Plainer, or taken by the library of a maker.

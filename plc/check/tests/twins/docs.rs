@@ -17,7 +17,7 @@ fn section<'p>(page: &'p str, name: &str) -> &'p str {
     rest.split("\n## ").next().unwrap()
 }
 
-/// What a source file is called in the library, its text, and its pins or members.
+/// Names in the library, texts, and pins or members of the source files.
 fn units() -> Vec<(String, String, Vec<Pin>)> {
     let files = sources(&folder(), Build::Lreal).unwrap();
     let with_pins = |(file, text): (String, String)| {

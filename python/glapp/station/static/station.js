@@ -30,10 +30,10 @@ window.glapp = {
   shade(id, areas) {
     getElement(id)?.chart?.setOption({ series: [{}, { markArea: { data: areas } }] });
   },
-  // How soon, with a shape for who does not see the colour.
+  // Urgency, with a shape for a person who does not see the colour.
   soon: ({ urgency, soon }) =>
     `${{ high: "▲", signal: "■", medium: "◆", low: "◇", none: "○", unjudged: "○" }[urgency]} ${soon}`,
-  // On a telephone a loop is a card: its answer, how soon and what to do, below each other.
+  // On a telephone a loop is a card: its answer, urgency and next step, below each other.
   card({ data }) {
     const card = document.createElement("div");
     for (const [text, style] of [

@@ -192,7 +192,7 @@ impl<R: Real> Detector<R> {
         let (op_low, op_high) = self.op_limits.map_or((-R::MOST, R::MOST), |(low, high)| {
             (low.greater(-R::MOST), high.lesser(R::MOST)) // within them nothing has to be asked
         });
-        // Both filters have started, which the compiler cannot see from the state.
+        // Both filters have started: the compiler cannot see this from the state.
         let mut y = SecondOrderFilterState { started: true, ..signal.pv };
         let mut u = SecondOrderFilterState { started: OP, ..signal.op };
         let (mut half, mut noise) = (signal.half, signal.noise);

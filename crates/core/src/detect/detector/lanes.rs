@@ -32,7 +32,7 @@ struct Rows {
     op: [Lane; ROWS],
 }
 
-/// What the detectors are told.
+/// Inputs of the detectors.
 #[repr(align(64))]
 struct Told {
     tf: Lane,
@@ -40,7 +40,7 @@ struct Told {
     gap: Lane,
 }
 
-/// What a sample changes.
+/// State that a sample changes.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
 struct Moving {
@@ -65,7 +65,7 @@ struct Moving {
     repeats: Lane,
 }
 
-/// What half-periods were that ended at a row.
+/// Half-periods that ended at a row.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
 struct Ended {
@@ -243,7 +243,7 @@ impl Moving {
         (self.x[l], self.first[l], self.second[l], self.third[l]) = (noise.x, noise.first, noise.second, noise.third);
         (self.median[l], self.grid[l], self.repeats[l]) = (noise.median, noise.grid, noise.repeats.into());
         let whole = signal.broken == 0 && signal.pv.started && signal.op.started == OP && signal.crossing.sign != 0;
-        // How many differences it has and its gain change no more.
+        // The number of differences and the gain no longer change.
         let settled = noise.values == VALUES && noise.count == u8::MAX && noise.gain == LEAST_GAIN;
         whole && settled && self.y1[l].abs() <= LARGEST && self.y2[l].abs() <= LARGEST
     }

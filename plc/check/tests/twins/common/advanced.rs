@@ -12,7 +12,8 @@ use super::{Block, Number};
 use glapp_core::modules::{AutoTunerState, Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 use glapp_core::{AutoTunerSettings, Backward, Saturation, Sum};
 
-/// Its pins, and what it shows of the controller and the autotuner; what it shows of the detection comes after that.
+/// Twin of the whole block: its pins, and its outputs of the controller and the autotuner; the outputs of the detection
+/// come after these.
 pub const PID_ADVANCED: Twin = Twin {
     name: "pid_advanced",
     pou: "GlappPidAdvanced",
@@ -124,7 +125,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     for (to, [at, k, ti, td]) in settings.schedule.iter_mut().zip(ROWS) {
         *to = Gains { at: of(at), k: of(k), ti: of(ti), td: of(td) };
     }
-    // By these a compensation has its defaults.
+    // Gains that a compensation takes its defaults from.
     let [k, ti, _] = settings.slowest().map(R::as_f64);
     if row.on("HasTuner") {
         settings.tuner = Some(AutoTunerSettings {
@@ -141,7 +142,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     if row.on("HasCompensation") {
         match compensation(row, k, ti).core(Saturation::none()) {
             Ok(given) => settings.compensation = Some(given),
-            // Its way or source, which comes after what is checked before it, and before the autotuner.
+            // An error of its way or source comes after the checks before it, and before the autotuner.
             Err(wrong) => {
                 let (wait, longest) = (R::ONE, R::of(2.0));
                 let pv = (R::ZERO, R::ONE);
@@ -162,7 +163,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     PidAdvanced::new(settings).map_err(|error| number(&error))
 }
 
-/// What the block is held to.
+/// Reference of the block.
 pub struct Reference<R: Number> {
     pub state: Option<PidAdvancedState<R>>,
     good: Option<PidAdvanced<R>>,
@@ -173,7 +174,7 @@ pub struct Reference<R: Number> {
     run_before: bool,
     tuned: bool,
     output: R,
-    /// What setpoint and feed-forward were told.
+    /// Backward signals of setpoint and feed-forward.
     told: [Backward<R>; 2],
     pv_filtered: f64,
     u_fb: f64,

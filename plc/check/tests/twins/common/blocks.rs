@@ -98,7 +98,7 @@ pub fn core<R: Number>(block: &str, case: &Case) -> Scan {
                     ..HalfPeriod::default()
                 };
                 let parts = parts_of(&width.of(&half, op_known));
-                // What is too large is nothing: so the detector has it.
+                // A value that is too large counts as none, as in the detector.
                 Some(if parts.iter().all(|part| part.abs() <= 1e36) { parts } else { vec![0.0; parts.len()] })
             })
         }
@@ -243,7 +243,7 @@ pub fn record_of<R: Number>(record: &HalfPeriodResult<R>) -> Vec<f64> {
     row
 }
 
-/// The same as the library has it.
+/// The row of the library's block.
 pub fn record_row(block: &Block) -> Vec<f64> {
     let mut row = vec![block.get("Record.Half.Sign")];
     row.extend(half_row(block, "Record.Half."));

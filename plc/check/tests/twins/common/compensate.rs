@@ -13,7 +13,7 @@ use glapp_core::{
 
 pub const BLOCKS: [&str; 3] = ["over_compensation", "wrong_sign", "compensation"];
 
-/// What they remember, in the core and here.
+/// State of both warnings, in the core and here.
 const OVER: ([&str; 4], [&str; 3]) =
     (["/at", "/count", "/compensating", "/before"], ["Place", "Count", "Compensating"]);
 const WRONG_SIGN: ([&str; 5], [&str; 5]) =
@@ -22,7 +22,7 @@ const WRONG_SIGN: ([&str; 5], [&str; 5]) =
 const AT_LIMIT: ([&str; 5], [&str; 5]) =
     (["/time", "/e", "/pv", "/far", "/away"], ["Time0.Value", "ELimit", "PvLimit", "Far", "Away.Value"]);
 
-/// Of a compensation.
+/// State of a compensation.
 pub const REMEMBERED: [(&str, &str); 19] = [
     ("/harm/direction", "Watched.Direction"),
     ("/side", "Side"),
@@ -281,7 +281,7 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
     (scan, one)
 }
 
-/// What the pins of a compensation hold in a scan.
+/// Pins of a compensation in a scan.
 #[derive(Clone, Debug)]
 pub struct Pins {
     pub enable: bool,
@@ -375,7 +375,7 @@ pub fn named(name: &str) -> f64 {
 }
 
 impl Settings {
-    /// Without K and Ti.
+    /// Sets the pins except K and Ti.
     pub fn set(&self, block: &Block) {
         block.set_all(&[
             ("Way", self.way.into()),
@@ -400,7 +400,7 @@ impl Settings {
         }
     }
 
-    /// As the core has them, with its defaults; before K, Ti and limits are checked.
+    /// Settings of the core, with its defaults; before K, Ti and limits are checked.
     pub fn core<R: Number>(&self, limits: Saturation<R>) -> Result<CompensationSettings<R>, f64> {
         let r = |x: f64| R::of(x);
         let enumerated =
@@ -520,7 +520,7 @@ pub fn is_withdrawn<R: Number>(state: &CompensationState<R>) -> bool {
     !serde_json::to_value(state).unwrap()["withdrawn"].is_null()
 }
 
-/// What the block of the field is held to.
+/// Reference of the block for the field.
 #[derive(Default)]
 pub struct Reference<R: Number> {
     pub state: CompensationState<R>,

@@ -19,7 +19,7 @@ pub struct Twin {
     pub shown: &'static [&'static str],
 }
 
-/// What the pins hold in one scan.
+/// Pins of one scan.
 #[derive(Clone, Debug)]
 pub struct Row {
     pub pins: &'static [&'static str],
@@ -117,7 +117,7 @@ pub fn scan(twin: &Twin, block: &Block, row: &Row) -> Vec<f64> {
     twin.shown.iter().map(show).collect()
 }
 
-/// What an experiment remembers while it runs, in the core and here: always, with a cycle to compare with, in the biased phase.
+/// State of a running experiment, in the core and here: always, with a cycle to compare with, in the biased phase.
 const REMEMBERED: [&[(&str, &str)]; 3] = [
     &[
         ("/t", "Elapsed.Value"),
@@ -170,7 +170,7 @@ impl<R: Number> Experiments<R> {
         Self { state: AutoTunerState::default(), block: Block::new::<R>("GlappExperiment") }
     }
 
-    /// What both show of a scan.
+    /// Outputs of both in a scan.
     pub fn scan(&mut self, row: &Row) -> (Vec<f64>, Vec<f64>) {
         (experiment_scan(&mut self.state, row), scan(&TWINS[8], &self.block, row))
     }
@@ -489,7 +489,7 @@ pub fn set_by_hand<R: Number>(row: &Row, state: &mut modules::PidState<R>) {
     state.manual = row.maybe("ManualOutput").unwrap_or(state.manual);
 }
 
-/// What setpoint and feed-forward are told before the first scan: the output is not in automatic.
+/// Backward signals of setpoint and feed-forward before the first scan: the output is not in automatic.
 pub fn nobody<R: Number>(output: R) -> [Backward<R>; 2] {
     let nobody = Backward { flags: NOT_AUTO, ..Backward::default() };
     [nobody, Backward { tracking: output, ..nobody }]
@@ -520,13 +520,13 @@ pub fn pid_shown<R: Number>(
     shown
 }
 
-/// What the controller is held to.
+/// Reference of the controller.
 struct PidReference<R: Number> {
     state: Option<modules::PidState<R>>,
     good: Option<modules::Pid<R>>,
     missed: bool,
     seen_h: bool,
-    /// What setpoint and feed-forward were told.
+    /// Backward signals of setpoint and feed-forward.
     told: [Backward<R>; 2],
 }
 
@@ -587,7 +587,7 @@ pub fn rule_of(row: &Row) -> Option<Rule> {
     Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"))
 }
 
-/// What an experiment offers by the rule of this scan, in force or not; one that is none offers nothing.
+/// Settings that an experiment offers by the rule of this scan, in force or not; an invalid rule offers nothing.
 pub fn offered<R: Number>(row: &Row, e: &AutoTunerState<R>) -> [f64; 3] {
     let offer = match (e.phase, e.found, rule_of(row)) {
         (Phase::Done, Some(found), Some(rule)) => found.by(rule).ok(),
@@ -631,7 +631,7 @@ fn experiment_scan<R: Number>(s: &mut AutoTunerState<R>, row: &Row) -> Vec<f64> 
     [&shown[..], &found_row(s.found), &[s.centre.as_f64()]].concat()
 }
 
-/// What the autotuner is held to.
+/// Reference of the autotuner.
 struct TunerReference<R: Number> {
     state: modules::AutoTunerState<R>,
     good: Option<modules::AutoTuner<R>>,

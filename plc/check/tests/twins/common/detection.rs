@@ -13,14 +13,14 @@ use glapp_core::modules::{
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_core::{CompensationSettings, Detector, Estimate, Saturation, Sum};
 
-/// What the pins of a scan hold; `detector.op` is the output with u_FF.
+/// Pins of a scan; `detector.op` is the output with u_FF.
 #[derive(Clone, Debug)]
 pub struct Pins {
     pub detector: detector::Pins,
     pub compensate: bool,
     pub compensation: Option<Settings>,
     pub cut: bool,
-    /// Those of another maker's controller, where it is one.
+    /// Pins of another maker's controller, where it is one.
     pub foreign: Option<Foreign>,
 }
 
@@ -72,7 +72,7 @@ enum Good<R: Number> {
 }
 
 pub struct Reference<R: Number> {
-    /// With the state of the detection that is in it.
+    /// Reference with the state of the detection inside.
     pub state: ForeignDetectionState<R>,
     good: Good<R>,
     steps: u8,
@@ -236,7 +236,7 @@ impl<R: Number> Reference<R> {
     }
 }
 
-/// What a detection remembers, in the core and here.
+/// State of a detection, in the core and here.
 const REMEMBERED: [(&str, &str); 18] = [
     ("/unfit", "Unfit"),
     ("/smooth", "Smooth"),
@@ -309,7 +309,7 @@ impl<R: Number> Reference<R> {
     }
 }
 
-/// What is shown of a detection once it runs.
+/// Outputs of a running detection.
 pub fn shown_of<R: Number>(
     block: &BacklashDetection<R>,
     state: &BacklashDetectionState<R>,
@@ -343,17 +343,17 @@ pub fn shown_of<R: Number>(
     shown
 }
 
-/// What a scan shows.
+/// Outputs of a scan.
 #[derive(Debug)]
 pub struct Shown {
     pub row: Vec<f64>,
     /// The last record, where one has ended since the power came.
     pub last: Option<Vec<f64>>,
-    /// It is another than before.
+    /// Whether the half-period is a new one.
     pub ended: bool,
 }
 
-/// The same from the library's block.
+/// Outputs of the library's block.
 pub fn shown_by(block: &Block) -> Vec<f64> {
     let mut row = block.all(&["Standing", "Direction", "UFf", "HalfWidth", "GapWidth", "Delta"]);
     row.extend(block.all(&["Equal", "Relay", "WrongSign"]));
@@ -372,7 +372,7 @@ pub fn shown_by(block: &Block) -> Vec<f64> {
     row
 }
 
-/// The same from the library's block.
+/// One scan of the library's block.
 pub fn scan(block: &Block, pins: &Pins) -> Shown {
     pins.set(block);
     block.call();

@@ -47,8 +47,8 @@ if __name__ == "__main__":
     made = fleet.analyze(sys.argv[1], sys.argv[2], fits=int(sys.argv[3]), stage=stage)
     known = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cpu = sum(one.ru_utime + one.ru_stime for one in known)
-    told = dict(folder=made["folder"], cpu=cpu, memory=max(one.ru_maxrss for one in known) / 1024, parts=parts)
-    print(json.dumps(told | {"seconds": made["seconds"]}))
+    usage = dict(folder=made["folder"], cpu=cpu, memory=max(one.ru_maxrss for one in known) / 1024, parts=parts)
+    print(json.dumps(usage | {"seconds": made["seconds"]}))
 """
 
 _SPARK = """

@@ -61,7 +61,7 @@ class Shown:
     kp_defaulted: bool
 
 
-def show(case: Case, c: Ideal, **told: float) -> Shown:
+def show(case: Case, c: Ideal, **known: float) -> Shown:
     """Outputs of a `PidAdvanced` with this much known, after 1000 Ti."""
     plant = Process.of(case.plant)
     h = c.ti / 20
@@ -70,7 +70,7 @@ def show(case: Case, c: Ideal, **told: float) -> Shown:
         {
             "sp": Input(),
             "load": Input(),
-            "pid": PidAdvanced(k=c.k / case.gain, ti=c.ti, td=c.td, b=c.b, tf=c.td / 5 if c.td else c.ti / 10, **told),
+            "pid": PidAdvanced(k=c.k / case.gain, ti=c.ti, td=c.td, b=c.b, tf=c.td / 5 if c.td else c.ti / 10, **known),
             "gap": Backlash(case.d, start=0.0),
             "plant": Plant(Process([case.gain * x for x in plant.num], plant.den, plant.dead_time)),
             "noise": Noise(case.noise * case.gain, seed=case.seed),

@@ -137,17 +137,17 @@ def ask_hours(number: int) -> dict[str, Any]:
     [made] = run_many([loop.scenario("gap", number, short)], progress=False)
     recording = recorded(loop, made)
     result = glapp.analyze(recording)
-    told: dict[str, Any] = {"number": number, "from": "gap", "confidence": result.answer.confidence}
+    row: dict[str, Any] = {"number": number, "from": "gap", "confidence": result.answer.confidence}
     if result.answer.confidence not in ("likely", "cannot_tell"):
-        return told | {"refused": "the answer is not open"}
+        return row | {"refused": "the answer is not open"}
     try:
         test = plan_test(recording, result, width=loop.d, kinds=("more_hours",))["more_hours"]
     except glapp.InputError as error:
-        return told | {"refused": str(error)}
+        return row | {"refused": str(error)}
     if test.power is None or test.minutes is None:
-        return told | {"refused": test.reason}
+        return row | {"refused": test.reason}
     if 60 * test.minutes > LONGEST * short:
-        return told | {"refused": f"{test.minutes:.0f} min are too long to be recorded here"}
+        return row | {"refused": f"{test.minutes:.0f} min are too long to be recorded here"}
     more = loop.h * math.ceil(60 * test.minutes / loop.h)
     steps = sum(t < short for t, _ in loop.setpoint)
     seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS["more_hours"])
@@ -155,7 +155,7 @@ def ask_hours(number: int) -> dict[str, Any]:
         [_goes_on(loop, seed, steps, short, more).scenario("gap", seed, more) for seed in seeds], progress=False
     )
     found = [analyze_recordings([recording, recorded(loop, day)]).answer for day in days]
-    return told | {
+    return row | {
         "minutes": test.minutes,
         "promised": [test.power],
         "simulated": [float(np.mean([one.confidence == "found" for one in found]))],
@@ -178,7 +178,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     [made] = run_many([loop.scenario(of, number, loop.t_end)], progress=False)
     recording = recorded(loop, made)
     result = glapp.analyze(recording)
-    told: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
+    row: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
     op, pv = (float(np.median(x[-planning.LATE :])) for x in (made.op, made.pv))
     began = monotonic()
     try:
@@ -192,11 +192,11 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
             kinds=(kind,),
         )
     except glapp.InputError as error:
-        return told | {"refused": str(error)}
+        return row | {"refused": str(error)}
     test = plan[kind]
-    told["seconds"] = monotonic() - began
+    row["seconds"] = monotonic() - began
     if test.power is None or test.hold is None or test.pv is None:
-        return told | {"refused": test.reason}
+        return row | {"refused": test.reason}
     moves = np.array(test.moves) - test.moves[0]
     begin = loop.h * round(30 * loop.lag / loop.h)
     t_end = begin + test.hold * len(moves)
@@ -228,11 +228,11 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
             else:
                 answer = glapp.fit(**signals, sp=one.sp[rows], loop=recording.loop)
                 found.append(fit_decides(answer, loop.d))
-        gaps, none = (sum(said == word for said in found) for word in ("gap", "no_gap"))
+        gaps, none = (sum(decision == word for decision in found) for word in ("gap", "no_gap"))
         share[fault] = (gaps if fault == "gap" else none) / DAYS[kind]
         wrong += none if fault == "gap" else gaps
         decided += [seconds / 60 for word, seconds in zip(found, took, strict=False) if word is not None]
-    return told | {
+    return row | {
         "kind": kind,
         "minutes": test.minutes,
         "three_moves": len(moves) == THREE_MOVES + 1,

@@ -26,7 +26,7 @@ from rich.progress import track
 
 import glapp
 
-from .loads.answer import Told, told
+from .loads.answer import Outcome, outcome_of
 from .loads.records import ROWS, record
 from .page import write
 from .truth.score import markdown
@@ -67,9 +67,9 @@ class RecordingAnswer:
     seconds: float
 
     @property
-    def told(self) -> Told:
+    def outcome(self) -> Outcome:
         """The outcome, by the rules of `bench.loads`."""
-        return told(self.verdict, self.d_true, self.low, self.high)
+        return outcome_of(self.verdict, self.d_true, self.low, self.high)
 
     @property
     def sided(self) -> bool:
@@ -132,13 +132,13 @@ def table(answers: Sequence[RecordingAnswer]) -> str:
             numbers = [days, len(none), sum(a.sided for a in none), sum(a.verdict == "at_least" for a in none)]
             numbers += [sum(a.verdict == "sound" for a in none), len(gap), len(sided)]
             numbers += [sum(a.verdict == "at_least" for a in gap)]
-            numbers += [sum(a.told == told for a in gap) for told in ("wrong", "silent")]
+            numbers += [sum(a.outcome == outcome for a in gap) for outcome in ("wrong", "silent")]
             error = length = ""
             if sided:
                 error = f"{100 * np.median([(a.d or 0.0) / a.d_true - 1 for a in sided]):+.1f} %"
                 lengths = [((a.high or np.inf) - (a.low or 0.0)) / a.d_true for a in sided]
                 length = f"{100 * np.median(lengths):.0f} %"
-            holds = f"{sum(a.told == 'right' for a in sided)} of {len(sided)}"
+            holds = f"{sum(a.outcome == 'right' for a in sided)} of {len(sided)}"
             seconds = f"{np.median([a.seconds for a in of]):.1f}"
             body.append([row, *map(str, numbers), error, holds, length, seconds])
     return markdown(head, body)

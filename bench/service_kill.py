@@ -140,10 +140,10 @@ class _RecordedPlant(SimPlant):
 
     def __init__(self, loops: int, history: float) -> None:
         super().__init__(loops, scan=SCAN, history=history)
-        self.told: dict[tuple[str, Signal], dict[float, float]] = {}
+        self.sent: dict[tuple[str, Signal], dict[float, float]] = {}
 
     async def _write(self, key: tuple[str, Signal], t: float, value: float, *more: Any) -> None:
-        self.told.setdefault(key, {})[t] = value
+        self.sent.setdefault(key, {})[t] = value
         await super()._write(key, t, value, *more)
 
 
@@ -187,7 +187,7 @@ def _kills(count: int, loops: int, seed: int, history: float) -> None:
             print("beside the one that nobody killed:")
             _compare(known, root / "straight", root / "killed", ended)
         else:
-            _breaks(root / "killed", plant.told, count)
+            _breaks(root / "killed", plant.sent, count)
         print("beside one that ran through with what was taken in:")
         _run_through(known, root / "killed", root / "through", chance)
         _compare(known, root / "through", root / "killed", math.inf)

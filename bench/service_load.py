@@ -30,7 +30,7 @@ from glapp.service.plant import free_port
 from glapp.service.signal import Signal
 from glapp.service.store import Store
 
-TOLD = 6
+SENT = 6
 """Values of a loop that the plant tells in a scan of a second: SP, PV, OP, mode, two limit flags."""
 
 
@@ -90,7 +90,7 @@ async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> No
         passed, reached = time.monotonic() - begun, _reached(monitor)
         print(
             f"{passed:5.0f} s: {ingest.count / passed:.0f} values/s of "
-            f"{TOLD * (sum(reached) - began_at) / passed:.0f} sent, "
+            f"{SENT * (sum(reached) - began_at) / passed:.0f} sent, "
             f"{(time.process_time() - cpu) / passed:.1%} of a core, of that {ingest.took / passed:.1%} taking, "
             f"{ingest.processed / passed:.1%} resamplers and detectors; "
             f"{memory[-1]:.0f} MB, {monitor.status()['waiting']} entries wait; "

@@ -31,7 +31,7 @@ class Loop(NamedTuple):
     """Time of the warning with the right sign, after PV last crossed SP [Ti]."""
     wrong: float | None
     """Time of the warning with the process turned round, after PV last crossed SP [Ti]."""
-    told_wrong: float | None
+    wrong_k: float | None
     """Time of the warning where the module's K has another sign than the controller's, after the beginning [Ti]."""
 
 
@@ -54,21 +54,21 @@ def loop(number: int) -> Loop | None:
     assert drawn.compensation is not None
     ideal = drawn.ideal()
 
-    def told(k: float) -> Scenario:
+    def with_k(k: float) -> Scenario:
         given = drawn.compensation.model_copy(update={"begin": 2 * drawn.t_end, "k": k})  # type: ignore[union-attr]
         return drawn.model_copy(update={"limits": drawn.limits or RANGE, "compensation": given})
 
-    of = told(ideal.k)
+    of = with_k(ideal.k)
     turned = of.model_copy(update={"plant": of.plant * -1.0})
     try:
-        right, wrong, told_wrong = run(of), run(turned), _found(run(told(-ideal.k)))
+        right, wrong, wrong_k = run(of), run(turned), _found(run(with_k(-ideal.k)))
     except InputError:
         return None
     return Loop(
         own_limits=drawn.limits is not None,
         right=_since_crossing(right, of),
         wrong=_since_crossing(wrong, turned),
-        told_wrong=None if told_wrong is None else told_wrong / ideal.ti,
+        wrong_k=None if wrong_k is None else wrong_k / ideal.ti,
     )
 
 
@@ -90,7 +90,7 @@ def rows(loops: list[Loop]) -> list[str]:
     for name, own in (("3 to 12 gaps to either side", True), ("100 %", False)):
         some = [one for one in loops if one.own_limits == own]
         cells = [str(len(some)), str(sum(one.right is not None for one in some))]
-        cells += [*_cells([one.wrong for one in some]), *_cells([one.told_wrong for one in some])]
+        cells += [*_cells([one.wrong for one in some]), *_cells([one.wrong_k for one in some])]
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return lines
 

@@ -243,7 +243,7 @@ const Laboratory = (() => {
     const module = await module_ready;
     const sentence_of = (reply) => {
       const { answer } = reply.answer;
-      const { headline, so } = reply.told.parts;
+      const { headline, so } = reply.texts.parts;
       const gap = quantity(now["gap.d"], "%OP");
       return headline ? `${verdict(answer)} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
     };

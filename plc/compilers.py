@@ -155,8 +155,8 @@ def compare(work: Path) -> None:
         for build, literals in CASES:
             driver = compiled(compiler, build, work / compiler / build, literals)
             done, passed, exact, block, off = self_test(driver)
-            told = f"done {done:.0f}, passed {passed:.0f}, exact {exact:.0f}, block {block:.0f}, off {off:.3g}"
-            print(f"\n{compiler}, {build}, literals {literals}: GlappSelfTest {told}")
+            result = f"done {done:.0f}, passed {passed:.0f}, exact {exact:.0f}, block {block:.0f}, off {off:.3g}"
+            print(f"\n{compiler}, {build}, literals {literals}: GlappSelfTest {result}")
             heads = ["block", "traces", "scans", "numbers", "other bits", "beyond 1E-3", "largest"]
             print("{:32}{:>8}{:>10}{:>12}{:>12}{:>13}{:>12}".format(*heads))
             for name, (count, scans, numbers, other, beyond, largest) in compared(driver, files):

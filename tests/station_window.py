@@ -90,7 +90,7 @@ def logged_in(browser: Any, window: Window, name: str, **more: Any) -> Any:
     page.asked, page.wrong = [], []
     page.on("request", lambda request: page.asked.append(request.url))
     page.on("pageerror", lambda error: page.wrong.append(str(error)))
-    page.on("console", lambda said: page.wrong.append(said.text) if said.type == "error" else None)
+    page.on("console", lambda message: page.wrong.append(message.text) if message.type == "error" else None)
     page.goto(window.url)
     if page.locator("#user").count():  # once, and again where a test has ended the session
         page.fill("#user", name)

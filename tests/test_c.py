@@ -168,10 +168,9 @@ def test_the_programs_of_the_page_compile(tmp_path: Path) -> None:
     # The functions for a microcontroller have a header of their own: test_embedded.py.
     programs = [one for one in re.findall(r"```c\n(.*?)```", page, re.DOTALL) if "_f32(" not in one]
     assert len(programs) == 2
-    around = (
-        "#include <glapp.h>\n#include <stdio.h>\nvoid told(glapp_graph *loop, double pv, double seconds, double op);\n"
-    )
-    around += "void told(glapp_graph *loop, double pv, double seconds, double op) {\n(void)op;"
+    around = "#include <glapp.h>\n#include <stdio.h>\n"
+    around += "void report(glapp_graph *loop, double pv, double seconds, double op);\n"
+    around += "void report(glapp_graph *loop, double pv, double seconds, double op) {\n(void)op;"
     around += "(void)loop; (void)pv; (void)seconds;\n"
     for number, program in enumerate(programs):
         source = tmp_path / f"{number}.c"

@@ -273,7 +273,7 @@ LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 @pytest.mark.verify
 @pytest.mark.parametrize("name", MARKED + UNKNOWN + WIDE + LINED)
 def test_what_is_said_under_such_loads_is_true(name: str) -> None:
-    assert LoadsAnswer.to(confusing(name), 1500).told != "wrong"
+    assert LoadsAnswer.to(confusing(name), 1500).outcome != "wrong"
 
 
 @pytest.mark.slow

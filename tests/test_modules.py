@@ -596,7 +596,7 @@ def test_a_worn_valve_and_a_noisy_transmitter() -> None:
         "n": Input(),
         "pid": Pid(k=0.775, ti=2.05, b=0.0, tf=0.205, start=1.0, start_pv=1.0),
         "op": Resolution(0.01),
-        "speed": RateLimit(0.5, told=False, start=1.0),
+        "speed": RateLimit(0.5, reports=False, start=1.0),
         "gap": Backlash(0.05, start=1.0),
         "stem": Friction(0.03, 0.01, FrictionModel.HE, start=1.0),
         "plant": Plant("P2", start=1.0),
@@ -739,7 +739,7 @@ def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
         u = loop["valve"]
         if fails or late:
             assert u == before
-            assert Flag(int(loop["pid.error"])) == (Flag.BAD if fails else Flag.GAP)
+            assert Flag(int(loop["pid.error"])) == (Flag.BAD if fails else Flag.DATA_GAP)
         elif n > 0:
             assert loop["pid.error"] == 0.0
             assert abs(u - before) < 2.0

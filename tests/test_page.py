@@ -183,7 +183,7 @@ def test_forms_of_export_are_read(page: Any, tmp_path: Path, form: str) -> None:
     assert page.evaluate("() => Array.from(shown.read.columns.pv)") == export.pv.tolist()
     assert page.locator("#result h2").inner_text() == export.loop
     text = page.locator("#result").inner_text()
-    assert ("Each signal has times of its own" in text) == (export.told == "own_times")
+    assert ("Each signal has times of its own" in text) == (export.finding == "own_times")
 
 
 def test_what_is_hidden_in_a_name_is_shown(page: Any, recordings: Path, tmp_path: Path) -> None:

@@ -271,7 +271,7 @@ def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
     assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
     assert {labels[role]: unit for role, unit in found["units"].items()} == recording.units
     assert found["loop"] == recording.name
-    findings = [(one["code"], one["severity"], one["evidence"]) for one in found["told"]]
+    findings = [(one["code"], one["severity"], one["evidence"]) for one in found["found"]]
     assert findings == [(one.code, one.severity, one.evidence) for one in recording.found]
     if recording.t0 is None:
         assert found["t0"] is None

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 from test_identify import loop, numbers, refinery
 
 from glapp.identify import identified
-from glapp.quality import GAP_STEPS, DataStatistics, Finding, InspectionSample, inspect, noise_sigma
+from glapp.quality import DATA_GAP_STEPS, DataStatistics, Finding, InspectionSample, inspect, noise_sigma
 
 
 def statistics_of(sample: InspectionSample) -> DataStatistics:
@@ -25,7 +25,7 @@ def statistics_of(sample: InspectionSample) -> DataStatistics:
     with np.errstate(all="ignore"):
         dt = np.diff(t)
         forward = dt[dt > 0]
-        threshold = GAP_STEPS * float(np.median(forward)) if forward.size else math.inf
+        threshold = DATA_GAP_STEPS * float(np.median(forward)) if forward.size else math.inf
         same = {name: np.diff(x) == 0 for name, x in signals.items() if x is not None}
         sp_changes = int(np.sum(np.isfinite(np.diff(sample.sp)) & ~same["sp"]))
 

@@ -139,10 +139,10 @@ def watched(tmp_path, mode=True):
     return one, clock
 
 
-def stored_plan(one, told=None):
+def stored_plan(one, document=None):
     one.store.ask_plan("FIC0", BEGIN, "eve", {})
     [row] = one.reader.plans_waiting()
-    one.store.keep_plan(row["id"], told or plan_of(ASKED), None)
+    one.store.keep_plan(row["id"], document or plan_of(ASKED), None)
 
 
 def values_of(table):

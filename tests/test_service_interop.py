@@ -124,7 +124,7 @@ def test_our_client_and_their_server(stack):
             back = await watch.source.read_back("FIC101")
             watch.source._link.end("ended on purpose")
             await asyncio.sleep(0.5)
-            await watch.until(lambda: watch.told("backfilled" if stack == "node" else "no_history"))
+            await watch.until(lambda: watch.texts("backfilled" if stack == "node" else "no_history"))
             await watch.heard("FIC101", 10)
         return loops, watch, back
 
@@ -174,7 +174,7 @@ def test_our_client_and_their_server_encrypted(stack, pki):
         given = {"certificate": pki / f"{own}.der", "private_key": pki / f"{own}.pem", "user": "glapp"}
         given |= {"security": "Basic256Sha256", "password_file": pki / password}
         async with watched(url, uri, server_certificate=pki / f"{server}.der", **given) as watch:
-            await watch.until(lambda: watch.told("lost") or len(watch.of("FIC101")) > 5)
+            await watch.until(lambda: watch.texts("lost") or len(watch.of("FIC101")) > 5)
         return watch
 
     async def run(url, uri):
@@ -183,9 +183,9 @@ def test_our_client_and_their_server_encrypted(stack, pki):
 
     with their_server(stack, pki) as (url, answers):
         right, refused = asyncio.run(run(url, answers["uri"]))
-    assert len(right.of("FIC101")) > 5 and not right.told("lost")
+    assert len(right.of("FIC101")) > 5 and not right.texts("lost")
     assert not any(one.values for one in refused)
-    strange, other, guessed = (one.told("lost")[0] for one in refused)
+    strange, other, guessed = (one.texts("lost")[0] for one in refused)
     assert "it may not trust our certificate" in strange or "BadSecurityChecksFailed" in strange
     assert "BadTcpInternalError" in other or "BadSecurityChecksFailed" in other
     assert "BadUserAccessDenied" in guessed

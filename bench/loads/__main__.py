@@ -47,7 +47,7 @@ def table(answers: Sequence[LoadsAnswer]) -> str:
         numbers = [
             *counted(of),
             len(known),
-            *(sum(a.told == outcome for a in known) for outcome in ("right", "silent")),
+            *(sum(a.outcome == outcome for a in known) for outcome in ("right", "silent")),
         ]
         error = f"{100 * np.median([(a.d or 0.0) / a.truth.d - 1 for a in sided]):+.1f} %" if sided else ""
         body.append([row, *map(str, numbers), error, f"{sum(a.holds for a in sided)} of {len(sided)}"])

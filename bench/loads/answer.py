@@ -16,10 +16,10 @@ import glapp
 from .records import Record, Truth
 
 WIDTHS = ("backlash", "stiction", "both")
-Told = Literal["right", "wrong", "silent"]
+Outcome = Literal["right", "wrong", "silent"]
 
 
-def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
+def outcome_of(verdict: str, d: float, low: float | None, high: float | None) -> Outcome:
     """Outcome of a verdict with its limits for a gap `d` wide, 0 for none.
 
     Right: a width whose interval holds the truth, a lower bound below it, *sound* where there is no gap.
@@ -68,12 +68,12 @@ class LoadsAnswer:
     @property
     def holds(self) -> bool:
         """Whether all is true that it says of the width; silence is."""
-        return self.told != "wrong"
+        return self.outcome != "wrong"
 
     @property
-    def told(self) -> Told:
+    def outcome(self) -> Outcome:
         """See `told`."""
-        return told(self.verdict, self.truth.d, self.low, self.high)
+        return outcome_of(self.verdict, self.truth.d, self.low, self.high)
 
     @property
     def contradicts(self) -> bool:
@@ -125,7 +125,7 @@ def counted(answers: Sequence[LoadsAnswer]) -> list[int]:
     """Counts of records without a gap with their widths and bounds, and of others by right, wrong and no answer."""
     none, gap = ([a for a in answers if (a.truth.d > 0) == there] for there in (False, True))
     numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
-    return [*numbers, len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
+    return [*numbers, len(gap), *(sum(a.outcome == outcome for a in gap) for outcome in ("right", "wrong", "silent"))]
 
 
 def read(path: Path) -> list[LoadsAnswer]:
@@ -141,16 +141,18 @@ def against(before: Iterable[LoadsAnswer], now: Sequence[LoadsAnswer]) -> str:
     lines = [f"{len(both)} records are in both."]
     for row in dict.fromkeys(answer.truth.row for answer in now):
         for what, there in (("no gap", False), ("gap", True)):
-            of = [(old.told, new.told) for old, new in both if old.truth.row == row and (old.truth.d > 0) == there]
+            of = [
+                (old.outcome, new.outcome) for old, new in both if old.truth.row == row and (old.truth.d > 0) == there
+            ]
             if not of:
                 continue
             counts = (f"{t} {sum(o == t for o, _ in of)} -> {sum(n == t for _, n in of)}" for t in ("right", "wrong"))
             lost, gained = (sum((o == "right", n == "right") == way for o, n in of) for way in ((1, 0), (0, 1)))
             lines.append(f"{row}, {what}: {', '.join(counts)}; lost {lost}, gained {gained} of {len(of)}")
-    changed = [(old, new) for old, new in both if old.told != new.told]
+    changed = [(old, new) for old, new in both if old.outcome != new.outcome]
     lines += [
         f"{new.truth.name} {new.truth.samples} (d {new.truth.d:.3g}): "
-        f"{old.told} -> {new.told}: {old} -> {new}; {new.reason}"
-        for old, new in sorted(changed, key=lambda pair: (pair[0].told, pair[1].told, pair[0].truth.name))
+        f"{old.outcome} -> {new.outcome}: {old} -> {new}; {new.reason}"
+        for old, new in sorted(changed, key=lambda pair: (pair[0].outcome, pair[1].outcome, pair[0].truth.name))
     ]
     return "\n".join(lines)

@@ -76,7 +76,7 @@ def main() -> None:
         asked = track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty())
         answers = dict(zip(names, asked, strict=True))
     for name, answer in answers.items():
-        if answer.told == "wrong":
+        if answer.outcome == "wrong":
             print(name, answer)
     print(table(answers))
 

@@ -32,7 +32,7 @@ def main() -> None:
         outcomes = [of(form, folder) for form in FORMS.values()]
     table = Table("form", "maker", "end", "said", box=None)
     for form, outcome in zip(FORMS.values(), outcomes, strict=True):
-        table.add_row(form.name, form.maker, outcome.end, outcome.said.replace(str(folder), ""))
+        table.add_row(form.name, form.maker, outcome.end, outcome.message.replace(str(folder), ""))
     console = Console()
     console.print(table)
     counts = Counter(outcome.end for outcome in outcomes)

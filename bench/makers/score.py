@@ -23,7 +23,7 @@ class Outcome:
 
     form: str
     end: str
-    said: str = ""
+    message: str = ""
 
 
 def of(form: Form, folder: Path) -> Outcome:

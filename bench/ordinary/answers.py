@@ -35,7 +35,7 @@ OLD = {
 
 
 @dataclass(frozen=True)
-class Said:
+class Claim:
     """Claim of an answer.
 
     Attributes
@@ -94,10 +94,10 @@ class Line:
         """The fit's part of the document; empty where there is none."""
         return self.document.get("fit") or {}
 
-    def said(self, again: bool = False) -> Said:
+    def claim(self, again: bool = False) -> Claim:
         """Claim of an answer; `again`: as the ladder of today judges the stored evidence, without a fit."""
         if self.error is not None:
-            return Said("refused", None, None, None, None, None)
+            return Claim("refused", None, None, None, None, None)
         answer, fit, best = self.document.get("answer") or {}, self.fit, self.evidence
         numbers = {name: fit.get(name) for name in ("d", "low", "high")}
         refused = "refused" in (answer.get("verdict"), answer.get("confidence"))
@@ -108,12 +108,12 @@ class Line:
         if "confidence" in answer:
             kept = {"d": answer["width"], "low": answer["low"], "high": answer["high"]}
             numbers = {name: numbers[name] if value is None else value for name, value in kept.items()}
-            return Said(answer["confidence"], answer["cause"], answer["width_kind"], **numbers)
+            return Claim(answer["confidence"], answer["cause"], answer["width_kind"], **numbers)
         for part in (fit, best):
             if "confidence" in part:
                 return _judged(part, numbers)
         if refused:
-            return Said("refused", None, None, **numbers)
+            return Claim("refused", None, None, **numbers)
         confidence, cause, kind = OLD.get(fit.get("verdict", ""), ("cannot_tell", None, None))
         return _judged({"confidence": confidence, "cause": cause, "width_kind": kind}, numbers)
 
@@ -128,12 +128,12 @@ class Line:
         return cls(**line | {"truth": Truth(**line["truth"])})
 
 
-def _judged(told: Mapping[str, Any], numbers: Mapping[str, float | None]) -> Said:
+def _judged(fit: Mapping[str, Any], numbers: Mapping[str, float | None]) -> Claim:
     """Verdict of the fit; a valve without a gap is *sound* where its bound is within the acceptable limit."""
-    confidence, high = told["confidence"], numbers["high"]
+    confidence, high = fit["confidence"], numbers["high"]
     if confidence == "none_seen" and high is not None and high <= LIMIT:
         confidence = "sound"
-    return Said(confidence, told["cause"], told["width_kind"], **numbers)
+    return Claim(confidence, fit["cause"], fit["width_kind"], **numbers)
 
 
 def ask(name: str, recordings: int = 1) -> Line:

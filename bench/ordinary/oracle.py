@@ -237,7 +237,7 @@ def table(lines: list[Line], ratios: dict[str, float], again: bool = False) -> s
     }
     body = []
     for name, of in groups.items():
-        confidences = [line.said(again).confidence for line in of]
+        confidences = [line.claim(again).confidence for line in of]
         found = share([c == "found" for c in confidences])
         body.append([name, str(len(of)), found, share([c in ("found", "likely") for c in confidences])])
     most = ", ".join(f"{kind}{' far apart' * apart} {ratio:.0f}" for (kind, apart), ratio in sorted(asked.items()))

@@ -103,8 +103,10 @@ def moment_in(recording: Recording, at: datetime) -> float:
 
 
 def _begins(recording: Recording) -> float:
+    """Time of the first row [s]."""
     return min((float(np.nanmin(b.t)) for b in recording.batches() if np.isfinite(b.t).any()), default=math.inf)
 
 
 def _ends(recording: Recording) -> float:
+    """Time of the last row [s]."""
     return max((float(np.nanmax(b.t)) for b in recording.batches() if np.isfinite(b.t).any()), default=-math.inf)

@@ -249,6 +249,7 @@ _EXPORTS = {
 
 
 def _text(s: Simulation, export: _Export) -> str:
+    """A simulation as the text of an export."""
     lines = [export.header]
     for k in range(len(s.t)):
         cells = [export.stamp(_BEGIN + timedelta(seconds=k))]

@@ -373,6 +373,7 @@ def _not_corrected(c: dict[str, Any], unit: str) -> str:
 
 
 def _trace(thinner: Thinner, signals: set[str], chosen: int | None) -> Trace:
+    """Thinned signals for the charts."""
     t = thinner.times()
     none = Band(np.full(len(t), np.nan), np.full(len(t), np.nan))
     return Trace(
@@ -627,5 +628,6 @@ def _process_gain(loop: Loop) -> float | None:
 
 
 def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> dict[str, Any]:
+    """Settings of the detector for the core."""
     given = {} if loop.tf is None else {"tf": loop.tf}
     return {**ideal._asdict(), **given, "kp": kp, "n": loop.n, "h": h, "op_limits": loop.op_range()}

@@ -100,6 +100,7 @@ class Tags(Checked):
 
     @model_validator(mode="after")
     def _whole(self) -> Tags:
+        """Check that each node has one use, and that u_ff has its limits."""
         for name in ("u_ff_limit", "u_ff_rate"):
             if self.u_ff is not None and getattr(self, name) is None:
                 raise InputError("is required with u_ff: nothing is written without it", parameter=name)
@@ -127,6 +128,7 @@ class Process(Checked):
 
     @model_validator(mode="after")
     def _gain(self) -> Process:
+        """Check the process gain."""
         if self.kp == 0.0:
             raise InputError("is 0, must not be 0", parameter="kp", value=0.0, bound="≠ 0")
         if self.kp is not None and self.type == "integrating":

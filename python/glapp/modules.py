@@ -212,7 +212,7 @@ class Flag(enum.IntFlag):
     AT_LOW, AT_HIGH
         Something further on is at its lower, upper limit (`MinReached`, `MaxReached`), or moves down, up as fast as it
         can.
-    GAP
+    DATA_GAP
         The time since the last scan is not above 0, or longer than `max_h`.
     BAD_SP, BAD_FF
         The setpoint, the feed-forward is bad; the last good one is in effect.
@@ -227,7 +227,7 @@ class Flag(enum.IntFlag):
     BAD = 2
     AT_LOW = 4
     AT_HIGH = 8
-    GAP = 16
+    DATA_GAP = 16
     BAD_SP = 32
     BAD_FF = 64
     BAD_LIMITS = 128
@@ -403,15 +403,15 @@ class RateLimit(Module):
     ----------
     rate : float
         > 0 [unit of the signal per second].
-    told : bool
-        Whether those before are told while it holds the signal back. A valve without a feedback of its position tells
-        nobody.
+    reports : bool
+        Whether it reports to the modules before it while it holds the signal back. A valve without a feedback of its
+        position does not.
     start : float, optional
         Where its output stands at the beginning; at its first input where not given.
     """
 
     rate: float
-    told: bool = True
+    reports: bool = True
     start: float | None = None
 
 

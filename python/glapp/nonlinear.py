@@ -96,6 +96,7 @@ def n_backlash(a: npt.ArrayLike, d: float) -> ComplexArray:
 
 
 def _n_of_x(x: npt.ArrayLike) -> ComplexArray:
+    """Describing function of the gap as a function of x = 1 − d/A."""
     x = np.asarray(x, dtype=np.float64)
     rest = 1 - x * x
     return np.asarray((math.pi / 2 + np.arcsin(x) + x * np.sqrt(rest)) / math.pi - 1j * rest / math.pi)

@@ -180,10 +180,10 @@ def plan_test(
         raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
     asked = _width(result) if width is None else width
     loop = _Fitted.of(recording, result, asked, op_within, pv_within, begins or recording)
-    told = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     tests = []
     for i, kind in enumerate(kinds):
-        told(i / len(kinds))
+        report(i / len(kinds))
         match kind:
             case "by_hand":
                 tests.append(_by_hand(loop, minutes))
@@ -191,7 +191,7 @@ def plan_test(
                 tests.append(_setpoint(loop, minutes))
             case "more_hours":
                 tests.append(_more_hours(loop, recording))
-    told(1.0)
+    report(1.0)
     return Plan(
         name=result.name,
         source=result.source,
@@ -318,17 +318,17 @@ class _Fitted:
         if found is not None and found.through_pv is not None:
             found = found.through_pv
         if found is None or found.process is None:
-            said = result.reason if found is None else found.reason
-            raise InputError(f"OP and PV were not fitted: {said}", file=result.source, loop=result.name)
+            reason = result.reason if found is None else found.reason
+            raise InputError(f"OP and PV were not fitted: {reason}", file=result.source, loop=result.name)
         best, process = found.best, found.process
         where: dict[str, Any] = {"file": result.source, "loop": result.name}
         if process.integrating != (recording.loop.process.type == "integrating"):
             kinds = ("integrating", "self-regulating")
-            told, said = kinds if process.integrating else kinds[::-1]
+            fitted, given = kinds if process.integrating else kinds[::-1]
             raise InputError(
-                f"the fit takes the process for {told}, and its settings say {said}",
+                f"the fit takes the process for {fitted}, and its settings say {given}",
                 **where,
-                hint=f'write process = {{ type = "{told}" }} in a loops.toml if that is so',
+                hint=f'write process = {{ type = "{fitted}" }} in a loops.toml if that is so',
             )
         gains = _gains(process.kp[0], best["kp_near"], recording.loop.kp())
         if gains is None:
@@ -465,6 +465,7 @@ def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Flo
 
 
 def _inside(t: Floats, start: float, end: float) -> slice:
+    """Rows between two times."""
     inside = np.flatnonzero((t >= start) & (t <= end))
     return slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
 
@@ -546,6 +547,7 @@ class _Left:
 
 
 def _by_hand(loop: _Fitted, minutes: float) -> Planned:
+    """Plan of a step test with OP by hand."""
     if loop.integrating:
         return Planned("by_hand", "the process integrates: PV would run away while OP is held")
     room = {+1: loop.op_within[1] - loop.op, -1: loop.op - loop.op_within[0]}
@@ -706,6 +708,7 @@ def _planned(
 
 
 def _setpoint(loop: _Fitted, minutes: float) -> Planned:
+    """Plan of a test with steps of the setpoint."""
     law = loop.law
     if law is None or not law.k:
         return Planned("setpoint", "the controller's K and Ti are not known: give them, or record SP")
@@ -748,6 +751,7 @@ def _setpoint(loop: _Fitted, minutes: float) -> Planned:
 def _stepped(
     loop: _Fitted, law: Ideal, plant: Plant, d: float, levels: Sequence[float], apart: float, seed: int
 ) -> Scenario:
+    """Scenario with steps of the setpoint."""
     t_end = apart * len(levels)
     noise = Samples(values=loop.disturbance(round(t_end / loop.h) + 1, 0, seed))
     more: dict[str, Any] = {"controller": tuple(law), "noise": noise}
@@ -795,10 +799,10 @@ def _fitted(
 
 def fit_decides(found: Fit, width: float) -> Found | None:
     """Share of simulated fits that decide."""
-    said = (found.judgement or {}).get("confidence")
-    if said == "found":
+    confidence = (found.judgement or {}).get("confidence")
+    if confidence == "found":
         return "gap"
-    return "no_gap" if said in ("none_seen", "sound") and found.high is not None and found.high < width else None
+    return "no_gap" if confidence in ("none_seen", "sound") and found.high is not None and found.high < width else None
 
 
 def _more_hours(loop: _Fitted, recording: Recording) -> Planned:

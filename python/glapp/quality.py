@@ -23,7 +23,7 @@ from .identify import Identification
 Floats = NDArray[np.float64]
 Severity = Literal["info", "warning", "refuse"]
 
-GAP_STEPS: float = _glapp.GAP_STEPS
+DATA_GAP_STEPS: float = _glapp.DATA_GAP_STEPS
 """A step longer than so many ordinary ones is a gap."""
 
 
@@ -61,8 +61,8 @@ class DataStatistics:
     - `repeated`, `repeated_row`: pairs with the same time; the later row of the first.
     - `reversed`, `reversed_row`: pairs whose later row has the earlier time; the later row of the first.
     - `reversed_from`, `reversed_to`: the two times of that first pair [s since t0]; NaN when none.
-    - `gap_threshold`: a forward step longer than this is a gap [s]: `GAP_STEPS` times the median forward step of the
-      first batch.
+    - `gap_threshold`: a longer forward step is a gap in the data [s]: `DATA_GAP_STEPS` times the median forward step
+      of the first batch.
     - `gaps`, `gap_row`: gaps; the row after the first.
     - `gap_longest`, `gap_total`: longest, and sum of all [s]; 0 when none.
     - `sp_bad`, `pv_bad`, `op_bad`: rows in which the signal is not a number; for an OP that is not recorded `op_bad` is

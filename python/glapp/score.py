@@ -188,6 +188,7 @@ def judged(label: Label, result: Result) -> Scored:
 
 
 def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcome, str]:
+    """Outcome for a valve with a fault, and why."""
     if answer.verdict == "oscillation":
         return "wrong", "the answer says that the valve is not the reason"
     if answer.confidence in ("sound", "none_seen"):
@@ -207,6 +208,7 @@ def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcom
 
 
 def _of_sound(label: Label, answer: Answer, width: float | None) -> tuple[Outcome, str]:
+    """Outcome for a sound valve, and why."""
     if answer.confidence in ("found", "likely"):
         within = answer.acceptable == "within"
         return ("right", "") if within else ("wrong", "the answer sees a dead band")
@@ -300,6 +302,7 @@ def calibrated(scored: Sequence[Scored]) -> list[Calibrated]:
 
 
 def _is_so(of: str, one: Scored) -> bool | None:
+    """Whether an event of a probability is true; None where that is not known."""
     if one.label.found == "sound":
         return False
     if one.label.found == "other":

@@ -98,6 +98,7 @@ def write_parquet(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> 
 
 
 def _umask() -> int:
+    """The process' file mode mask."""
     mask = os.umask(0o077)
     os.umask(mask)
     return mask

@@ -11,7 +11,7 @@ use crate::summary::{Facts, Summary};
 use crate::words;
 use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
 use glapp_core::status::NOT_AUTO;
-use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
+use glapp_core::{Columns, DATA_GAP_STEPS, DETECTIONS, DetectorSettings, ParameterError, Reason};
 use glapp_fit::{
     Batch, FitProblem, JointAnswer, LONG_HISTORY, Prediction, Rows, Samples, SegmentAnswer, Tell, Unfit, Windows,
 };
@@ -202,7 +202,7 @@ impl Analysis {
         let sign = task.sign(controller.as_ref());
         let long = task.judge && task.fit && rows.op.is_some() && rows.t.len() >= LONG_HISTORY;
         Ok(Self {
-            counter: Counter::new(GAP_STEPS * h, task.op_limits())?,
+            counter: Counter::new(DATA_GAP_STEPS * h, task.op_limits())?,
             windows: long.then(|| Windows::of_history(&samples(&rows), sign)),
             beginning: kept(&rows, position),
             task,
@@ -251,6 +251,7 @@ impl Analysis {
         self.ended(Some(pv), &|_| ())
     }
 
+    /// The result of the analysis, given the fit of PV.
     fn ended(mut self, pv: Option<Result<JointAnswer, Unfit>>, progress: Tell) -> Done {
         let op_limits = self.task.op_limits();
         let mut quality = if self.task.judge { self.inspected() } else { Vec::new() };
@@ -411,6 +412,7 @@ impl Analysis {
         Some(harm(&cells, &inspected(rows), law, &process))
     }
 
+    /// The corrected width by the half-periods of a detector.
     fn corrected(&self, detector: &Crossings, kp: Option<f64>, d_hat: Option<f64>) -> CorrectedAnswer {
         let op = self.beginning.op.as_deref().filter(|_| self.op);
         let travel = if self.op { Travel::Op } else { Travel::Law };
@@ -437,7 +439,7 @@ impl Analysis {
             tf: detector.map(|detector| detector.settings().tf),
             tried: self.tried,
             n: self.task.n,
-            max_h: GAP_STEPS * self.h,
+            max_h: DATA_GAP_STEPS * self.h,
             delta_u: detector.map(|detector| detector.detector().width().source(self.op)),
             origins,
         }
@@ -479,6 +481,7 @@ pub fn within_percent(op: &[f64]) -> bool {
     !op.iter().any(|u| *u < 0.0 || *u > 100.0) && Scale::of(op).is_none()
 }
 
+/// A copy of the rows, for the fit.
 fn kept(rows: &Inspected<'_>, position: Option<&[f64]>) -> Rows {
     let owned = |column: Option<&[f64]>| column.map(<[f64]>::to_vec);
     let Inspected { t, sp, pv, op, flags } = *rows;

@@ -162,6 +162,7 @@ pub struct Settings {
     pub origins: Vec<(&'static str, Origin)>,
 }
 
+/// Serializes pairs as a map in their own order.
 fn in_order<T: Serialize, S: Serializer>(pairs: &[(&'static str, T)], serializer: S) -> Result<S::Ok, S::Error> {
     InOrder(pairs).serialize(serializer)
 }

@@ -81,6 +81,7 @@ pub struct Occurrences {
 }
 
 impl Occurrences {
+    /// Counts one occurrence at a row.
     fn note(&mut self, row: u64) {
         self.count += 1;
         self.first.get_or_insert(row);
@@ -221,6 +222,7 @@ impl Counter {
         }
     }
 
+    /// Counts a step whose length is not the usual one.
     #[cold]
     fn odd_step(&mut self, t: f64, h: f64, row: u64) {
         if !t.is_number() {
@@ -239,6 +241,7 @@ impl Counter {
         }
     }
 
+    /// Counts rows by their flags, and rows with OP at a limit.
     fn flags(&mut self, flags: Option<&[u8]>, op: Option<&[f64]>, n: usize) {
         let Some((least, most)) = self.op_limits.filter(|_| op.is_some()) else {
             for &flag in flags.unwrap_or_default() {
@@ -253,6 +256,7 @@ impl Counter {
         }
     }
 
+    /// Counts the flags of one row.
     #[inline(always)]
     fn flag(&mut self, flag: Status) {
         if flag != 0 {

@@ -216,6 +216,7 @@ impl FitAnswer {
         }
     }
 
+    /// The fit of several records, with their windows.
     fn of_records(
         joint: &Together,
         records: &[SegmentAnswer<glapp_fit::SegmentFit>],
@@ -354,6 +355,7 @@ fn excluded(joint: &Together) -> bool {
     joint.judgement.confidence == Confidence::CannotTell && joint.reason == "recordings_disagree"
 }
 
+/// Slope and standard error of a trend, per day.
 fn a_day(trend: Trend) -> (f64, f64) {
     (DAY * trend.slope, DAY * trend.error)
 }

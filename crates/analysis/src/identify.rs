@@ -159,6 +159,7 @@ pub enum Reason {
 }
 
 impl Identification {
+    /// An identification without values, with its reason.
     fn nothing(reason: Reason, samples: usize) -> Self {
         Self { samples, values: None, settings: None, reason: Some(reason) }
     }

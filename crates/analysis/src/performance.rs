@@ -18,7 +18,7 @@ const FEWEST: usize = 20;
 /// \[s\].
 const DAY: f64 = 86_400.0;
 /// A step of time so many times longer than usual is a gap: what OP did in it is not known.
-const GAP: f64 = 10.0;
+const BREAK_STEPS: f64 = 10.0;
 
 /// A number with its 95 % interval.
 pub type Between = (f64, f64, f64);
@@ -69,7 +69,7 @@ pub fn performance(rows: &Inspected<'_>, turn: f64) -> Option<Performance> {
         return None;
     }
     let mut steps: Vec<f64> = good.windows(2).map(|pair| t[pair[1]] - t[pair[0]]).collect();
-    let longest = GAP * crate::median(&mut steps);
+    let longest = BREAK_STEPS * crate::median(&mut steps);
     let mut turning = Turning::new(turn);
     let mut blocks = Vec::with_capacity(BLOCKS);
     // Kept from block to block: OP's travel between two blocks counts in the later one.

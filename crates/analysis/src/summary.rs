@@ -393,6 +393,7 @@ impl Summary {
         Self { rank: decided.ranked(), ..decided }
     }
 
+    /// The answer by the fit.
     fn of_fit(facts: &Facts, fit: &FitFacts) -> Self {
         let judged = fit.judged();
         let (low, high) = fit.interval();
@@ -487,6 +488,7 @@ impl Summary {
         }
     }
 
+    /// The answer by the crossings alone.
     fn of_crossings(facts: &Facts) -> Self {
         let acceptable = facts.d_hat.and_then(|d_hat| facts.judged(Some(d_hat), Some(d_hat)));
         // The crossings alone also give sound valves more than the nominal limit: no work follows from that.
@@ -558,6 +560,7 @@ impl Summary {
         }
     }
 
+    /// Sort key: the most urgent first.
     fn ranked(&self) -> (u8, u8, u8, f64) {
         let urgency = match self.urgency {
             Urgency::High => 0,
@@ -625,6 +628,7 @@ impl Next {
 }
 
 impl Facts {
+    /// A width in percent of span, where the span is known.
     fn percent(&self, width: f64) -> Option<f64> {
         self.span.map(|span| 100.0 * width / span)
     }

@@ -12,7 +12,7 @@ pub const AT_LOW: Status = 4;
 /// Something in the loop was at its upper limit.
 pub const AT_HIGH: Status = 8;
 /// The samples before are missing: the start of a recording, or a gap in it.
-pub const GAP: Status = 16;
+pub const DATA_GAP: Status = 16;
 /// The setpoint handed over is bad; the last good one is in effect.
 pub const BAD_SP: Status = 32;
 /// The feed-forward handed over is bad; the last good one is in effect.
@@ -28,7 +28,7 @@ pub const FLAGS: [(Status, &str); 9] = [
     (BAD, "bad"),
     (AT_LOW, "at_low"),
     (AT_HIGH, "at_high"),
-    (GAP, "gap"),
+    (DATA_GAP, "data_gap"),
     (BAD_SP, "bad_sp"),
     (BAD_FF, "bad_ff"),
     (BAD_LIMITS, "bad_limits"),

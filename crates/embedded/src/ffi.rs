@@ -167,6 +167,7 @@ macro_rules! faces {
                 pub max_h: $float,
             }
 
+            /// A number from C, where NaN means not known.
             fn known(x: $float) -> Option<$float> {
                 if x.is_nan() { None } else { Some(x) }
             }

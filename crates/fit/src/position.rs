@@ -18,7 +18,7 @@ mod track;
 
 use crate::data::recorder::Recorder;
 use crate::data::samples::{Samples, Unfit};
-use crate::data::segment::Signals;
+use crate::data::segment::OpAndPv;
 use crate::decide::combine::{Combined, Reading, combine};
 use crate::decide::joint::{SegmentAnswer, newest};
 use crate::decide::trend::Trend;
@@ -158,7 +158,7 @@ fn copied(samples: &[Samples]) -> bool {
 
 /// The width from `parts` of (position, OP) at even steps, one for each unbroken stretch; NaN in the position is a row
 /// without it, OP is without NaN. None where fewer than 50 rows have a position or OP does not move.
-fn at_valve(parts: &[Signals]) -> Option<AtValve> {
+fn at_valve(parts: &[OpAndPv]) -> Option<AtValve> {
     let track = Track::new(parts);
     if track.count() < FEWEST || track.range <= 0.0 {
         return None;

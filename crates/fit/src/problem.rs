@@ -1,9 +1,9 @@
 //! The one question: how wide is the lost motion that all of these records share?
 
 use crate::data::cells::Cells;
-use crate::data::repeated::{Once, once};
+use crate::data::repeated::{Once, Recorded, once};
 use crate::data::samples::{SHORTEST, Samples, Unfit};
-use crate::data::segment::{Segment, Signals, Stretch};
+use crate::data::segment::{OpAndPv, Segment, Stretch};
 use crate::data::signal::{Unit, bow, shifts, without_spikes};
 use crate::decide::joint::{Curve, JointAnswer, joint};
 use crate::decide::segment::{Fitted, fit_segment};
@@ -132,7 +132,7 @@ impl Divided {
                 stretches: record.stretches.iter().flat_map(|s| between_shifts(scaled(s), record.h)).collect(),
             })
             .collect();
-        let signals: Vec<Signals> = scaled.iter().flat_map(Segment::signals).collect();
+        let signals: Vec<OpAndPv> = scaled.iter().flat_map(Segment::signals).collect();
         let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
         let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
         let window =
@@ -149,6 +149,7 @@ impl Divided {
         joint(&mut self.curves(alone), self.op, self.pv).ok_or(Unfit::Few)
     }
 
+    /// Cost curves of the windows that could be fitted.
     fn curves(&self, alone: Vec<WindowFit>) -> Vec<Curve> {
         let of = |(window, alone): (&Window, WindowFit)| Some(Curve::new(&window.record, alone.0?, window.sign));
         self.windows.iter().zip(alone).filter_map(of).collect()
@@ -171,7 +172,8 @@ impl Window {
         let cells = Cells::new(&signals, finest);
         let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
         let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
-        let fitted = (cells.count >= FEWEST).then(|| fit_segment(&cells, &seeds, bow, self, done));
+        let fitted = (cells.count >= FEWEST)
+            .then(|| fit_segment(&cells, &seeds, bow, (&self.record, self.sign, self.bootstrap), done));
         done(1.0);
         fitted
     }
@@ -190,15 +192,6 @@ fn between_shifts<'a>(stretch: Stretch<'a>, h: f64) -> Vec<Stretch<'a>> {
         Stretch { start, sp: of(&stretch.sp), pv: of(&stretch.pv), op: of(&stretch.op) }
     };
     ends.windows(2).filter(|ends| ends[1] - ends[0] >= SHORTEST).map(piece).collect()
-}
-
-/// One recording of a valve: its rows, or those of its windows.
-#[derive(Clone, Debug)]
-pub struct Recorded<'a> {
-    /// Time 0 of the recording, on a clock that all recordings share [s]; NaN where that is not known.
-    pub since: f64,
-    /// Rows in one piece, or the windows that were kept of a long history.
-    pub samples: Vec<Samples<'a>>,
 }
 
 /// One answer of several recordings of one valve, in the order of time: they share the lost motion. What a recording repeats of one

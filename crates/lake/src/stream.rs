@@ -125,6 +125,7 @@ impl Stream {
         found
     }
 
+    /// Reads the next batch; whether there was one.
     fn read_on(&mut self) -> Result<bool, LakeError> {
         while self.rows() == 0 {
             if self.open.is_none() {
@@ -171,6 +172,7 @@ impl Stream {
         self.done += n as u64;
     }
 
+    /// Drops the rows that are used.
     fn forget(&mut self) {
         for column in [&mut self.t, &mut self.sp, &mut self.pv, &mut self.op] {
             column.clear();

@@ -59,6 +59,7 @@ impl Columns {
     }
 }
 
+/// A range of a column, where the column is there.
 fn part<'a>(column: &'a Option<Vec<f64>>, rows: &Range<usize>) -> Option<&'a [f64]> {
     column.as_deref().map(|column| &column[rows.clone()])
 }
@@ -112,7 +113,7 @@ fn to_json(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, Stri
         }))
     });
     let mut shown = shown(done);
-    shown["told"] = texts.map_err(|error| error.to_string())?;
+    shown["texts"] = texts.map_err(|error| error.to_string())?;
     Ok(shown)
 }
 

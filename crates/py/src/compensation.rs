@@ -45,6 +45,7 @@ fn hindrance_named(standing: &str) -> PyResult<Standing> {
     all.into_iter().find(|one| one.name() == standing).ok_or_else(unknown)
 }
 
+/// A range of values; without limits all numbers.
 fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
     limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high)).map_err(refused)
 }

@@ -63,6 +63,7 @@ pub struct PyHalfPeriod {
     row: Row,
 }
 
+/// Estimate, lowest, highest, kept and count.
 fn parts(e: Estimate<f64>) -> EstimateParts {
     (e.value, e.low, e.high, e.kept, e.count)
 }

@@ -1,7 +1,7 @@
 //! Width with an interval from OP and PV.
 
 use crate::plain::plain;
-use crate::position;
+use crate::position::{self, name};
 use crate::windows::{Batch, columns};
 use glapp_analysis::{FitVerdict, Fitted, FittedValve, OneWidth, fall_of, fitted, fitted_valve, words};
 use glapp_fit::{
@@ -199,10 +199,6 @@ pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         out.set_item(name, (value, unit))?;
     }
     Ok(out)
-}
-
-pub(crate) fn name(verdict: Verdict) -> &'static str {
-    FitVerdict::from(verdict).name()
 }
 
 fn unfit<'py>(py: Python<'py>, why: Unfit, signal: &'static str) -> PyResult<Bound<'py, PyDict>> {

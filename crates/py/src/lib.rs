@@ -61,7 +61,7 @@ mod _glapp {
     #[pymodule_export]
     const DETECTIONS: u32 = glapp_core::DETECTIONS;
     #[pymodule_export]
-    const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
+    const DATA_GAP_STEPS: f64 = glapp_core::DATA_GAP_STEPS;
     #[pymodule_export]
     const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]

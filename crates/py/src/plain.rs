@@ -48,6 +48,7 @@ struct List<'py> {
     named: Option<&'static str>,
 }
 
+/// A value, within a dict under its variant's name where it has one.
 fn named<'py>(py: Python<'py>, name: Option<&'static str>, value: Bound<'py, PyAny>) -> Made<'py> {
     let Some(name) = name else { return Ok(value) };
     let dict = PyDict::new(py);

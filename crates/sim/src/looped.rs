@@ -1,7 +1,7 @@
 //! A scenario as a loop of the modules that ship.
 
-use crate::engine::{Machine, Mode, bad, resolution, rest, source, stream};
 use crate::error::require;
+use crate::machine::{Machine, Mode, bad, resolution, rest, source, stream};
 use crate::scenario::{Block, Compensated};
 use crate::signal::{Source, sample_at};
 use crate::{Controller, Graph, GraphError, Module, Outer, Plant, Scenario, SimError};
@@ -39,7 +39,7 @@ struct Numbers {
     watch: Option<usize>,
     /// Node that hands u_FF to the controller, and the signals of a controller that is not ours.
     u_ff: Option<usize>,
-    told: Option<usize>,
+    flags: Option<usize>,
     /// Setpoint, load, noise and process value of the outer loop.
     outer: Option<[usize; 4]>,
 }
@@ -110,8 +110,8 @@ impl Machine for Looped {
             if let (Some(watch), true) = (at.watch, first + k == self.begin) {
                 graph.command(watch, "compensate", 1.0);
             }
-            if let Some(told) = at.told {
-                graph.feed(told, f64::from(if is_bad { NOT_AUTO } else { by_hand }));
+            if let Some(flags) = at.flags {
+                graph.feed(flags, f64::from(if is_bad { NOT_AUTO } else { by_hand }));
             }
             graph.scan(self.h);
             if !is_bad {
@@ -191,7 +191,7 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
     let op = valve[valve.len() - 1];
     if let Some(rate) = s.rate {
         // A valve tells nobody that it is slow.
-        parts.add("rate", "RateLimit", &[("rate", rate), ("told", 0.0), start])?;
+        parts.add("rate", "RateLimit", &[("rate", rate), ("reports", 0.0), start])?;
         valve.push("rate");
     }
     parts.add("gap", "Backlash", &[("d", s.d), start])?;
@@ -221,10 +221,10 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         parts.wire(&[sp_from, "watch.sp"]);
         parts.wire(&[pv, "watch.pv"]);
         if let Some(delay) = given.delay {
-            parts.add("told", "Input", &[])?;
+            parts.add("flags", "Input", &[])?;
             parts.add("late", "Delay", &[("scans", delay.into())])?;
             parts.wire(&["pid", "watch.op"]);
-            parts.wire(&["told", "watch.flags"]);
+            parts.wire(&["flags", "watch.flags"]);
             parts.wire(&["watch", "late", "pid.ff"]);
         } else {
             parts.wire(&["watch", "pid.ff"]);
@@ -251,7 +251,7 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         position: graph.node(position)?,
         watch: s.compensation.map(|_| graph.node("watch")).transpose()?,
         u_ff: s.compensation.map(|c| graph.node(if c.delay.is_some() { "late" } else { "watch" })).transpose()?,
-        told: s.compensation.and_then(|c| c.delay).map(|_| graph.node("told")).transpose()?,
+        flags: s.compensation.and_then(|c| c.delay).map(|_| graph.node("flags")).transpose()?,
         outer: s.outer.as_ref().map(|_| outer()).transpose()?,
     };
     Ok((graph, at, rest.y))

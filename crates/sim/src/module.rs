@@ -26,8 +26,7 @@ mod sum;
 
 pub(crate) use resolution::rounded;
 
-use crate::graph::GraphError;
-use crate::{Plant, SimError};
+use crate::{GraphError, Plant, SimError};
 use glapp_core::modules::Gains;
 use glapp_core::{Backward, Forward, ParameterError};
 
@@ -448,12 +447,12 @@ fn passed(back: Option<Backward<f64>>) -> BackwardSignals {
 /// Names of the backward signals.
 const BACKWARD: &[&str] = &["low", "high", "flags", "tracking"];
 
-fn backward_named(told: &Backward<f64>, name: &str) -> Option<f64> {
+fn backward_named(back: &Backward<f64>, name: &str) -> Option<f64> {
     match name {
-        "low" => Some(told.low),
-        "high" => Some(told.high),
-        "flags" => Some(told.flags.into()),
-        "tracking" => Some(told.tracking),
+        "low" => Some(back.low),
+        "high" => Some(back.high),
+        "flags" => Some(back.flags.into()),
+        "tracking" => Some(back.tracking),
         _ => None,
     }
 }

@@ -314,23 +314,23 @@ fn the_parts_of_a_sum_are_told_what_is_left_to_them() {
     let mut graph = Graph::new(0.1, modules, &["a -> sum.in", "b -> sum.plus", "sum -> valve -> out"]).unwrap();
     graph.run(1).unwrap();
     assert_eq!(graph.get("out.value").unwrap(), 35.0);
-    let told =
+    let reports =
         |graph: &Graph, name: &str| [".low", ".high", ".flags"].map(|it| graph.get(&format!("{name}{it}")).unwrap());
-    assert_eq!(told(&graph, "a"), [-5.0, 30.0, f64::from(AT_HIGH)]);
-    assert_eq!(told(&graph, "b"), [-30.0, 5.0, f64::from(AT_HIGH)]);
+    assert_eq!(reports(&graph, "a"), [-5.0, 30.0, f64::from(AT_HIGH)]);
+    assert_eq!(reports(&graph, "b"), [-30.0, 5.0, f64::from(AT_HIGH)]);
     graph.set("b.value", f64::NAN).unwrap();
     graph.run(1).unwrap();
     assert!(graph.get("out.value").unwrap().is_nan());
-    assert_eq!(told(&graph, "a")[..2], [0.0, 35.0], "what is no number takes nothing away");
+    assert_eq!(reports(&graph, "a")[..2], [0.0, 35.0], "what is no number takes nothing away");
 }
 
 #[test]
 fn an_actuator_that_tells_nobody_lets_the_integral_run() {
-    let found = [1.0, 0.0].map(|told| {
+    let found = [1.0, 0.0].map(|reports| {
         let modules = vec![
             ("sp", module("Input", &[("value", 50.0)])),
             ("pid", pid()),
-            ("actuator", module("RateLimit", &[("rate", 0.1), ("told", told), ("start", 0.0)])),
+            ("actuator", module("RateLimit", &[("rate", 0.1), ("reports", reports), ("start", 0.0)])),
             ("process", process()),
         ];
         let mut graph = Graph::new(0.1, modules, &["sp -> pid.sp", "pid -> actuator -> process -> pid.pv"]).unwrap();

@@ -164,6 +164,7 @@ def _planned(plan: Plan) -> list[tuple[str, str]]:
 
 
 def _block(result: Result, why: bool) -> None:
+    """Print the block of one loop, with reasons on request."""
     texts = result.texts()
     head = Text("  ").join(
         filter(None, [styled(_name(result), style="bold"), styled(texts["headline"]), _verdict(result)])

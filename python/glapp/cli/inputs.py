@@ -227,6 +227,7 @@ def _with_paths(name: str, sources: Sequence[str]) -> list[str]:
 
 
 def _renamed(entry: Recording | Valve | Refused, name: str) -> Recording | Valve | Refused:
+    """The entry under another name."""
     if isinstance(entry, Refused):
         return replace(entry, name=name)
     if isinstance(entry, Valve):
@@ -235,6 +236,7 @@ def _renamed(entry: Recording | Valve | Refused, name: str) -> Recording | Valve
 
 
 def _called(recording: Recording, name: str) -> Recording:
+    """The recording under another name."""
     recording.name, recording.loop = name, recording.loop.model_copy(update={"name": name})
     return recording
 

@@ -37,11 +37,13 @@ def _column(signal: str) -> Any:
 
 
 def _setting(text: str, metavar: str = "NUMBER") -> Any:
+    """Option for a setting of the controller."""
     panel = "Settings of the loop (for one recording; for several write a loops.toml)"
     return typer.Option(metavar=metavar, help=text, rich_help_panel=panel)
 
 
 def _word(model: type[Controller] | type[Process] | type[Loop], key: str, text: str) -> Any:
+    """Option for a setting that is one of several words."""
     return _setting(text, _choices(model.model_fields[key].annotation))
 
 

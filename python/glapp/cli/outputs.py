@@ -70,6 +70,7 @@ def save(path: Path, content: str | bytes) -> None:
 
 
 def _same(one: Path, other: Path) -> bool:
+    """Whether two paths are the same file."""
     try:
         return one.samefile(other)
     except (OSError, ValueError):  # one of them does not exist

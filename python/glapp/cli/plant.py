@@ -154,6 +154,7 @@ async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]
 
 
 async def _happen(made: SimPlant, fault: _Fault) -> None:
+    """Start a fault in the simulated plant, and end it in time."""
     await asyncio.sleep(fault.after)
     what = fault.kind if fault.loop is None else f"{fault.kind} in {fault.loop}"
     out.print(f"fault: {what} for {fault.lasts:g} s", soft_wrap=True)

@@ -128,6 +128,7 @@ def show_table_on(screen: Console, columns: Sequence[Column]) -> None:
 
 
 def _print(screen: Console, columns: Sequence[Column]) -> None:
+    """Print a table that fits the terminal."""
     table = Table(box=None, padding=(0, _GAP, 0, 0), header_style="bold", pad_edge=False)
     first, *others = columns
     widths = [_name_width(screen, first), *map(_least, others)]

@@ -85,6 +85,7 @@ User = Annotated[
 
 
 def _server_option(text: str, metavar: str, low: int | None = None, high: int | None = None) -> Any:
+    """Option of our own OPC UA server."""
     return typer.Option(metavar=metavar, help=text, min=low, max=high, rich_help_panel="Our own OPC UA server")
 
 
@@ -324,6 +325,7 @@ def status(
 
 
 def _cells(loop: dict[str, Any], now: float) -> tuple[str, ...]:
+    """Cells of a loop in the table of states."""
     answer, unit = loop["answer"], loop["unit"]
     seen = "never" if loop["seen"] is None else f"{_age(now - loop['seen'])} before"
     if loop["good"] is False:
@@ -573,6 +575,7 @@ def _request(api_url: str, method: str, path: str, body: Any, token: str | None)
 
 
 def _path_part(name: str) -> str:
+    """A loop's name as part of a URL."""
     from urllib.parse import quote
 
     return quote(name, safe="")

@@ -387,6 +387,7 @@ def _wide(loop: _Loop, simulation: Simulation, day: int, seed: int) -> pa.Table:
 
 
 def _changes(x: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether each value differs from the one before."""
     changed: NDArray[np.bool_] = np.r_[True, x[1:] != x[:-1]]
     return changed
 

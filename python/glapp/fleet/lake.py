@@ -325,6 +325,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
 
 
 def _damaged(name: str, group: int, done: int, rows: int, error: Exception) -> DataIssue:
+    """Data issue of a group of rows that cannot be read."""
     what = f"row group {group} is damaged, {rows} rows are left out: {_line(error)}"
     return DataIssue("damaged", what, "copy the file anew from where it came", name, done + 1, rows=rows)
 
@@ -407,6 +408,7 @@ def _distinct(column: pa.Array) -> list[str]:
 
 
 def _naive(path: Path, file: File) -> bool:
+    """Whether the file's times are without a zone."""
     kind = pq.read_schema(path).field(str(file.column("time"))).type
     return bool(pa.types.is_timestamp(kind) and kind.tz is None)
 
@@ -653,6 +655,7 @@ def _of_group(
 def _within(
     table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Times of the table's rows, and which of them are asked for."""
     t, good, doubtful = _micros(table.column(str(file.column("time"))), file)
     if doubtful:
         what = f"{doubtful} rows stand in the hour in which the clocks of {file.zone} change, and are left out"
@@ -661,6 +664,7 @@ def _within(
 
 
 def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]) -> _Part:
+    """Rows of a table with a tag in each row."""
     tag, value, quality, unit = file.column("tag"), file.column("value"), file.column("quality"), file.unit_column
     known, names = asked.known, asked.names
     t, keep = _within(table, file, asked, done, problems)
@@ -691,6 +695,7 @@ def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
 
 
 def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]) -> _Part:
+    """Rows of a table with a column for each signal."""
     quality, known = file.column("quality"), asked.known
     t, keep = _within(table, file, asked, done, problems)
     rows = np.flatnonzero(keep)
@@ -801,6 +806,7 @@ def _unit_of(loop: Loop, signal: int) -> str | None:
 
 
 def _alike(unit: str) -> str:
+    """A unit in the form in which units are compared."""
     return unit.strip().lower().replace("³", "3").replace("²", "2")
 
 

@@ -113,6 +113,7 @@ def lost_of(lost: Mapping[str, int]) -> str:
 
 
 def _in_short(loops: Sequence[Any], ranked: Sequence[Any], judged: Sequence[Any]) -> str:
+    """The summary of a run in a sentence."""
     beyond = [row for row in ranked if row["acceptable"] == "beyond"]
     gaps = sum(row["valve"] == "gap" for row in loops)
     worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
@@ -201,6 +202,7 @@ def _problems(rows: Sequence[dict[str, Any]]) -> list[tuple[str, int, list[str],
 
 
 def _place(row: dict[str, Any]) -> str:
+    """Text of a data issue: its place, and what is wrong."""
     at = [row["file"], f"row {row['row']}" if row["row"] else "", row["tag"] or row["loop"], row["day"]]
     return f"{', '.join(part for part in at if part)}: {row['what']}"
 

@@ -502,6 +502,7 @@ def refused(loop: Loop, code: str, reason: str, looks: Sequence[dict[str, Any]] 
 
 
 def _order(row: dict[str, Any]) -> tuple[int, int]:
+    """Sort key of windows: day and part."""
     return row["day"], row["part"]
 
 

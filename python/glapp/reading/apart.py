@@ -238,12 +238,14 @@ def _source(kind: Callable[[str, str], Source], path: str, label: str) -> Source
 def _shape(
     kind: Callable[[str, str], Source], path: str, label: str
 ) -> tuple[list[str], list[str | None], int | None, bool]:
+    """Names, units, number of rows and `one_fault` of a source."""
     _source.cache_clear()  # the file may be another than last time
     source = _source(kind, path, label)
     return source.names, source.units, source.rows, source.one_fault
 
 
 def _first(kind: Callable[[str, str], Source], path: str, label: str, column: int) -> pa.Buffer:
+    """First values of a column, packed."""
     return _packed(next(_slices(_source(kind, path, label).head([column])))).to_pybytes()
 
 

@@ -347,6 +347,7 @@ def _missing(
 
 
 def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str, kind: str) -> str:
+    """The column that a loop names for a role."""
     same = signals.named(named)
     if len(same) == 1:
         return same[0]
@@ -369,6 +370,7 @@ def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str
 
 
 def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kind: str) -> str | None:
+    """The column that a role most likely has; None where none is plain."""
     if group is None and role != "time":
         return None
     fits = signals.meant(role, group or "")
@@ -390,5 +392,6 @@ def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kin
 
 
 def _listed(names: Sequence[str]) -> str:
+    """Names in a list for a message, the first ones where there are many."""
     shown = ", ".join(n if n.strip() else "(no name)" for n in names[:20])
     return f"{shown} and {len(names) - 20} more" if len(names) > 20 else shown

@@ -130,6 +130,7 @@ def body_end(rows: Sequence[Row], width: int, timed: bool) -> int:
 
 
 def _is_footer(cells: Sequence[str], width: int, timed: bool) -> bool:
+    """Whether a line below the table is no row of it."""
     filled = [i for i, cell in enumerate(cells) if cell.strip()]
     if not filled:
         return True
@@ -167,6 +168,7 @@ def _names_follow(rows: Sequence[Row], at: int, width: int) -> bool:
 
 
 def _understood(cells: Sequence[str]) -> int:
+    """Number of cells that name a signal or a time."""
     meanings = [understand(cell) for cell in cells]
     return sum(m.role is not None or m.weak is not None for m in meanings)
 

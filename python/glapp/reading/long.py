@@ -153,6 +153,7 @@ class _Store:
         return self._tags
 
     def _read(self) -> dict[str, _Tag]:
+        """Samples of each tag in memory."""
         wanted = pa.array(list(self.readers), pa.string())
         parts: dict[str, list[_Tag]] = {tag: [] for tag in self.readers}
         clock = self.clock.reader()

@@ -101,6 +101,7 @@ def tagged(source: Source) -> bool:
 
 
 def _kind(texts: Sequence[str]) -> str:
+    """Kind of a column by its texts: values, tags, or neither."""
     if all(map(is_number, texts)):
         return "value"
     roles = {understand(text).role for text in texts if not is_number(text)}
@@ -319,6 +320,7 @@ class _Joined(Source):
         return [*inner, self._date, self._time] if self.at in columns else inner
 
     def _made(self, columns: Sequence[int], arrays: Sequence[pa.Array]) -> list[pa.Array]:
+        """The columns asked for, with date and time joined."""
         rest = iter(arrays)
         return [self._join(*arrays[-2:]) if i == self.at else next(rest) for i in columns]
 

@@ -250,6 +250,7 @@ class Clock:
     # --- numbers
 
     def _numbers(self, head: NDArray[np.float64], text: str, first: pa.Array) -> None:
+        """Settle the unit of numeric times from the first values."""
         if not np.isfinite(head[0]):
             raise CellFault(0, f"'{text}' is not a time", value=text)
         form = self._format or self._form_of(head, text)
@@ -357,6 +358,7 @@ class Clock:
     # --- stamps
 
     def _stamps(self, head: pa.Array, texts: Sequence[str], tail: pa.Array | None) -> None:
+        """Settle the layout of time stamps from the first and last texts."""
         if self._format in ("day first", "month first"):
             self._day_first = self._format == "day first"
         elif self._format is not None:
@@ -377,6 +379,7 @@ class Clock:
         self._start(head)
 
     def _start(self, head: pa.Array) -> None:
+        """Take the first time as the beginning of the recording."""
         first = self._ticks(head.slice(0, 1))
         if self.zone is not None and not self._zoned:
             first = _Fold(self.zone)(first, self._per_second)

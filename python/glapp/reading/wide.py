@@ -216,6 +216,7 @@ class WideRecording(Recording):
         return ends.pop() if len(ends) == 1 else None
 
     def _without_unit(self, role: str, column: pa.Array) -> pa.Array:
+        """A column without the units written in its cells."""
         if role not in self._ends:
             return column
         return pc.replace_substring_regex(plain(column), rf" ?{re.escape(self._ends[role])}\s*$", "")

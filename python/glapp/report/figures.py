@@ -435,11 +435,13 @@ def _has_values(trace: Trace, column: str) -> bool:
 
 
 def _band(trace: Trace, column: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper ends of a thinned column."""
     band = getattr(trace, column)
     return band.low, band.high
 
 
 def _middle(trace: Trace, column: str) -> NDArray[np.float32]:
+    """Mean of the ends of a thinned column."""
     low, high = _band(trace, column)
     return np.asarray((low + high) / 2, dtype=np.float32)
 

@@ -101,6 +101,7 @@ _VERDICTS = {"pass": "Pass", "fail": "Fail", "open": "Not decided"}
 
 
 def _page(one: Judged) -> dict[str, object]:
+    """Fields of one page of the form."""
     test = one.test
     op = words.op_unit(test.unit)
     signals = [("PV", test)] if test.travel is None else [("Valve travel", test.travel), ("PV", test)]
@@ -191,6 +192,7 @@ _GIVES = {"gain": "gain", "gap": "dead band", "none": "–"}
 
 
 def _move(i: int, reading: Reading, test: StepTest) -> list[str]:
+    """Cells of a move's row."""
     up = reading.op[1] > reading.op[0]
     held = next((hold.end - hold.start for hold in test.holds if hold.end == reading.end), None)
     value = "" if reading.value is None else f" {words.number(reading.value)}"

@@ -163,6 +163,8 @@ class _Api:
         return shown if kind.lower() == "bearer" else ""
 
     def at_least(self, role: Role) -> Callable[[Request], Awaitable[Person]]:
+        """Dependency that admits persons with at least this role."""
+
         async def person(request: Request) -> Person:
             found = self.users.of(self.token(request), time.time())
             if found is None:
@@ -191,6 +193,7 @@ class _Api:
             raise
 
     def as_seen(self, name: str, asked: Seen | None) -> None:
+        """Refuse a command where the parameters are no longer those on the page."""
         now = _plain(self.monitor.commands.settings(self.known(name)))
         for key, value in ((asked and asked.seen) or {}).items():
             if now.get(key) != value:

@@ -101,6 +101,7 @@ class FitQueue:
         self._journal.add_event(Event(row["time"], name, "answer", event_text(answer)))
 
     async def _nights(self) -> None:
+        """Queue all loops once a night."""
         while True:
             begin = self.next_night()
             while (left := begin - self._clock()) > 0:  # that clock may hurry, or be set

@@ -208,6 +208,7 @@ class _Place:
 
 
 def _place(t: Floats, op: Floats, asked: Asked, levels: Sequence[float]) -> _Place:
+    """Place of OP among the levels of the test."""
     near, reached, since, first = asked.near, 0, float(t[0]), None
     for moment, value in zip(t.tolist(), op.tolist(), strict=True):
         if reached + 1 < len(levels) and abs(value - levels[reached + 1]) <= near:

@@ -99,6 +99,7 @@ class GuidedTests:
                 await self._begun.wait()
 
     async def _look(self, row: Mapping[str, Any]) -> None:
+        """Update the state of a running test."""
         monitor, name = self._monitor, row["name"]
         asked, now = Asked.of(json.loads(row["asked"])), monitor.now
         if name not in monitor.loops:
@@ -119,6 +120,7 @@ class GuidedTests:
         return None
 
     async def _put(self, row: Mapping[str, Any], state: Mapping[str, Any], ended: float | None) -> None:
+        """Store the state of a test."""
         monitor, name = self._monitor, row["name"]
         await asyncio.to_thread(monitor.store.keep_guided_test, row["id"], json.dumps(_plain(dict(state))), ended)
         if ended is None:

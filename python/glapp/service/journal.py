@@ -100,6 +100,7 @@ class Journal:
         return 0.0 if self._failing_since is None else now - self._failing_since
 
     def _failed(self, why: str, now: float) -> None:
+        """Note that the store cannot be written."""
         if self._failing_since is None:
             self._failing_since = now
         self.failing = why
@@ -136,6 +137,7 @@ class Journal:
             self._failed(f"the signals cannot be written: {error}", self._clock())
 
     async def _save(self) -> None:
+        """Write entries, events and states in one transaction."""
         async with self._saving:
             position = self.position
             samples = {name: watched.unsaved() for name, watched in self._loops.items()}

@@ -229,6 +229,7 @@ class Listener(uvicorn.Server):
         connection.until = max(connection.until, connection.taken + self.limits.header * (tls is not None))
 
     def _make_room(self, address: str) -> None:
+        """Close the connection that may go, for a new one."""
         strangers = [one for one in self._open if not one.known and not one.gone]
         own = [one for one in strangers if one.address == address]
         if len(own) >= self.limits.address:
@@ -291,6 +292,7 @@ class Listener(uvicorn.Server):
                 self._requests -= 1
 
     def _refusal(self, scope: Any) -> tuple[int, str] | None:
+        """Status and text of a refusal; None where the request may pass."""
         if any(name == b"transfer-encoding" for name, _ in scope["headers"]):
             return 411, "a request says by Content-Length how many bytes it has"
         if self._requests >= self.limits.requests and not _reserved(scope):

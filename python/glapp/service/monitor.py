@@ -194,6 +194,7 @@ class Monitor:
         await to_the_end(self._step())
 
     async def _step(self) -> None:
+        """One step: values to detectors, feed-forward, journal."""
         async with self._stepping:
             now = self._clock()
             entry = self.ingest.entry(now, self.journal.next_position)
@@ -266,6 +267,7 @@ class Monitor:
     # Status for display
 
     async def _show(self) -> None:
+        """Write the status for the readers."""
         with suppress(StoreFull):
             await asyncio.to_thread(self.store.show, self._clock(), json.dumps(self.status()))
 

@@ -460,6 +460,7 @@ class OpcUa:
             self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
 
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
+        """Report that a tag's type has changed."""
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
             self._events.once("type_changed", tag.loop, text)
@@ -581,10 +582,12 @@ class OpcUa:
             self._events.often("no_history", text, tag=self._tags[handle])
 
     def _no_history(self, link: _Link, why: str) -> None:
+        """Report once that the server's history cannot be read."""
         link.no_history = True
         self._events.event("no_history", None, f"the server has no history ({why}): the break stays a gap")
 
     def _summary(self, link: _Link) -> None:
+        """Report what was filled from the server's history."""
         if link.filled:
             between = f"from {_clock_time(link.filled_from)} to {_clock_time(link.filled_to)}"
             self._events.event("backfilled", None, f"{link.filled} values {between} were read from the history")

@@ -34,7 +34,7 @@ class _Rush:
     """Number of occurrences in very many tags at once."""
 
     since: float
-    told: int = 0
+    reported: int = 0
     more: int = 0
     text: str = ""
 
@@ -92,9 +92,9 @@ class EventFilter:
         entry.at, entry.count = now, 0
         rush = self._rushes.setdefault(kind, _Rush(now))
         if now - rush.since >= REPEATED:
-            rush.since, rush.told = now, 0
-        if rush.told < _RUSH:
-            rush.told += 1
+            rush.since, rush.reported = now, 0
+        if rush.reported < _RUSH:
+            rush.reported += 1
             self.event(kind, entry.loop, text)
         else:
             rush.more += 1

@@ -630,6 +630,7 @@ class SimPlant:
             await self._write(key, t, value)
 
     async def _tell(self, loop: SimLoop, values: Mapping[Signal, float], t: float) -> None:
+        """Write the values of a scan to the nodes."""
         faults = loop.faults
         if "back" in faults:
             t -= _HOUR
@@ -652,6 +653,7 @@ class SimPlant:
                 await self._write(key, t, value)
 
     async def _faulty(self, loop: SimLoop, key: tuple[str, Signal], value: float, t: float) -> None:
+        """Write a value as the loop's fault has it."""
         faults = loop.faults
         if "type" in faults:
             await self._as(key, ua.VariantType.String, t, f"{value:.3f}")

@@ -118,6 +118,7 @@ class SignalStore:
         return sorted(over)
 
     def _close(self, day: date, parts: Sequence[tuple[int, Path]]) -> None:
+        """Join the parts of a day into one file for each loop."""
         names: set[str] = set()
         for _, path in parts:
             names.update(pc.unique(pq.read_table(path, columns=["loop"])["loop"]).to_pylist())

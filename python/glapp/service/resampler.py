@@ -139,6 +139,7 @@ class Resampler:
         self.newest = max(self.newest, time)
 
     def _lives(self, time: float) -> None:
+        """Note a sign of life of the loop."""
         if time > self._lives_to:
             if time - self._lives_to > self.lost:
                 self._lives_from = time
@@ -199,6 +200,7 @@ class Resampler:
             self.take(signal, time, value, good, now)
 
     def _hold(self, signal: int, time: float, value: float, good: bool) -> None:
+        """Keep a value until the next one."""
         self._held[signal], self._good[signal], self._at[signal] = value, good, time
 
     def release(self) -> list[Sample]:

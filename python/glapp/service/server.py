@@ -111,10 +111,10 @@ def node_values(loop: Mapping[str, Any]) -> dict[str, NodeValue]:
     Examples
     --------
     >>> loop = {"answer": None, "seen": 1.7e9, "lost": False, "accepted": 7, "health": "NORMAL"}
-    >>> said = node_values(loop)
-    >>> said["Detections"].value, said["LastSeen"].value.isoformat()
+    >>> values = node_values(loop)
+    >>> values["Detections"].value, values["LastSeen"].value.isoformat()
     (7, '2023-11-14T22:13:20+00:00')
-    >>> ua.StatusCode(said["Width"].status).name
+    >>> ua.StatusCode(values["Width"].status).name
     'BadWaitingForInitialData'
     """
     codes = ua.StatusCodes

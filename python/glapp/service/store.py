@@ -778,6 +778,7 @@ def _configure(db: sqlite3.Connection) -> None:
 
 
 def _set_aside(path: Path, now: float) -> Path:
+    """Move a damaged database away, under a name with its time."""
     stamp = time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime(now))
     aside = path.with_name(f"{path.name}.damaged-{stamp}")
     number = 1

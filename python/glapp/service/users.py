@@ -141,6 +141,7 @@ class Tries:
         self._waits: dict[tuple[str, str], Attempt] = {}
 
     def _count(self, counts: dict[int, deque[float]], what: str, most: int, now: float) -> deque[float]:
+        """Wrong passwords of a name or an address within the time that counts."""
         digest = hashlib.blake2b(what.encode("utf-8", "replace"), digest_size=8, key=self._key).digest()
         found = counts.setdefault(int.from_bytes(digest, "big") % PLACES, deque())
         _forget(found, now)

@@ -45,6 +45,7 @@ DARK = {
 
 
 def _tone(dark: bool) -> dict[str, str]:
+    """Colours for light or dark."""
     return DARK if dark else LIGHT
 
 

@@ -89,6 +89,7 @@ class CompensationPage:
                 self._offered()
 
     async def _anew(self) -> None:
+        """Fill the dialog again."""
         if (known := await self.known()) is not None:
             await self._fill(*known)
 
@@ -183,6 +184,7 @@ class CompensationPage:
         return bool(source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"])
 
     def _typed(self) -> None:
+        """Take the typed width as the source, and describe its effect."""
         if self.source.value != 1 and self.size.value:
             self.source.set_value(1)
         self._describe()

@@ -164,6 +164,7 @@ class _Page:
         ui.timer(0.5, self._tick)
 
     def _rows(self) -> list[dict[str, Any]]:
+        """Rows of the table of values."""
         return [
             {"path": path, "value": self._value(path), "editable": path in self.lab.editable} for path in self.lab.paths
         ]
@@ -173,6 +174,7 @@ class _Page:
         return number(None if value is not None and abs(value) > 1e300 else value, 5)  # as good as no limit
 
     def _tick(self) -> None:
+        """Draw the present state."""
         if self.bench.of(self.id) is not self.lab:  # another tab has put another loop together
             self._show(self.bench.of(self.id))
         lab = self.lab

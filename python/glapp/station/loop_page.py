@@ -211,6 +211,7 @@ class _Page:
             self.drawn_as = ui.label().classes("small muted")
 
     def _spans(self) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+        """Ranges of the axes of PV and OP."""
         loop = self.station.view.loops[self.name]
         return loop.pv_span, loop.op_span
 
@@ -272,6 +273,7 @@ class _Page:
         self._show_under_way()
 
     async def _halves(self, begin: float) -> list[dict[str, Any]]:
+        """Half-periods since a time, for the chart."""
         found: list[dict[str, Any]] = await asyncio.to_thread(
             self.read, lambda r: r.half_periods(self.name, begin, 1e12, accepted=False, most=400)
         )

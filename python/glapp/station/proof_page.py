@@ -98,6 +98,7 @@ class ProofCards:
         return button
 
     async def _go(self, what: str, body: Any, done: str) -> bool:
+        """Send a command, and show its result."""
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
         found = await command(self.station, self.session, asking, done) is not None
@@ -107,6 +108,7 @@ class ProofCards:
     # The test that would decide
 
     def _planned(self, row: dict[str, Any] | None, goes_on: bool, confidence: str | None) -> bool:
+        """Show the plan of a test; whether there is one to show."""
         if confidence not in OPEN and row is None:
             return False
         heading("Which test would decide", 2)
@@ -186,6 +188,7 @@ class ProofCards:
         return None if until is None else max(0, round(until - self.station.view.now))
 
     def _guided(self, test: dict[str, Any] | None, left: int | None) -> bool:
+        """Show the running or last guided test."""
         if test is None:
             return False
         state, asked = test["state"], Asked.of(test["asked"])

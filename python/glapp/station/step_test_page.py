@@ -136,6 +136,7 @@ class Wizard:
         self._tell(found, "The controller was in automatic all the time.")
 
     async def _came(self, event: UploadEventArguments) -> None:
+        """Read an uploaded file."""
         assert isinstance(event.sender, ui.upload)
         columns = {role: one.value for role, one in self.columns.items()}
         event.sender.reset()  # the same file may come again, with other columns
@@ -155,6 +156,7 @@ class Wizard:
         self._tell(found, "")
 
     def _tell(self, found: StepTest | None, nothing: str) -> None:
+        """Show the result of a test, or why there is none."""
         if found is not None and found == self._seen:
             return
         self._seen = found

@@ -192,6 +192,7 @@ class View:
             self.why = str(error)
 
     def _take(self, reader: Reader) -> None:
+        """Take the present state of the database."""
         if self.loops and reader.shown_at() == self.at:
             return
         shown = reader.shown()

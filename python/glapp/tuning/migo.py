@@ -135,6 +135,7 @@ _WHY_LIMITED = "give its dead time or its fastest lags, which limit the gain of 
 
 
 def _not_vanishing(top: _Top, k_alone: float, plant: Plant) -> _Top:
+    """The design, refused where its gain vanishes."""
     if top.k < 0.0031 * k_alone:  # where the grid of gains begins
         raise InputError(
             "is best under purely integrating control, K → 0, which no PI or PID controller in ideal form can do",

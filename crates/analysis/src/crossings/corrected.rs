@@ -75,6 +75,7 @@ impl Crossings {
         (pairs.len(), self.credible(found, beside))
     }
 
+    /// The corrected width, or the reason why it cannot be right.
     fn credible(
         &self,
         found: Result<Corrected<f64>, NotCorrected>,

@@ -2,7 +2,7 @@
 
 mod together;
 
-use glapp_core::status::{BAD, GAP, NOT_AUTO};
+use glapp_core::status::{BAD, DATA_GAP, NOT_AUTO};
 use glapp_core::{
     Columns, Detector, DetectorSettings, DetectorState, HalfPeriodResult, ParameterError, Reason, Span, Swing,
     SwingParts, SwingState,
@@ -231,7 +231,7 @@ impl Short {
         if row.record.mask & Reason::TooShort.bit() != 0 {
             if self.rows >= SHORT_KEPT {
                 let half = row.record.half;
-                self.passed += if half.flags & (GAP | BAD | NOT_AUTO) == 0 { half.delta_t } else { 0.0 };
+                self.passed += if half.flags & (DATA_GAP | BAD | NOT_AUTO) == 0 { half.delta_t } else { 0.0 };
                 return;
             }
             self.rows += 1;

@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use super::MIN_STEPS;
 use super::law::{Form, Law, PLAIN};
 use super::linear::{condition, moments, without_first};
-use super::parts::{Moves, Signals, Stretches, Sums};
+use super::parts::{Moves, SharedSignals, Stretches, Sums};
 use crate::signals::median;
 
 /// Fewest and most blocks of time whose residuals count as independent.
@@ -67,7 +67,7 @@ impl Candidate {
 
 /// The regression on moves between means of m rows, with a weight for every move.
 pub(super) struct Band<'a> {
-    pub signals: &'a Signals<'a>,
+    pub signals: &'a SharedSignals<'a>,
     pub m: usize,
     pub stretches: Stretches,
     /// First index of each block of time.
@@ -80,7 +80,7 @@ pub(super) struct Band<'a> {
 }
 
 /// Means of 1, 2, 4 … samples, up to two Ti: beyond, the proportional part hardly shows in the moves any more.
-pub(super) fn bands<'a>(signals: &'a Signals<'a>) -> Vec<Band<'a>> {
+pub(super) fn bands<'a>(signals: &'a SharedSignals<'a>) -> Vec<Band<'a>> {
     let plain = signals.parts(&PLAIN.filter);
     let mut bands = Vec::new();
     while let Some(mut band) = Band::new(signals, 1 << bands.len(), &plain) {
@@ -97,7 +97,7 @@ pub(super) fn bands<'a>(signals: &'a Signals<'a>) -> Vec<Band<'a>> {
 
 impl<'a> Band<'a> {
     /// The moves between means of m rows; none where there are too few usable stretches of 2m rows.
-    fn new(signals: &'a Signals<'a>, m: usize, plain: &Sums) -> Option<Self> {
+    fn new(signals: &'a SharedSignals<'a>, m: usize, plain: &Sums) -> Option<Self> {
         let good = &signals.good;
         let usable = |k: &usize| good[k + 2 * m - 1] - good[*k] == 2 * m - 1;
         let all: Vec<usize> = (0..(good.len() + 1).saturating_sub(2 * m)).filter(usable).collect();

@@ -127,6 +127,7 @@ impl Band<'_> {
         Some(spread + &change * change.transpose())
     }
 
+    /// Covariance of a law's parameters by the scatter of OP's moves.
     fn spread(&self, law: &Law, x: &[&[f64]]) -> Option<Matrix> {
         let (x, size) = self.scaled(x)?;
         let slope: Vec<f64> = standardised(&law.residual).into_iter().map(score_slope).collect();

@@ -6,8 +6,8 @@ use super::band::{Band, Candidate, Shape, bands};
 use super::filter::Filter;
 use super::interval::{Found, Span};
 use super::law::{Form, forms};
-use super::parts::{Moves, Signals};
-use super::rows::Rows;
+use super::parts::{Moves, SharedSignals};
+use super::rows::WholeRows;
 use super::{Identification, Interval, Note, R2_USABLE, Reason, Settings, Values, WIDEST, Weight};
 use crate::signals::resolution;
 
@@ -19,10 +19,10 @@ const LEFT: f64 = 1e-3;
 const WEIGHT_WIDTH: f64 = 0.5;
 
 /// The law behind the rows; `samples` steps of the recording could be used.
-pub(super) fn judged(rows: &Rows, h: f64, samples: usize, given_b: Option<f64>) -> Identification {
+pub(super) fn judged(rows: &WholeRows, h: f64, samples: usize, given_b: Option<f64>) -> Identification {
     let grid = resolution(&rows.op).map(|(step, _)| step).filter(|step| *step < 1e100);
     let op_noise = grid.map_or(0.0, |step| step * step / 12.0);
-    let read = [0, 1, -1].map(|lag| Signals::new(rows, h, given_b, lag));
+    let read = [0, 1, -1].map(|lag| SharedSignals::new(rows, h, given_b, lag));
     let mut all = bands(&read[0]);
     if all.is_empty() {
         return Identification::nothing(Reason::Unshown, samples);

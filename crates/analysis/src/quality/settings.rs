@@ -15,6 +15,7 @@ const EXCHANGED_ROWS: usize = 20_000;
 /// A smaller share of the width may hang on an assumed gain unsaid.
 const HANGS: f64 = 0.1;
 
+/// Findings on the controller's settings compared with the recording.
 pub(super) fn settings(look: &Look<'_>, found: &mut Vec<Finding>) {
     let seen = look.known.law.filter(|law| law.usable).and_then(|law| law.k.value).or(look.known.k);
     if let (Some(kp), Some(k)) = (look.known.kp, seen)

@@ -48,6 +48,7 @@ impl Scale {
     }
 }
 
+/// Findings on signals beyond their spans.
 pub(super) fn spans(look: &Look<'_>, found: &mut Vec<Finding>) {
     let (c, known) = (look.statistics, look.known);
     let mut tell = |severity, signal: &'static str, range: (f64, f64), span: (f64, f64), is: &'static str| {

@@ -175,8 +175,8 @@ fn an_op_that_no_percentage_would_be_is_told() {
 #[test]
 fn a_process_gain_of_the_other_sign_is_told() {
     let recorded = signals(ordinary);
-    let told = |kp| look(&recorded, None, &Known { kp: Some(kp), ..known() });
-    assert_eq!(told(1.3), []);
-    let [found] = &told(-1.3)[..] else { panic!() };
+    let findings = |kp| look(&recorded, None, &Known { kp: Some(kp), ..known() });
+    assert_eq!(findings(1.3), []);
+    let [found] = &findings(-1.3)[..] else { panic!() };
     assert_eq!((found.fault, number(found, "kp"), number(found, "k_seen")), (Fault::Sign, -1.3, 1.0));
 }

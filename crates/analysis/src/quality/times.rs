@@ -13,6 +13,7 @@ const CLOCK_CHANGE: (f64, f64) = (3600.0, 60.0);
 /// A step above this share of Ti misses much of a half-period's area; one above Ti itself misses the error.
 const COARSE: f64 = 1.0 / 5.0;
 
+/// Finding on too few rows.
 pub(super) fn rows(look: &Look<'_>, found: &mut Vec<Finding>) {
     let rows = look.statistics.rows;
     if rows < FEWEST_ROWS {
@@ -20,6 +21,7 @@ pub(super) fn rows(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
+/// Findings on times that repeat, go back or leave gaps.
 pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
     let c = look.statistics;
     if c.t_bad > 0 {
@@ -71,6 +73,7 @@ pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
+/// Findings on the sample time compared with the loop.
 pub(super) fn sampling(look: &Look<'_>, found: &mut Vec<Finding>) {
     let Some(ti) = look.known.ti.filter(|ti| *ti > 0.0 && look.h > ti * COARSE) else { return };
     found.push(

@@ -23,6 +23,7 @@ pub(super) struct Move {
 }
 
 impl Move {
+    /// Whether PV did not answer the move.
     pub(super) fn unanswered(&self) -> bool {
         self.why == Some(Evidence::Unanswered)
     }

@@ -167,6 +167,7 @@ impl Posterior {
         self.share(&self.project(over, Some(under)), x)
     }
 
+    /// The 95 % limits of the posterior.
     fn limits(&self, of: &[Projected], middle: f64, deviation: f64) -> Limits {
         let reach = 100.0 * deviation + 1e-12 * middle.abs();
         let at = |share: f64| {
@@ -202,6 +203,7 @@ impl Posterior {
         self.beta.iter().zip(&self.covariance).map(of).collect()
     }
 
+    /// The probability below x.
     fn share(&self, of: &[Projected], x: f64) -> f64 {
         let below = |of: &Projected| {
             let variance = of.variance - 2.0 * x * of.both + x * x * of.under_variance;

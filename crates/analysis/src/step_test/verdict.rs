@@ -6,7 +6,7 @@ use super::holds::{Node, holds};
 use super::moves::{Move, difference, moves};
 use super::posterior::{Axes, Limits, Posterior};
 use super::response::response;
-use super::settling::{Signals, TAILS};
+use super::settling::{TAILS, TestSignals};
 use super::{Evidence, Hold, Kind, LEAST_ROWS, Note, Reading, Reason, StepTest, range};
 use crate::{median, resolution};
 use std::ops::Range;
@@ -33,13 +33,13 @@ pub(super) fn read(
 ) -> StepTest {
     let mut steps: Vec<f64> =
         stretches.iter().flat_map(|part| t[part.clone()].windows(2).map(|pair| pair[1] - pair[0])).collect();
-    let signals = Signals { t, op, y, h: median(&mut steps) };
+    let signals = TestSignals { t, op, y, h: median(&mut steps) };
     let (nodes, tolerance) = holds(op, y, stretches);
     Test { signals, nodes, tolerance, integrating, width }.answer()
 }
 
 struct Test<'a> {
-    signals: Signals<'a>,
+    signals: TestSignals<'a>,
     nodes: Vec<Node>,
     tolerance: f64,
     integrating: bool,
@@ -82,13 +82,14 @@ impl Test<'_> {
         self.together(settled.iter().filter(in_a_row).copied().collect(), settle, so_far)
     }
 
+    /// Whether all holds are at one OP, so that no gap shows.
     fn at_one_value(&self, nodes: &[Node]) -> bool {
         range(&nodes.iter().map(|node| node.op).collect::<Vec<_>>()) <= self.tolerance
     }
 
     /// Marks from which row on each hold is settled; of an integrating process the second half of each.
     fn settled(&mut self, settle: f64) {
-        let Signals { t, y, h, .. } = self.signals;
+        let TestSignals { t, y, h, .. } = self.signals;
         for node in &mut self.nodes {
             let (start, end) = (t[node.first], t[node.end - 1]);
             let wait = if self.integrating { (end - start) / 2.0 } else { settle };
@@ -111,7 +112,7 @@ impl Test<'_> {
         }
         let more = nodes.len().saturating_sub(MOST_HOLDS);
         nodes.truncate(MOST_HOLDS);
-        let Signals { t, op, y, h } = self.signals;
+        let TestSignals { t, op, y, h } = self.signals;
         let lag = if self.integrating { 0.0 } else { settle / (1.0 + TAILS) };
         let blocks = Blocks::of(t, y, h, &nodes, lag, self.integrating);
         let extra = self.coarse();

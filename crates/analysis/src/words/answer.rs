@@ -280,6 +280,7 @@ fn beside(facts: &AnswerFacts) -> Value {
     Value::List([changed, beyond].into_iter().flatten().map(Value::from).collect())
 }
 
+/// A message as a clause of a sentence, empty where there is none.
 fn clause(message: Option<Message>) -> Value {
     message.map_or(Value::Word("".into()), Value::from)
 }
@@ -600,6 +601,7 @@ pub struct Headline {
 const RUN: [&str; 8] = ["high", "tuning", "medium", "within", "simple", "no_gap", "unknown", "refused"];
 
 impl Headline {
+    /// The group of [`RUN`] in which the loop is counted.
     fn counts_as(&self) -> &'static str {
         match (self.valve.as_str(), self.urgency.as_str()) {
             ("refused", _) => "refused",

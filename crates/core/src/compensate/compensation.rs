@@ -275,6 +275,7 @@ pub struct Bound<R> {
 }
 
 impl<R: Real> Bound<R> {
+    /// Checks the value against its bounds.
     fn check(&self) -> Result<(), ParameterError> {
         let enough = if self.above { self.value > self.low } else { self.value >= self.low };
         require(self.name, self.value, enough && self.value <= self.high, self.words).map(|_| ())

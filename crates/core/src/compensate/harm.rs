@@ -165,6 +165,7 @@ impl<R: Real> Harm<R> {
         (state.reversals, state.direction) = (R::ZERO, 0);
     }
 
+    /// Whether OP has reversed by more than the band.
     #[inline(always)]
     fn turned(&self, state: &mut HarmState<R>, op: R) -> bool {
         if state.direction == 0 {

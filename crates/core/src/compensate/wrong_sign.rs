@@ -2,7 +2,7 @@
 
 use crate::detect::zero_crossing::sign_of;
 use crate::error::require;
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, Sum};
 
 /// The share of OP's span that it must have gone through on its way to the limit.
@@ -98,11 +98,11 @@ impl<R: Real> WrongSign<R> {
     }
 
     /// Takes setpoint, filtered process value and output, the time since the last sample `h` \[s\], and flags ([`NOT_AUTO`],
-    /// [`BAD`], [`GAP`], [`AT_LOW`], [`AT_HIGH`]); tells whether the sign is wrong.
+    /// [`BAD`], [`DATA_GAP`], [`AT_LOW`], [`AT_HIGH`]); tells whether the sign is wrong.
     #[inline(always)]
     pub fn update(&self, state: &mut WrongSignState<R>, sp: R, yf: R, op: R, h: R, flags: Status) -> bool {
         let e = sp - yf;
-        if flags & (BAD | GAP) != 0
+        if flags & (BAD | DATA_GAP) != 0
             || !(e.is_measurable() && yf.is_measurable() && op.is_measurable() && h <= R::of(LONGEST))
         {
             if !state.found {
@@ -138,6 +138,7 @@ impl<R: Real> WrongSign<R> {
         state.found
     }
 
+    /// Follows PV while OP stands at its limit.
     #[inline(never)]
     fn at_limit(&self, state: &mut WrongSignState<R>, e: R, yf: R, h: R) {
         if state.time.value() == R::ZERO {
@@ -253,7 +254,7 @@ mod tests {
                 block.update(&mut state, 0.0, -5.0 - f64::from(n), 100.0, 1.0, AT_HIGH);
             }
             prop_assert!(state.found);
-            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 1.1e9, 0), (-1.1e30, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
+            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 1.1e9, 0), (-1.1e30, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, DATA_GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
                 prop_assert!(block.update(&mut state, 0.0, yf, 100.0, h, flags));
             }
             let (yf, flags) = if by_hand { (-30.0, NOT_AUTO) } else { (0.1, 0) };

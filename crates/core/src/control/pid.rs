@@ -123,11 +123,13 @@ impl<R: Real> Pid<R> {
         u
     }
 
+    /// Proportional part K·(b·ysp − yf).
     #[inline(always)]
     fn proportional(&self, ysp: R, yf: R::Sum) -> R {
         self.k * yf.to(self.b * ysp)
     }
 
+    /// Derivative part −K·Td/h·Δyf.
     #[inline(always)]
     fn derivative(&self, state: &PidState<R>, yf: R::Sum, h: R) -> R {
         if state.started && self.td > R::ZERO && h > R::ZERO {

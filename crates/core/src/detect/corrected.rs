@@ -118,6 +118,7 @@ pub fn corrected<R: Real>(pairs: &mut [Pair<R>], kp: Option<R>) -> Result<Correc
     }
 }
 
+/// Corrected width with a known Kp.
 fn with_gain<R: Real>(pairs: &mut [Pair<R>], kp: R) -> Result<Corrected<R>, Doubt> {
     if pairs.len() < FEWEST {
         return Err(Doubt::TooFew);
@@ -139,6 +140,7 @@ fn with_gain<R: Real>(pairs: &mut [Pair<R>], kp: R) -> Result<Corrected<R>, Doub
     Ok(Corrected { d: sum / R::of(kept as f64), low, high, kp, kp_range: None })
 }
 
+/// Corrected width and Kp together, by a line through the pairs.
 fn together<R: Real>(pairs: &mut [Pair<R>]) -> Result<Corrected<R>, Doubt> {
     if pairs.len() <= FEWEST {
         return Err(Doubt::TooFew);

@@ -147,6 +147,7 @@ impl<R: Real> Correction<R> {
         }
     }
 
+    /// Computes the corrected width from the pairs that are kept.
     #[inline(never)]
     fn work_off(&self, s: &mut CorrectionState<R>) {
         let count = usize::from(s.count).min(PAIRS);

@@ -6,7 +6,7 @@ use crate::error::require;
 use crate::{Detector, MedianMean, ParameterError, Real, SafetyNet, SecondOrderFilter, Width};
 
 /// Steps of the usual length that a step may be long without being a gap.
-pub const GAP_STEPS: f64 = 3.0;
+pub const DATA_GAP_STEPS: f64 = 3.0;
 /// Length of the filter of detections (thesis 7.3).
 pub const DETECTIONS: u32 = 9;
 /// Process gain [%/%] where none is known but both spans are (thesis 7.2.2).
@@ -85,7 +85,7 @@ impl<R: Real> DetectorSettings<R> {
             integrating: false,
             tf: Self::filter_time(ti, td),
             n: DETECTIONS,
-            max_h: R::of(GAP_STEPS) * h,
+            max_h: R::of(DATA_GAP_STEPS) * h,
             op_limits: None,
             op_span: None,
             conditions: Conditions::default(),

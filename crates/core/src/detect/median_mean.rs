@@ -96,6 +96,7 @@ impl MedianMean {
     }
 }
 
+/// Mean of the detections within 80–120 % of their median.
 fn estimate<R: Real>(detections: &[R]) -> Estimate<R> {
     let mut sorted = [R::ZERO; LONGEST_WINDOW];
     for (i, &x) in detections.iter().enumerate() {

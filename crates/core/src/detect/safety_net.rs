@@ -1,6 +1,6 @@
 //! The safety net: which half-periods may become detections.
 
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO};
 use crate::{HalfPeriod, ParameterError, Real, Width, WidthParts, error::require};
 
 named! {
@@ -146,7 +146,7 @@ impl<R: Real> SafetyNet<R> {
         let Conditions { limits, too_short, not_square, decaying, growing, sp_moved, too_small } = self.conditions;
         let mut mask = 0;
         let mut fail = |failed: bool, reason: Reason| mask |= if failed { reason.bit() } else { 0 };
-        fail(half.flags & GAP != 0, Reason::Gap);
+        fail(half.flags & DATA_GAP != 0, Reason::Gap);
         fail(half.flags & BAD != 0, Reason::BadQuality);
         fail(half.flags & NOT_AUTO != 0, Reason::NotAuto);
         fail(limits && half.flags & (AT_LOW | AT_HIGH) != 0, Reason::Saturated);

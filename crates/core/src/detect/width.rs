@@ -161,6 +161,7 @@ impl<R: Real> Width<R> {
         WidthParts { kp_part, d: parts.free - kp_part, ..*parts }
     }
 
+    /// Part of the width that needs Kp.
     #[inline(always)]
     fn kp_part(&self, half: &HalfPeriod<R>) -> R {
         match self.kp_abs {

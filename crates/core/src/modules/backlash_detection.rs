@@ -1,7 +1,7 @@
 //! The detector as a module beside a controller.
 
 use crate::modules::{Backward, Forward};
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Correction, CorrectionState, Detector,
     DetectorSettings, DetectorState, Estimate, HalfPeriodResult, MedianMean, MedianMeanState, OverCompensation,
@@ -351,7 +351,7 @@ impl<R: Real> BacklashDetection<R> {
         }
         let yf = state.beside.unwrap_or(state.detector.filtered_pv());
         if let (Some(sign), Some(output)) = (&self.sign, output) {
-            let gap = if h <= self.max_h { 0 } else { GAP };
+            let gap = if h <= self.max_h { 0 } else { DATA_GAP };
             sign.update(&mut state.sign, sp, yf, output, h, flags | gap);
         }
         self.compensate(state, (sp - yf, op, h), hindered, flags);
@@ -363,7 +363,7 @@ impl<R: Real> BacklashDetection<R> {
         state.cut = true;
         self.correction.interrupt(&mut state.correction);
         if let Some(sign) = &self.sign {
-            sign.update(&mut state.sign, R::ZERO, R::ZERO, R::ZERO, h, GAP);
+            sign.update(&mut state.sign, R::ZERO, R::ZERO, R::ZERO, h, DATA_GAP);
         }
         self.compensate(state, (R::ZERO, Some(R::ZERO), h), None, backward_flags & NOT_AUTO | BAD);
     }

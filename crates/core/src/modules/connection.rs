@@ -220,8 +220,8 @@ mod tests {
     fn a_limit_is_told_backward() {
         let valve = Saturation::new(0.0, 100.0).unwrap();
         let narrower = Backward { high: 90.0, flags: NOT_AUTO, tracking: 7.0, ..Backward::default() };
-        let told = valve.backward(100.0, narrower);
-        assert_eq!(told, Backward { low: 0.0, high: 90.0, flags: NOT_AUTO | AT_HIGH, tracking: 7.0 });
+        let back = valve.backward(100.0, narrower);
+        assert_eq!(back, Backward { low: 0.0, high: 90.0, flags: NOT_AUTO | AT_HIGH, tracking: 7.0 });
         assert_eq!(valve.backward(50.0, Backward::default()).flags, 0);
         assert_eq!(valve.backward(-1.0, Backward::default()).flags, AT_LOW);
     }
@@ -230,17 +230,17 @@ mod tests {
     fn a_rate_that_limits_is_told_backward_until_it_has_caught_up() {
         let actuator = RateLimit::new(2.0).unwrap();
         let mut state = RateLimitState::at(50.0);
-        let mut told = |x: f64| {
+        let mut back = |x: f64| {
             let y = actuator.forward(&mut state, x.into(), 1.0);
             let back = actuator.backward(&state, x, Backward { high: 90.0, tracking: 7.0, ..Backward::default() });
             assert_eq!((back.low, back.high, back.tracking), (-f64::LARGEST, 90.0, 7.0));
             (y.value, y.flags, back.flags)
         };
-        assert_eq!(told(55.0), (52.0, 0, AT_HIGH));
-        assert_eq!(told(53.0), (53.0, 0, 0));
-        assert_eq!(told(55.0), (55.0, 0, 0)); // as fast as it can, and it holds nothing back
-        assert_eq!(told(40.0), (53.0, 0, AT_LOW));
-        assert_eq!(told(f64::NAN), (53.0, BAD, 0));
+        assert_eq!(back(55.0), (52.0, 0, AT_HIGH));
+        assert_eq!(back(53.0), (53.0, 0, 0));
+        assert_eq!(back(55.0), (55.0, 0, 0)); // as fast as it can, and it holds nothing back
+        assert_eq!(back(40.0), (53.0, 0, AT_LOW));
+        assert_eq!(back(f64::NAN), (53.0, BAD, 0));
     }
 
     #[test]
@@ -249,8 +249,8 @@ mod tests {
         let mut state = PhaseLeadState::default();
         lead.forward(&mut state, 20.0.into(), 0.1);
         assert!(lead.forward(&mut state, 21.0.into(), 0.1).value > 29.0);
-        let told = Backward { flags: NOT_AUTO, tracking: 55.0, ..Backward::default() };
-        assert_eq!(lead.backward(&mut state, told), told);
+        let back = Backward { flags: NOT_AUTO, tracking: 55.0, ..Backward::default() };
+        assert_eq!(lead.backward(&mut state, back), back);
         assert_eq!(lead.forward(&mut state, 55.0.into(), 0.1), Forward::new(55.0, 0));
         assert_eq!(lead.forward(&mut state, f64::NAN.into(), 0.1), Forward::new(55.0, BAD));
     }

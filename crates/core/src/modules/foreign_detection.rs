@@ -159,6 +159,7 @@ impl<R: Real> ForeignDetection<R> {
         self.hand_over(state)
     }
 
+    /// The u_FF for this scan, kept for the comparison with the one read back.
     #[inline(always)]
     fn hand_over(&self, state: &mut ForeignDetectionState<R>) -> Forward<R> {
         let u_ff = state.detection.compensation.u_ff.value();
@@ -194,6 +195,7 @@ impl<R: Real> ForeignDetection<R> {
         if state.off > self.delay { Some(Standing::NotFollowed) } else { self.late(h) }
     }
 
+    /// The obstacle where u_FF arrives too late for scans of `h`.
     #[inline(always)]
     fn late(&self, h: R) -> Option<Standing> {
         let late = self.delay > 1 && h * R::of(f64::from(self.delay)) > self.longest;
@@ -352,7 +354,7 @@ mod tests {
         theirs.scan(|_| ());
         assert_eq!(theirs.standing(), Standing::Waiting, "nobody has to enable it anew");
         let last = theirs.state.detection.last.unwrap();
-        assert!(last.half.flags & crate::status::GAP != 0 && last.mask & 1 != 0, "{last:?}");
+        assert!(last.half.flags & crate::status::DATA_GAP != 0 && last.mask & 1 != 0, "{last:?}");
 
         let mut theirs = Theirs::active();
         assert_eq!(theirs.block.pause(&mut theirs.state, NOT_AUTO, H).value, 0.0);

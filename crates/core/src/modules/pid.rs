@@ -2,7 +2,7 @@
 
 use crate::error::require;
 use crate::modules::{Backward, Forward};
-use crate::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
+use crate::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, DATA_GAP, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
 named! {
@@ -100,7 +100,7 @@ impl<R: Real> PidSettings<R> {
 /// |---|---|
 /// | told backward that the output is not followed | tracks the value in effect |
 /// | manual | `manual`, within limits and rate |
-/// | PV bad (`BAD`), or the scan's h not within 0 … `max_h` (`GAP`) | holds |
+/// | PV bad (`BAD`), or the scan's h not within 0 … `max_h` (`DATA_GAP`) | holds |
 /// | setpoint or feed-forward bad (`BAD_SP`, `BAD_FF`) | goes on with the last good one |
 /// | limits that cross (`BAD_LIMITS`) | goes on with the module's own |
 ///
@@ -133,7 +133,7 @@ pub struct PidState<R: Real> {
     pub yf: R,
     /// The output.
     pub output: R,
-    /// Error flags: `BAD`, `GAP`, `BAD_SP`, `BAD_FF`, `BAD_LIMITS`; 0 = nothing.
+    /// Error flags: `BAD`, `DATA_GAP`, `BAD_SP`, `BAD_FF`, `BAD_LIMITS`; 0 = nothing.
     pub error: Status,
     /// `AT_LOW`, `AT_HIGH`: the output or something after it is at a limit, be it of its rate; `NOT_AUTO`: somebody else sets
     /// the output.
@@ -152,7 +152,7 @@ pub struct PidState<R: Real> {
 /// No scan has been.
 const NEW: Status = 255;
 /// Errors of the measurement: nothing can be computed.
-const BLIND: Status = BAD | GAP;
+const BLIND: Status = BAD | DATA_GAP;
 
 impl<R: Real> Default for PidState<R> {
     fn default() -> Self {
@@ -254,7 +254,7 @@ impl<R: Real> Pid<R> {
         } else {
             error |= BAD_SP;
         }
-        error |= if h > R::ZERO && h <= self.settings.max_h { 0 } else { GAP };
+        error |= if h > R::ZERO && h <= self.settings.max_h { 0 } else { DATA_GAP };
         if pv.is_good() {
             // After a gap the filter starts at what is there now.
             s.filter.started &= h <= self.settings.max_h;

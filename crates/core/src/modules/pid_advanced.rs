@@ -384,6 +384,7 @@ impl<R: Real> PidAdvanced<R> {
         if self.settings.rows == 0 { [k, ti, td] } else { self.scheduled(by) }
     }
 
+    /// K, Ti and Td of the schedule at `by`, between its rows.
     fn scheduled(&self, by: R) -> [R; 3] {
         let rows = &self.settings.schedule[..self.settings.rows];
         let above = rows.iter().take_while(|row| row.at <= by).count();

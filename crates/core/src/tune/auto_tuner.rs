@@ -1,7 +1,7 @@
 //! The autotuner: a relay in the controller's place until the process has told how it oscillates.
 
 use crate::error::require;
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};
 use crate::tuning::{self, Gains, Kind, Table};
 use crate::{ParameterError, Real, Sum};
 
@@ -413,7 +413,7 @@ impl<R: Real> AutoTuner<R> {
         let (low, high) = self.settings.pv;
         if flags & BAD != 0 || !pv.is_number() {
             Stop::BadQuality
-        } else if flags & GAP != 0 || !(h > R::ZERO && h <= self.settings.max_h) {
+        } else if flags & DATA_GAP != 0 || !(h > R::ZERO && h <= self.settings.max_h) {
             Stop::SampleTime
         } else if flags & NOT_AUTO != 0 {
             Stop::NotAuto
@@ -439,6 +439,7 @@ impl<R: Real> AutoTuner<R> {
         s.output = s.start;
     }
 
+    /// The phase before the relay: centre and hysteresis from PV.
     fn rest(&self, s: &mut AutoTunerState<R>, pv: R, h: R) {
         if !s.resting {
             s.first_pv = pv;
@@ -459,6 +460,7 @@ impl<R: Real> AutoTuner<R> {
         }
     }
 
+    /// Switches the relay by PV; each switch upwards closes a cycle.
     fn relay(&self, s: &mut AutoTunerState<R>, pv: R, h: R) {
         let x = self.sign * (pv - s.centre);
         s.integrate(x, h, R::of(0.5) * self.settings.d);
@@ -481,6 +483,7 @@ impl<R: Real> AutoTuner<R> {
         }
     }
 
+    /// Sets the output to the side on which the relay is.
     fn push(&self, s: &mut AutoTunerState<R>) {
         let (low, high) = self.settings.op;
         let to = s.start + (if s.up { s.bias + self.step } else { s.bias - self.step });

@@ -1,7 +1,7 @@
 //! Properties of a relay experiment: its end, whatever comes, and its result where the truth is known.
 
 use glapp_core::auto_tuner::{Found, Phase, Stop};
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Noise, NoiseState, Real, SecondOrderFilter,
     SecondOrderFilterState,
@@ -73,7 +73,7 @@ fn modes() -> Vec<(&'static str, State)> {
         state
     };
     let mut aborted = reach(|s| s.phase == Phase::Biased);
-    usual.update(&mut aborted, 0.0, 0.1, GAP);
+    usual.update(&mut aborted, 0.0, 0.1, DATA_GAP);
     vec![
         ("idle", State::default()),
         ("waiting, no sample yet", reach(|s| s.phase == Phase::Waiting)),
@@ -93,7 +93,7 @@ const FAULTS: [(f64, f64, Status, Stop); 15] = [
     (f64::NAN, 0.1, 0, Stop::BadQuality),
     (f64::INFINITY, 0.1, 0, Stop::BadQuality),
     (0.0, 0.1, BAD, Stop::BadQuality),
-    (0.0, 0.1, GAP, Stop::SampleTime),
+    (0.0, 0.1, DATA_GAP, Stop::SampleTime),
     (0.0, 0.0, 0, Stop::SampleTime),
     (0.0, -0.1, 0, Stop::SampleTime),
     (0.0, 0.6, 0, Stop::SampleTime),

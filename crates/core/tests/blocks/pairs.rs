@@ -5,7 +5,7 @@ use glapp_core::modules::{
     AutoTuner, AutoTunerState, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Mode, Pid,
     PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState,
 };
-use glapp_core::status::{BAD, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, WRONG_SIGN};
+use glapp_core::status::{BAD, BAD_LIMITS, BAD_SP, DATA_GAP, NOT_AUTO, WRONG_SIGN};
 use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, DetectorSettings, Forward, Standing, Way};
 use std::vec::Vec;
 
@@ -42,7 +42,7 @@ impl Fault {
             PvNoNumber => BAD,
             SpNoNumber if mode == Mode::External => BAD_SP,
             LimitsCross => BAD_LIMITS,
-            TimeJumps => GAP,
+            TimeJumps => DATA_GAP,
             _ => 0,
         }
     }
@@ -161,11 +161,11 @@ impl Loop {
             }
         };
         let op = self.tuner.forward(&mut self.experiment, u, pv, h);
-        let told = self.tuner.backward(&mut self.experiment, back);
+        let hears = self.tuner.backward(&mut self.experiment, back);
         match &mut self.controller {
-            Inside(pid, s) => _ = pid.backward(s, told),
+            Inside(pid, s) => _ = pid.backward(s, hears),
             Beside(pid, s, watch, w) => {
-                let (_, ff) = pid.backward(s, told);
+                let (_, ff) = pid.backward(s, hears);
                 watch.backward(w, Some(ff));
             }
         }

@@ -1,6 +1,6 @@
 //! Recorder of a position: a recorder can look like a gap by itself.
 
-use crate::data::segment::Signals;
+use crate::data::segment::OpAndPv;
 
 /// Kind of recorder of the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,7 +112,7 @@ fn off_neighbours(z: &[f64]) -> impl Iterator<Item = (usize, f64)> + '_ {
 }
 
 /// Distance from its neighbours from which a row is no value of the valve's.
-pub(crate) fn spike_limit(parts: &[Signals]) -> f64 {
+pub(crate) fn spike_limit(parts: &[OpAndPv]) -> f64 {
     let mut off: Vec<f64> = parts.iter().flat_map(|(z, _)| off_neighbours(z).map(|(_, off)| off)).collect();
     let mut all: Vec<f64> = parts.iter().flat_map(|(z, _)| z.iter().copied()).filter(|z| !z.is_nan()).collect();
     if off.is_empty() || all.is_empty() {
@@ -126,6 +126,7 @@ pub(crate) fn spike_limit(parts: &[Signals]) -> f64 {
     noise.max(4.0 * step).max(0.02 * broad)
 }
 
+/// Rows farther than `limit` from their neighbours.
 pub(crate) fn spikes_in(z: &[f64], limit: f64) -> Vec<usize> {
     off_neighbours(z).filter(|(_, off)| *off > limit).map(|(k, _)| k).collect()
 }

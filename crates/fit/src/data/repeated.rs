@@ -2,9 +2,17 @@
 
 use crate::data::samples::Samples;
 use crate::decide::thresholds::{REPEATED_LEVELS, REPEATED_ROWS};
-use crate::problem::Recorded;
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// One recording of a valve: its rows, or those of its windows.
+#[derive(Clone, Debug)]
+pub struct Recorded<'a> {
+    /// Time 0 of the recording, on a clock that all recordings share [s]; NaN where that is not known.
+    pub since: f64,
+    /// Rows in one piece, or the windows that were kept of a long history.
+    pub samples: Vec<Samples<'a>>,
+}
 
 /// Rows of a recording that count, each once.
 pub(crate) struct Once {

@@ -249,12 +249,12 @@ mod tests {
         let missing: Vec<usize> = (0..N).filter(|k| bad.stretches[0].pv[*k].is_nan()).collect();
         assert_eq!(missing, (30..40).collect::<Vec<_>>());
         // A row a little early or late stands at its step.
-        let shaken: Vec<f64> = t
+        let jittered: Vec<f64> = t
             .iter()
             .enumerate()
             .map(|(k, t)| t + [0.1, 0.0, -0.1][k % 10 % 3] * f64::from(u8::from(k % 10 < 3)))
             .collect();
-        let even = record(&shaken, &pv, &op).unwrap();
+        let even = record(&jittered, &pv, &op).unwrap();
         assert_eq!(lengths(&even), [N]);
         assert!(even.stretches[0].pv.iter().zip(&pv).all(|(a, b)| a == b));
     }

@@ -27,11 +27,11 @@ pub struct Segment<'a> {
 }
 
 /// PV and OP of a stretch.
-pub(crate) type Signals<'a> = (&'a [f64], &'a [f64]);
+pub(crate) type OpAndPv<'a> = (&'a [f64], &'a [f64]);
 
 impl Segment<'_> {
     /// PV and OP of each stretch.
-    pub(crate) fn signals(&self) -> Vec<Signals<'_>> {
+    pub(crate) fn signals(&self) -> Vec<OpAndPv<'_>> {
         self.stretches.iter().map(|s| (&*s.pv, &*s.op)).collect()
     }
 

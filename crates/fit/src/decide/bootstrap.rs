@@ -213,10 +213,10 @@ mod tests {
         let lost = BacklashModel::gap(0.0, 1);
         let mut truth = made.descend(theta, &lost, 0, 0.1, f64::INFINITY);
         (truth.theta, truth.kp) = (theta, 1.0);
-        let foreseen = made.predicted(&truth, &silent.positions(&lost));
+        let predicted = made.predicted(&truth, &silent.positions(&lost));
         let mut off = Vec::new();
         for _ in 0..6 {
-            let y: Vec<f64> = foreseen[0].iter().map(|y| y + 0.3 * draws.normal()).collect();
+            let y: Vec<f64> = predicted[0].iter().map(|y| y + 0.3 * draws.normal()).collect();
             let record = silent.with(vec![y]);
             let search = Search { record: &record, structure, sign: 1.0 };
             let at = |part: f64| BacklashModel::gap(part * record.range, 1);

@@ -12,7 +12,6 @@ use crate::decide::witness::plateau::plateau;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Structure, Theta};
-use crate::problem::Window;
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::dot;
 use crate::search::profile::Profile;
@@ -178,14 +177,21 @@ pub(crate) struct Fitted {
 /// Share of a window's fit that goes into its hypotheses of the load; the rest into the interval and what else is known.
 const OF_LOADS: f64 = 0.8;
 
-/// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit]; `done` takes the share that is done.
-pub(crate) fn fit_segment(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window, done: &dyn Fn(f64)) -> Fitted {
-    let Window { record: rows, sign, bootstrap, .. } = window;
-    let (hypothesis, without) = hypotheses(cells, seeds, *sign, &|share| done(OF_LOADS * share));
-    let lr_no_answer = hypothesis.answers(*sign);
+/// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit]. `window` has its rows, the sign of
+/// the process gain and the number of simulations for the bootstrap; `done` takes the share that is done.
+pub(crate) fn fit_segment(
+    cells: &Cells,
+    seeds: &[Theta],
+    bow: f64,
+    window: (&Segment<'static>, f64, usize),
+    done: &dyn Fn(f64),
+) -> Fitted {
+    let (rows, sign, bootstrap) = window;
+    let (hypothesis, without) = hypotheses(cells, seeds, sign, &|share| done(OF_LOADS * share));
+    let lr_no_answer = hypothesis.answers(sign);
     let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = hypothesis;
-    let best = Best::new(&record, *sign, &profiles[0], sticking.first());
-    let no_gap = NoGap::new(&best, &profiles, [without, cost], *bootstrap);
+    let best = Best::new(&record, sign, &profiles[0], sticking.first());
+    let no_gap = NoGap::new(&best, &profiles, [without, cost], bootstrap);
     let limits = WidthLimits::new(&best, &mut profiles, &mut sticking);
     let filtered = Filtered::new(&best);
     let process = Process::new(&best, &filtered, rows.h * record.cell as f64);

@@ -80,6 +80,7 @@ impl Recording {
         self.curves.iter().filter(|curve| curve.fitted.answer.usable())
     }
 
+    /// The width with its limits and its time, for the trend.
     fn reading(&self) -> Option<Reading> {
         let own = self.own.as_ref().ok()?;
         let (first, last) = (own.records.first()?, own.records.last()?);
@@ -99,6 +100,7 @@ struct Member<'a> {
 }
 
 impl Member<'_> {
+    /// Cost of the width `d` in each family.
     fn costs(&mut self, d: f64) -> Vec<f64> {
         self.curve.costs(d / self.size)
     }
@@ -162,8 +164,8 @@ fn widths(members: &[Member]) -> Vec<f64> {
 fn most_likely(members: &mut [Member]) -> (f64, Vec<Vec<f64>>) {
     let range = range(members);
     let least = |members: &[Member]| {
-        let foreseen = widths(members).into_iter().map(|d| (total_cost(members, &interpolated_costs(members, d)), d));
-        foreseen.min_by(|a, b| a.0.total_cmp(&b.0)).expect("0 at least").1
+        let predicted = widths(members).into_iter().map(|d| (total_cost(members, &interpolated_costs(members, d)), d));
+        predicted.min_by(|a, b| a.0.total_cmp(&b.0)).expect("0 at least").1
     };
     let exactly = |members: &mut [Member], d: f64| {
         let costs = costs_at(members, d);
@@ -312,9 +314,9 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
     let limit = RISE * dispersion;
     let rise = |members: &[Member], costs: &[Vec<f64>]| rises(members, here, costs).iter().sum::<f64>();
-    let foreseen = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
+    let predicted = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
     let widths: Vec<f64> = widths(members);
-    let inside: Vec<bool> = widths.iter().map(|w| *w == d || foreseen(members, *w) <= limit).collect();
+    let inside: Vec<bool> = widths.iter().map(|w| *w == d || predicted(members, *w) <= limit).collect();
     let (first, last) = (inside.iter().position(|i| *i), inside.iter().rposition(|i| *i));
     let (first, last) = (first.expect("the best is inside"), last.expect("the best is inside"));
     let mut border = |mut within: f64, mut beyond: f64| {
@@ -322,7 +324,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
             let (mut low, mut high) = (within, beyond);
             for _ in 0..20 {
                 let middle = 0.5 * (low + high);
-                *(if foreseen(members, middle) <= limit { &mut low } else { &mut high }) = middle;
+                *(if predicted(members, middle) <= limit { &mut low } else { &mut high }) = middle;
             }
             let middle = 0.5 * (low + high);
             let costs = costs_at(members, middle);

@@ -128,6 +128,7 @@ impl Evidence {
         judge(self)
     }
 
+    /// Whether noise may hide a gap of the most likely width.
     fn noisy(&self) -> bool {
         self.d < self.noisy_below
     }
@@ -143,6 +144,7 @@ impl Evidence {
         self.asked().max(if self.even_swing { GAP_IF_EVEN_SWING } else { 0.0 })
     }
 
+    /// Likelihood ratio that is asked of a gap, without the price of an even swing.
     fn asked(&self) -> f64 {
         self.lr_needed.max(if self.bound() { GAP_IF_SELDOM } else { 0.0 })
     }
@@ -287,6 +289,7 @@ impl Evidence {
         agree >= FEWEST_RECORDINGS && agree as f64 >= AGREE * all as f64
     }
 
+    /// Cause of a gap, by the slip jump.
     fn cause(&self) -> Cause {
         match (self.slips, self.slips_wholly) {
             (false, _) => Cause::DeadBand,
@@ -472,8 +475,8 @@ mod tests {
         let sound = Evidence { d: 0.0, lr_no_gap: 0.0, low: 0.0, unsampled_below: 1.5, ..plain() };
         assert_eq!(verdict(&sound), Verdict::Sound);
         assert_eq!(sound.limits(&judge(&sound).0, Some(1.1)), (0.0, Some(1.5)));
-        let shaken = Evidence { unsampled_below: 2.5, ..sound };
-        assert_eq!((verdict(&shaken), judge(&shaken).1), (Verdict::CannotTell, "may_be_a_gap"));
+        let unsampled = Evidence { unsampled_below: 2.5, ..sound };
+        assert_eq!((verdict(&unsampled), judge(&unsampled).1), (Verdict::CannotTell, "may_be_a_gap"));
     }
 
     fn said(e: &Evidence) -> (Confidence, Option<WidthKind>) {

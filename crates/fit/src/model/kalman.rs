@@ -462,6 +462,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         Simd::vectorize(self.simd, Answering::<_, R, N, MORE, ONE> { models: self, stretch, cells, v, white });
     }
 
+    /// A pass with another answer, by the gains of the last one.
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn answered<const ONE: bool>(&self, stretch: usize, cells: usize, v: &Delayed, white: &mut Whitened) {

@@ -208,6 +208,7 @@ impl Track {
         points.into_iter().map(|(d, cost)| (d, ((cost - best.cost) * information_ratio).max(0.0))).collect()
     }
 
+    /// Recorded and predicted positions of some rows, for display.
     fn shown(&self, best: &Tried) -> Vec<Shown> {
         let every = self.rows.div_ceil(SHOWN);
         let mut n = 0;

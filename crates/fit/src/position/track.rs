@@ -1,7 +1,7 @@
 //! The rows that count, and what a lost motion is worth on them: eight motions in a pass.
 
 use crate::data::recorder::{FEWEST_NEW, Moves, Recorder, only_new, span, spike_limit, spikes_in};
-use crate::data::segment::Signals;
+use crate::data::segment::OpAndPv;
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Model};
 
 /// Fewest rows with a position that count.
@@ -71,7 +71,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    pub(super) fn new(parts: &[Signals]) -> Self {
+    pub(super) fn new(parts: &[OpAndPv]) -> Self {
         let mut spikes = 0;
         let mut kept: Vec<Part> = Vec::new();
         let limit = spike_limit(parts);
@@ -120,6 +120,7 @@ impl Track {
         track
     }
 
+    /// Number of rows that count.
     pub(super) fn count(&self) -> usize {
         match self.recorder {
             // Few new values, but every one of them is true.
@@ -197,6 +198,7 @@ impl Track {
         })
     }
 
+    /// Cost of a motion.
     pub(super) fn at(&self, motion: Motion) -> Tried {
         self.weigh(&[motion; LANES])[0]
     }

@@ -102,6 +102,7 @@ pub(super) fn read(block: &BacklashDetection<f64>, state: &BacklashDetectionStat
     named(block, state, name).or_else(|| block.read(state, name)).or_else(in_force)
 }
 
+/// Value of a setting of the compensation in force.
 fn in_force(settings: &CompensationSettings<f64>, name: &str) -> Option<f64> {
     match name {
         "comp_limit" => Some(settings.limit),
@@ -138,6 +139,7 @@ fn named(block: &BacklashDetection<f64>, state: &BacklashDetectionState<f64>, na
     }
 }
 
+/// Enables (1) or disables (0) the compensation.
 pub(super) fn compensate(state: &mut BacklashDetectionState<f64>, value: f64) -> Result<(), ParameterError> {
     state.compensate = switch("compensate", value, "0 (off) or 1 (on)")?;
     Ok(())

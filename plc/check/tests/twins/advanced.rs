@@ -60,7 +60,7 @@ fn of_case(case: &Case) -> Row {
 }
 
 /// Mode and manual output where they are given, and what is told backward.
-fn told(pins: &mut Row, mode: f64, manual: f64, flags: f64) {
+fn backward(pins: &mut Row, mode: f64, manual: f64, flags: f64) {
     pins.set("Mode", if mode.is_nan() { -1.0 } else { mode });
     pins.option("ManualOutput", Some(manual).filter(|manual| !manual.is_nan()));
     let bits = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
@@ -86,13 +86,13 @@ fn vectors<R: Number>() {
             for (i, (h, x)) in case.input.iter().enumerate() {
                 pins.set_all(&[("H", *h), ("Pv", x[0]), ("Sp", x[1])]);
                 if name == "pid_settings" {
-                    told(&mut pins, if i == 0 { 2.0 } else { f64::NAN }, f64::NAN, 0.0);
+                    backward(&mut pins, if i == 0 { 2.0 } else { f64::NAN }, f64::NAN, 0.0);
                     pins.option("SpRate", Some(x[2]));
                     // 0 on the pin is no limit: of the numbers that are wrong it holds another.
                     pins.option("Rate", Some(if x[3] == 0.0 { -1.0 } else { x[3] }));
                 } else if name == "pid_tuner" {
                     let &[_, _, mode, flags, tune, take] = &x[..] else { panic!("six inputs") };
-                    told(&mut pins, mode, f64::NAN, flags);
+                    backward(&mut pins, mode, f64::NAN, flags);
                     if !tune.is_nan() {
                         pins.set("Execute", tune);
                     }
@@ -105,7 +105,7 @@ fn vectors<R: Number>() {
                     }
                 } else {
                     let &[_, _, by, mode, manual, flags, enable] = &x[..] else { panic!("seven inputs") };
-                    told(&mut pins, mode, manual, flags);
+                    backward(&mut pins, mode, manual, flags);
                     pins.set_all(&[("ScheduleBy", by), ("Compensate", enable)]);
                 }
                 let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
@@ -499,7 +499,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     }
     let rows = ROWS.into_iter().flatten();
     let rest = ["RampTime", "Travel", "Reversals", "Watch", "Longest"];
-    let mut told = std::collections::BTreeSet::new();
+    let mut backward = std::collections::BTreeSet::new();
     for pin in SETTINGS.into_iter().chain(rows).chain(rest) {
         // Bounds themselves among them, some by what the others are.
         let bounds = [-2.0, -1.0, 0.0, 1.0, 1.125, 1.875, 2.0, 4.0, 9.0, 10.0, 1e33, -1e33, 1e37, -1e37];
@@ -512,7 +512,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
                 pins.set(pin, if spoilt { *value } else { usual.get(pin) });
                 let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
                 assert!(agree(&expected, &got), "{pin} {value}: {}", difference(&expected.row, &got.row, &pins, 0, 0));
-                told.insert(block.get("ErrorID") as i16);
+                backward.insert(block.get("ErrorID") as i16);
             }
             cover.collect(&block);
         }
@@ -520,7 +520,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     // All there are but H, those of other blocks, and limits that the controller's own stand for.
     let others = [9, 10, 12, 33, 34, 38, 39, 40, 41, 42, 43];
     let all: Vec<i16> = (1..=78).filter(|number| !others.contains(number)).collect();
-    assert_eq!(told.into_iter().filter(|number| *number != 0).collect::<Vec<_>>(), all);
+    assert_eq!(backward.into_iter().filter(|number| *number != 0).collect::<Vec<_>>(), all);
 }
 
 /// Rows whose difference loses the smaller Ti: nothing is divided by 0.
@@ -556,12 +556,13 @@ fn large<R: Number>(cover: &mut Cover) {
                 pins.set("Pv", 0.1 * i as f64);
                 if i == 0 || i == 4 || i == 5 {
                     let mode = [("Mode", if pin == "OwnSp" { 1.0 } else { 2.0 }), ("Mode", 0.0)];
-                    let told = [("HasBackLimits", 1.0), ("BackLow", -9.0), ("BackHigh", 9.0), ("HasManualOutput", 1.0)];
+                    let backward =
+                        [("HasBackLimits", 1.0), ("BackLow", -9.0), ("BackHigh", 9.0), ("HasManualOutput", 1.0)];
                     pins.set_all(&[
                         mode[usize::from(pin == "ManualOutput")],
                         ("BackNotAuto", f64::from(pin == "BackTracking")),
                     ]);
-                    pins.set_all(&told);
+                    pins.set_all(&backward);
                     pins.set(pin, value);
                 }
                 beside(&mut reference, &block, &pins, 0, i);
@@ -604,8 +605,8 @@ fn coarse<R: Number>(cover: &mut Cover) {
             let h = if d.chance(0.05) { d.of(&[longest, 1e9, 1.5e9]) } else { pins.get("H") };
             pins.set("H", if still > 0 { 0.0 } else { h });
             for pin in ["BackAtLow", "BackAtHigh", "BackNotAuto"] {
-                let told = d.chance(0.02);
-                pins.set(pin, f64::from(told || pins.on(pin)));
+                let backward = d.chance(0.02);
+                pins.set(pin, f64::from(backward || pins.on(pin)));
             }
             beside(&mut reference, &block, &pins, seed, i);
             if i % 4 == 3 && !block.on("Error") {

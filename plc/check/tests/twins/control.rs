@@ -733,7 +733,7 @@ fn begins_beyond_numbers<R: Number>() {
 
 /// Settings received before any were good, or before a new start, do not begin an experiment.
 fn told_before_it_is_good<R: Number>() {
-    for told in ["BackNotAuto", "BackAtLow", "BackAtHigh"] {
+    for pin in ["BackNotAuto", "BackAtLow", "BackAtHigh"] {
         let mut both = Beside::new::<R>(&AUTO_TUNER);
         let usual = [("Enable", 1.0), ("Amplitude", 3.0), ("WaitTime", 2.0), ("Longest", 99.0), ("MaxH", 1.0)];
         let limits = [("PvLow", -9.0), ("PvHigh", 9.0), ("OpHigh", 10.0), ("X", 5.0), ("H", 0.2), ("Rule", 1.0)];
@@ -748,13 +748,13 @@ fn told_before_it_is_good<R: Number>() {
             (true, false, false, true),
             (true, false, false, true),
         ];
-        for (i, (good, is_told, reset, run)) in scans.into_iter().enumerate() {
+        for (i, (good, is_set, reset, run)) in scans.into_iter().enumerate() {
             let mut row = usual.clone();
-            row.set_all(&[(told, f64::from(is_told)), ("Reset", f64::from(reset)), ("Execute", f64::from(run))]);
+            row.set_all(&[(pin, f64::from(is_set)), ("Reset", f64::from(reset)), ("Execute", f64::from(run))]);
             if !good {
                 row.set("MaxH", -1.0);
             }
-            both.scan(&row, format_args!("{told}, scan {i}"));
+            both.scan(&row, format_args!("{pin}, scan {i}"));
             assert_eq!(both.block.on("Busy"), run);
         }
     }

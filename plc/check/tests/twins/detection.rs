@@ -114,7 +114,7 @@ fn own<R: Number>() {
         let mut pins = pins(&case, settings.max_h.as_f64(), td);
         let (block, mut reference) = (Block::new::<R>("GlappBacklashDetection"), Reference::<R>::default());
         for (i, (h, x)) in case.input.iter().enumerate() {
-            let &[pv, sp, mode, manual, told, enable] = &x[..] else { panic!("six inputs") };
+            let &[pv, sp, mode, manual, flags, enable] = &x[..] else { panic!("six inputs") };
             if !mode.is_nan() {
                 state.mode = [Mode::Manual, Mode::Auto, Mode::External][mode as usize];
             }
@@ -123,15 +123,15 @@ fn own<R: Number>() {
             }
             let u_ff = r(block.get("UFf"));
             let u = pid.forward(&mut state, r(pv).into(), r(sp).into(), u_ff.into(), r(*h)).value;
-            let (_, ff) = pid.backward(&mut state, Backward { flags: told as u16, ..Backward::default() });
+            let (_, ff) = pid.backward(&mut state, Backward { flags: flags as u16, ..Backward::default() });
             pins.compensate = enable != 0.0;
             pins.detector =
                 detector::Pins { h: *h, sp, pv, op: Some(ff.tracking.as_f64()), flags: ff.flags & 13, ..pins.detector };
             let (expected_now, got) = (reference.scan(&pins), scan(&block, &pins));
             assert!(agree(&expected_now, &got), "{}, scan {i}:\n{got:?} instead of\n{expected_now:?}", case.name);
             if with_vectors {
-                let (told, shown) = (expected(&case, i, 0), [&[u.as_f64()][..], &row(&block)].concat());
-                assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                let (wanted, shown) = (expected(&case, i, 0), [&[u.as_f64()][..], &row(&block)].concat());
+                assert!(same(&wanted, &shown), "{}, scan {i}: {shown:?} instead of {wanted:?}", case.name);
             }
         }
     }
@@ -149,16 +149,16 @@ fn beside_another<R: Number>() {
         };
         let (block, mut reference) = (Block::new::<R>("GlappForeignDetection"), Reference::<R>::default());
         for (i, (h, x)) in case.input.iter().enumerate() {
-            let &[pv, sp, op, told, back, enable] = &x[..] else { panic!("six inputs") };
+            let &[pv, sp, op, flags, back, enable] = &x[..] else { panic!("six inputs") };
             foreign.back = (case.given("read_back") == 1.0).then_some(back);
             pins.foreign = Some(foreign.clone());
             pins.compensate = enable != 0.0;
-            pins.detector = detector::Pins { h: *h, sp, pv, op: Some(op), flags: told as u16, ..pins.detector };
+            pins.detector = detector::Pins { h: *h, sp, pv, op: Some(op), flags: flags as u16, ..pins.detector };
             let (expected_now, got) = (reference.scan(&pins), scan(&block, &pins));
             assert!(agree(&expected_now, &got), "{}, scan {i}:\n{got:?} instead of\n{expected_now:?}", case.name);
             if with_vectors {
-                let (told, shown) = (expected(&case, i, 0), [&row(&block)[..], &[block.get("Delta")]].concat());
-                assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                let (wanted, shown) = (expected(&case, i, 0), [&row(&block)[..], &[block.get("Delta")]].concat());
+                assert!(same(&wanted, &shown), "{}, scan {i}: {shown:?} instead of {wanted:?}", case.name);
             }
         }
     }

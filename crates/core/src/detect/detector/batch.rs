@@ -1,6 +1,6 @@
 //! Many samples at once: the same law, the same bits, with nearly all samples passed over in a loop that stays in registers.
 
-use super::{Detector, DetectorState, HalfPeriodResult, Memory, Signal};
+use super::{Conclusions, Detector, DetectorState, HalfPeriodResult, Signal};
 use crate::status::{BAD, Status};
 use crate::{Real, SecondOrderFilterState, Sum};
 
@@ -122,7 +122,7 @@ impl<R: Real> Detector<R> {
     pub(super) fn take_row<const OP: bool>(
         &self,
         signal: &mut Signal<R>,
-        memory: &mut Memory<R>,
+        memory: &mut Conclusions<R>,
         before: &mut f64,
         start: &mut f64,
         Row { t, sp, pv, op, flags }: Row<R>,

@@ -34,7 +34,7 @@ struct Rows {
 
 /// Inputs of the detectors.
 #[repr(align(64))]
-struct Told {
+struct Inputs {
     tf: Lane,
     /// A step is shorter than this.
     gap: Lane,
@@ -122,7 +122,7 @@ impl Detector<f64> {
         n: usize,
         ended: &mut impl FnMut(usize, Span, &HalfPeriodResult<f64>),
     ) -> usize {
-        let told = Told {
+        let inputs = Inputs {
             tf: core::array::from_fn(|l| detectors[l].filter.tf()),
             gap: core::array::from_fn(|l| detectors[l].max_h.next_up()),
         };
@@ -152,7 +152,7 @@ impl Detector<f64> {
             let to = from + ROWS;
             rows.fill::<OP, N>(like, columns, from);
             let mut next = now;
-            let (count, ordinary) = pass::<OP, N>(like, &told, &mut next, &rows, &mut out);
+            let (count, ordinary) = pass::<OP, N>(like, &inputs, &mut next, &rows, &mut out);
             for l in 0..LANES {
                 let (detector, state, columns) = (&detectors[l], &mut states[l], columns[l].part(from, to));
                 if inside[l] && !(ordinary[l] == 1.0 && detector.marks::<OP>(&columns, 0, ROWS) & BAD == 0) {
@@ -300,13 +300,13 @@ fn fill<'a, N: Lanes>(like: N, rows: &mut [Lane; ROWS], column: impl Fn(usize) -
 #[inline(always)]
 fn pass<const OP: bool, N: Lanes>(
     like: N,
-    told: &Told,
+    inputs: &Inputs,
     m: &mut Moving,
     rows: &Rows,
     out: &mut [Ended; ROWS],
 ) -> (usize, Lane) {
     let (none, one, held) = (like.like(0.0), like.like(1.0), like.like((HELD - 1).into()));
-    let (least, tf, gap) = (like.like(LEAST_STEP), like.load(&told.tf), like.load(&told.gap));
+    let (least, tf, gap) = (like.like(LEAST_STEP), like.load(&inputs.tf), like.load(&inputs.gap));
     let (mut t, mut towards) = (like.load(&m.t), like.load(&m.towards));
     let (mut y1, mut y2) = (like.load(&m.y1), like.load(&m.y2));
     let (mut u1, mut u2) = (like.load(&m.u1), like.load(&m.u2));

@@ -199,6 +199,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         Simd::vectorize(self.simd, Judging { models: self, asked })
     }
 
+    /// Totals with changed loads, by the statistics of both sides.
     #[inline(always)]
     fn judged(&self, asked: Asked) -> Totals {
         let Asked { sides, cells, tried, .. } = asked;
@@ -211,7 +212,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let mut going = self.resumed(&sides.before[from]);
         let changes = sides.gathered([from, to], tried);
         self.go_on(&mut going, sides.cell(from)..sides.cell(to), &sides.y, &sides.v, &changes);
-        self.told(&mut going, &sides.behind[to]);
+        self.add_behind(&mut going, &sides.behind[to]);
         Totals { sums: going.sums.lanes(), log_s: going.log_s.lanes() }
     }
 
@@ -353,7 +354,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
     /// Adds the cells behind, as samples h'x + e = z with Λ = Σ hh' and η = Σ hz, and the part of it that no state
     /// explains.
     #[inline(always)]
-    fn told(&self, going: &mut Going<S, R, N>, behind: &Behind) {
+    fn add_behind(&self, going: &mut Going<S, R, N>, behind: &Behind) {
         let all = |x| Wide::all(self.simd, x);
         let mut lambda = behind.lambda;
         let mut eta = behind.eta;

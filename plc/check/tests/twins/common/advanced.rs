@@ -175,7 +175,7 @@ pub struct Reference<R: Number> {
     tuned: bool,
     output: R,
     /// Backward signals of setpoint and feed-forward.
-    told: [Backward<R>; 2],
+    backward: [Backward<R>; 2],
     pv_filtered: f64,
     u_fb: f64,
 }
@@ -192,7 +192,7 @@ impl<R: Number> Default for Reference<R> {
             run_before: true,
             tuned: false,
             output: R::ZERO,
-            told: [Backward::default(); 2],
+            backward: [Backward::default(); 2],
             pv_filtered: 0.0,
             u_fb: f64::NAN,
         }
@@ -201,8 +201,13 @@ impl<R: Number> Default for Reference<R> {
 
 impl<R: Number> Reference<R> {
     fn begin(&mut self, output: R) -> PidAdvancedState<R> {
-        *self =
-            Self { told: nobody(output), output, pv_filtered: self.pv_filtered, u_fb: self.u_fb, ..Self::default() };
+        *self = Self {
+            backward: nobody(output),
+            output,
+            pv_filtered: self.pv_filtered,
+            u_fb: self.u_fb,
+            ..Self::default()
+        };
         PidAdvancedState::at(output)
     }
 
@@ -275,7 +280,7 @@ impl<R: Number> Reference<R> {
                 self.output = block.forward(&mut state, pv, sp, ff, by, h).value;
                 let op = state.pid.feedback() + state.detection.compensation.u_ff.value();
                 let (sp, ff) = block.backward(&mut state, row.backward());
-                self.told = [sp, ff];
+                self.backward = [sp, ff];
                 self.pv_filtered = state.detection.detector.filtered_pv().as_f64();
                 let u_fb = state.detection.u_fb.filter(|_| op.is_measurable());
                 self.u_fb = u_fb.map_or(f64::NAN, R::as_f64);
@@ -286,7 +291,7 @@ impl<R: Number> Reference<R> {
         self.missed |= !runs || self.good.is_none();
         self.run_before = row.on("Execute");
         self.state = Some(state);
-        let mut shown = pid_shown(row, error, self.output, &state.pid, &self.told);
+        let mut shown = pid_shown(row, error, self.output, &state.pid, &self.backward);
         let e = &state.tuner.experiment;
         shown.extend([on(e.phase.is_running()), f64::from(e.phase as u8), f64::from(e.stop as u8)]);
         shown.extend([e.relay_hysteresis, e.bias].map(R::as_f64));

@@ -2,7 +2,7 @@
 #![allow(dead_code, missing_docs)]
 
 use super::{Block, Case, Number, Scan};
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO};
 use glapp_core::{
     Conditions, HalfPeriod, HalfPeriodResult, HalfPeriodState, MedianMean, MedianMeanState, NoiseLevel, Reason,
     SafetyNet, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
@@ -12,7 +12,7 @@ pub const BLOCKS: [&str; 7] =
     ["filter", "zero_crossing", "noise_level", "half_period", "width", "safety_net", "median_mean"];
 
 pub const FLAGS: [(&str, u16); 5] =
-    [("NotAuto", NOT_AUTO), ("Bad", BAD), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH), ("Gap", GAP)];
+    [("NotAuto", NOT_AUTO), ("Bad", BAD), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH), ("Gap", DATA_GAP)];
 
 const PARTS: [&str; 7] = ["DeltaU", "DeltaUD", "DeltaUSp", "OpTravel", "Free", "KpPart", "D"];
 

@@ -186,7 +186,7 @@ impl<R: Number> Reference<R> {
             Err(number) => error = number,
         }
         let mut shown = vec![on(d.enable && error == 0.0), on(error != 0.0), error];
-        let told = d.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
+        let backward = d.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let state = &mut self.state;
         state.detection.compensate = pins.compensate && (self.armed || self.held);
         if !(state.detection.compensate && (d.op.is_some() || !d.enable)) {
@@ -203,10 +203,10 @@ impl<R: Number> Reference<R> {
                         state.cut();
                     }
                     block.forward(state, Forward::new(sp, d.flags & BAD), Forward::from(pv), h);
-                    let back = op.map(|tracking| Backward { flags: told, tracking, ..Backward::default() });
+                    let back = op.map(|tracking| Backward { flags: backward, tracking, ..Backward::default() });
                     block.backward(state, back);
                 } else {
-                    block.pause(state, told, h);
+                    block.pause(state, backward, h);
                 }
                 Some(block)
             }
@@ -217,7 +217,7 @@ impl<R: Number> Reference<R> {
                     let read = Read { op: op.map(Forward::from), flags: d.flags, u_ff };
                     block.update(state, Forward::from(sp), Forward::from(pv), &read, h);
                 } else {
-                    block.pause(state, told, h);
+                    block.pause(state, backward, h);
                 }
                 Some(block.detection())
             }

@@ -154,8 +154,8 @@ impl Names {
             return self.paths.iter().find(|one| one == path || one.ends_with(&end)).cloned();
         }
         // `SpAtLow` is told to what hands the setpoint over.
-        for (begin, told) in [("Sp", "SpBack"), ("Ff", "FfBack"), ("Back", "Back")] {
-            let path = name.strip_prefix(begin).map(|end| format!("{told}.{end}"));
+        for (begin, pin) in [("Sp", "SpBack"), ("Ff", "FfBack"), ("Back", "Back")] {
+            let path = name.strip_prefix(begin).map(|end| format!("{pin}.{end}"));
             if let Some(path) = path.filter(|path| self.paths.contains(path)) {
                 return Some(path);
             }

@@ -418,28 +418,28 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
 }
 
 /// Takes a look at the pins of a block, and gives what the core makes of them.
-type Told = Box<dyn FnMut(Look<'_>) -> Option<Vec<f64>>>;
+type NextRow = Box<dyn FnMut(Look<'_>) -> Option<Vec<f64>>>;
 
-fn references<R: Number>() -> Vec<Told> {
+fn references<R: Number>() -> Vec<NextRow> {
     let first = DRIVES.iter().map(|drive| {
         let mut core = reference::<R>(drive);
-        let told: Told = Box::new(move |pin| {
+        let reference: NextRow = Box::new(move |pin| {
             let h = if drive.h.is_empty() { 0.0 } else { pin(drive.h) };
             core(&(drive.row)(pin), h)
         });
-        told
+        reference
     });
     let rest = CALLED.iter().map(|called| {
         let twin = twin(called.twin);
         let mut core = control::core::<R>(twin);
-        let told: Told = Box::new(move |pin| {
+        let reference: NextRow = Box::new(move |pin| {
             let mut row = Row::new(twin, &[]);
             for name in twin.pins.iter().filter(|name| **name != POWER_CUT) {
                 row.set(name, pin(name));
             }
             Some(core(&row))
         });
-        told
+        reference
     });
     first.chain(rest).collect()
 }

@@ -584,7 +584,7 @@ def beside(number: int, way: str) -> Beside | None:
 
 
 def besides(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
-    """The fourth table."""
+    """Table of harm and withdrawal next to a load, way by way."""
     yield (
         "| way | loops | a hundredth of the size: beyond the bounds | loops that it helps | "
         "withdrawn within 120 Ti | enabled on a load step | on a setpoint step |"

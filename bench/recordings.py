@@ -73,7 +73,7 @@ class RecordingAnswer:
 
     @property
     def sided(self) -> bool:
-        """Whether it is a width."""
+        """Whether the verdict has a width with two limits."""
         return self.verdict in ("backlash", "stiction", "both")
 
     @property

@@ -48,6 +48,7 @@ class _Measured(Ingest):
         self.count += len(values)
 
     def process(self, entry: Any) -> Any:
+        """Process an entry, and count the processor time."""
         begun = time.thread_time()
         found = super().process(entry)
         self.processed += time.thread_time() - begun

@@ -141,6 +141,8 @@ async def _all(only: str | None) -> None:
             service = Service(folder / "data", str(settings))
 
             def fault(kind: str) -> Callable[[], Awaitable[None]]:
+                """A loss by a fault of the plant."""
+
                 async def lose() -> None:
                     plant.fault(kind, LOOP)
 

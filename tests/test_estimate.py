@@ -264,7 +264,7 @@ def test_a_linear_oscillation_is_no_backlash(name: str) -> None:
 
 @pytest.mark.slow
 @needs_refinery
-def test_other_loops_are_told_for_what_they_are() -> None:
+def test_wound_up_direct_acting_and_slave_loops_are_recognised() -> None:
     wound_up = refinery("FIC10104_0224")
     assert (wound_up.verdict, wound_up.d_hat) == ("refused", None)
     assert wound_up.reason

@@ -355,7 +355,7 @@ def test_noise_is_told_from_movement(sigma: float) -> None:
         assert noise_sigma(gaps) == pytest.approx(sigma, rel=0.15)
 
 
-def test_noise_of_steps_and_of_nothing() -> None:
+def test_noise_of_a_coarse_signal_and_of_constant_missing_or_short_ones() -> None:
     assert noise_sigma(np.round(np.sin(np.arange(4000) / 60), 1)) == pytest.approx(0.1 / math.sqrt(12))
     assert noise_sigma(np.sin(np.arange(4000) / 200)) < 1e-6
     assert noise_sigma(np.full(4000, 3.0)) is None

@@ -1084,6 +1084,7 @@ def test_a_valve_that_is_repaired_wears_on_from_there():
     plant = SimPlant(2, scan=3600.0, begin=10.0, history=0.0, repair=4.0)
 
     async def widths():
+        """True width of FIC101 after each scan."""
         found = []
         for _ in range(6 * 24):
             await plant._one()

@@ -442,8 +442,8 @@ def test_a_step_test_is_read_as_it_goes_on() -> None:
     at = []
     for end in (90, 195, 295, 400):
         part = {name: column[:end] for name, column in values.items()}
-        at.append(step_test.place(step_test.read(part, loops()[0]), True))
-    assert at == [1, 2, 3, 4] and step_test.place(None, False) == 0
+        at.append(step_test.next_step(step_test.read(part, loops()[0]), True))
+    assert at == [1, 2, 3, 4] and step_test.next_step(None, False) == 0
     found = step_test.read(values, loops()[0])
     assert found is not None and "The gap is 1.98" in " ".join(step_test.lines_of(found, "%"))
     drawn = charts.step_test(found, dark=False)

@@ -763,7 +763,7 @@ class BacklashDetection(_Compensating):
         Width of the gap that a person types, ≥ 0, within the range of the output [unit of the output]; 0: none.
     comp_fitted : float, optional
         Lower limit of the fit whose verdict is backlash, ≥ 0 [unit of the output]; 0: the fit found no gap, and the
-        on-line estimate is struck.
+        on-line estimate is contradicted.
     comp_source : Source, optional
         Which width counts; where not given that of the fit, and without a fit the typed one. With neither there is no
         compensation. With `Source.ESTIMATE` band and time from side to side go by the estimate: `comp_band` is the

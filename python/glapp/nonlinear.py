@@ -499,7 +499,7 @@ _ANGLE = np.angle(_n_of_x(_X))
 
 
 def _room(loop: Plant, w: Array) -> Array:
-    """|−1/N|/|L| where both have the same direction; inf where −1/N does not go."""
+    """Distance of L from −1/N as a ratio, |−1/N|/|L|, in L's direction; inf where −1/N has no such direction."""
     value = loop.response(w)
     # arg N rises with x from −90° to 0; arg(−1/N) = −180° − arg N.
     angle = np.angle(-1 / value)

@@ -627,7 +627,7 @@ def _shortest(loop: _Fitted, minutes: float, refused: set[str]) -> Iterator[tupl
 
 
 def _minutes(hold: float, moves: Sequence[float]) -> float:
-    """Time from the first move on."""
+    """Duration of a test from its first move to the last hold [min]."""
     return hold * (len(moves) - 1) / 60
 
 

@@ -483,7 +483,7 @@ impl Summary {
                 _ => None,
             },
             score,
-            struck: facts.d_hat.and_then(|d_hat| fit.strikes(d_hat)),
+            struck: facts.d_hat.and_then(|d_hat| fit.contradicted_by(d_hat)),
             ..Self::plain(facts, One::Fit(fit.verdict), (valve, confidence), (width, low, high), (acceptable, next))
         }
     }
@@ -727,7 +727,7 @@ impl FitFacts {
     }
 
     /// Contradiction of the crossings' width to the fit, if there is one.
-    fn strikes(&self, d_hat: f64) -> Option<Struck> {
+    fn contradicted_by(&self, d_hat: f64) -> Option<Struck> {
         let struck = |code, limit| Some(Struck { code, limit });
         match self.interval() {
             (_, Some(high)) if self.verdict == FitVerdict::Sound => struck(Contradiction::Sound, high),

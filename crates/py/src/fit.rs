@@ -3,7 +3,7 @@
 use crate::plain::plain;
 use crate::position::{self, name};
 use crate::windows::{Batch, columns};
-use glapp_analysis::{FitVerdict, Fitted, FittedValve, OneWidth, fall_of, fitted, fitted_valve, words};
+use glapp_analysis::{Fitted, FittedValve, OneWidth, fall_of, fitted, fitted_valve, words};
 use glapp_fit::{
     Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, SegmentAnswer, SegmentFit, THRESHOLDS, Tell,
     Together, Trend, Unfit, ValveAnswer, Verdict, Width,

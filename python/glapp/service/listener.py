@@ -311,6 +311,7 @@ class Listener(uvicorn.Server):
         held = False
 
         async def begin() -> None:
+            """Wait for a turn, where one is needed."""
             nonlocal turn, held
             if not turn:
                 turn = True

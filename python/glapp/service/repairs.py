@@ -29,7 +29,7 @@ def repaired_at(reader: Reader, loop: str, until: float = math.inf) -> float:
 
 
 def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    """Whether the width has fallen between two days, by what each recording of a fit says alone.
+    """The fall of the width between two days, by the recordings of a fit alone; None where it has not fallen.
 
     - `recordings`: `fit.recordings` of the answer document.
 

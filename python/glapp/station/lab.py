@@ -16,7 +16,7 @@ from .. import modules
 from ..errors import InputError
 from ..modules import Graph, Module
 
-__all__ = ["FASTEST", "KINDS", "THESIS", "Lab", "Part", "Project", "drawn"]
+__all__ = ["FASTEST", "KINDS", "THESIS", "Lab", "Part", "Project", "diagram"]
 
 FASTEST = 1000.0
 """Fastest speed of a simulation [simulated seconds a second]."""
@@ -250,7 +250,7 @@ class Lab:
         name = next(names, None)
         return None if name is None else self[f"{name}.d"]
 
-    def drawn(self, seconds: float, most: int = 1200) -> dict[str, list[list[float]]]:
+    def curves(self, seconds: float, most: int = 1200) -> dict[str, list[list[float]]]:
         """Points of the last simulated seconds: for each signal (time, value), `most` at most."""
         if not len(self._times):
             return {name: [] for name in self.shown}
@@ -308,10 +308,10 @@ def _columns(names: Sequence[str], edges: Sequence[tuple[str, str, str]]) -> Map
     return column
 
 
-def drawn(project: Project) -> str:
+def diagram(project: Project) -> str:
     """The project as blocks and arrows, as SVG.
 
-    >>> drawn(THESIS).count("<rect")
+    >>> diagram(THESIS).count("<rect")
     8
     """
     names = [part.name for part in project.parts]

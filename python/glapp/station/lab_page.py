@@ -15,7 +15,7 @@ from starlette.requests import Request
 from ..errors import InputError
 from ..report.words import count, number
 from . import charts
-from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, drawn
+from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, diagram
 from .pages import ONE_STOP, Station, dialog_of, frame, heading, quiet
 
 __all__ = ["Bench", "lab_page"]
@@ -105,7 +105,7 @@ class _Page:
             quiet("Build another loop", self._form)
         with ui.element("div").classes("lab"):
             with ui.element("div").classes("card").style("overflow-x: auto"):
-                self.blocks = ui.html(drawn(self.lab.project), sanitize=False)
+                self.blocks = ui.html(diagram(self.lab.project), sanitize=False)
             with ui.element("div").classes("card stack"):
                 heading("Estimate of the gap", 2)
                 with ui.element("div").classes("bar"):
@@ -198,7 +198,7 @@ class _Page:
         }
 
     def _drawn(self) -> dict[str, list[list[float]]]:
-        return {self.lab.label(name): points for name, points in self.lab.drawn(self.window).items()}
+        return {self.lab.label(name): points for name, points in self.lab.curves(self.window).items()}
 
     def _detected(self) -> None:
         """Show the estimate of the detector, the true gap, and the state of the compensation."""
@@ -282,7 +282,7 @@ class _Page:
 
     def _show(self, lab: Lab) -> None:
         self.lab = lab
-        self.blocks.set_content(drawn(lab.project))
+        self.blocks.set_content(diagram(lab.project))
         self.chosen.set_options(self._labels(), value=list(lab.shown))
         self.sent = {}
         self.grid.run_grid_method("setGridOption", "rowData", self._rows())

@@ -259,6 +259,7 @@ class ProofCards:
             note.style("width: 100%; max-width: 420px")
 
             async def go() -> None:
+                """Note the repair with the time and the text of the dialog."""
                 try:
                     moment_of = datetime.strptime(at.value.strip(), "%Y-%m-%d %H:%M").timestamp()
                 except ValueError:

@@ -18,7 +18,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
 from ..step_test import StepTest, step_test
 
-__all__ = ["FORMS", "lines_of", "place", "read", "read_apart", "read_file", "steps"]
+__all__ = ["FORMS", "lines_of", "next_step", "read", "read_apart", "read_file", "steps"]
 
 FORMS = ("CSV", "Excel", "Parquet", "Arrow")
 """Forms of file that a recording may have."""
@@ -103,7 +103,7 @@ def steps(width: float | None, unit: str) -> tuple[str, ...]:
     )
 
 
-def place(found: StepTest | None, manual: bool) -> int:
+def next_step(found: StepTest | None, manual: bool) -> int:
     """Index of the next of the `steps`.
 
     - `found`: what was read so far.
@@ -111,7 +111,7 @@ def place(found: StepTest | None, manual: bool) -> int:
 
     Examples
     --------
-    >>> place(None, False), place(None, True)
+    >>> next_step(None, False), next_step(None, True)
     (0, 1)
     """
     if found is not None and found.reason is None:

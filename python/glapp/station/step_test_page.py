@@ -123,7 +123,7 @@ class Wizard:
     async def _look(self) -> None:
         values = await self.signals(self.window)
         found = await asyncio.to_thread(step_test.read, values, self.loop)
-        at = step_test.place(found, bool(values["MODE"]) and values["MODE"][-1] == "MAN")
+        at = step_test.next_step(found, bool(values["MODE"]) and values["MODE"][-1] == "MAN")
         if at != self._at:
             self._at = at
             self.steps.clear()

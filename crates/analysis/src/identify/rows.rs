@@ -70,7 +70,7 @@ fn lively(op: &[f64], step: &[bool]) -> Vec<usize> {
     begins
 }
 
-/// The last number where there is none; before the first, the first.
+/// The column with missing numbers replaced by the last one before, or by the first one at the beginning.
 fn held(mut x: Vec<f64>) -> Vec<f64> {
     let mut last = x.iter().copied().find(|x| x.is_finite()).unwrap_or(0.0);
     for x in &mut x {

@@ -104,7 +104,7 @@ impl Test<'_> {
         }
     }
 
-    /// Reads the settled holds together.
+    /// Fits one dead band and one gain to all settled holds.
     fn together(&self, mut nodes: Vec<Node>, settle: f64, mut outcome: StepTest) -> StepTest {
         let refused = |outcome: StepTest, reason| StepTest { reason: Some(reason), ..outcome };
         if nodes.len() < 3 || self.at_one_value(&nodes) {

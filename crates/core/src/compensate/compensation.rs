@@ -159,8 +159,8 @@ pub struct CompensationSettings<R> {
     pub withdraw: bool,
     /// Whether the on-line estimate may make the size smaller.
     pub estimate: bool,
-    /// Whether a fit contradicts the detections: their estimate is struck, and is no source.
-    pub struck: bool,
+    /// Whether a fit contradicts the detections: their estimate is no source.
+    pub contradicted: bool,
     /// Limits of OP [OP unit].
     pub limits: Saturation<R>,
 }
@@ -191,7 +191,7 @@ impl<R: Real> CompensationSettings<R> {
             watch: R::of(300.0) * ti,
             withdraw: true,
             estimate: true,
-            struck: false,
+            contradicted: false,
             limits: Saturation::none(),
         }
     }
@@ -700,7 +700,7 @@ mod tests {
             reversals: R::of(1e6),
             withdraw: true,
             estimate: true,
-            struck: false,
+            contradicted: false,
             limits: Saturation::new(R::of(-100.0), R::of(100.0)).unwrap(),
         }
     }

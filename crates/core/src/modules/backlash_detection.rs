@@ -30,7 +30,7 @@ named! {
         /// No detection yet.
         NoDetection = 1 => "no_detection",
         /// A fit contradicts it.
-        Struck = 2 => "struck",
+        Contradicted = 2 => "contradicted",
         /// Fewer detections than the filter is long.
         Provisional = 3 => "provisional",
         /// The estimate is below the noise limit.
@@ -285,9 +285,10 @@ impl<R: Real> BacklashDetection<R> {
     /// The on-line estimate of the whole gap where it may be compensated by; else why not.
     pub fn may_compensate_by_estimate(&self, state: &BacklashDetectionState<R>) -> Result<R, Unfit> {
         let whole = state.whole.ok_or(Unfit::NoDetection)?;
-        let struck = self.compensation.as_ref().is_some_and(|(compensation, _)| compensation.settings().struck);
-        if struck {
-            Err(Unfit::Struck)
+        let contradicted =
+            self.compensation.as_ref().is_some_and(|(compensation, _)| compensation.settings().contradicted);
+        if contradicted {
+            Err(Unfit::Contradicted)
         } else if whole.count < self.detections.n() {
             Err(Unfit::Provisional)
         } else if state.shown().is_none() {

@@ -393,8 +393,8 @@ mod tests {
     #[test]
     fn the_estimate_is_a_source_only_when_it_may_be() {
         let estimate = CompensationSettings::by_estimate(Way::Inverse, 0.5, 0.5, 1.0);
-        for struck in [false, true] {
-            let compensation = Some(CompensationSettings { struck, ..estimate });
+        for contradicted in [false, true] {
+            let compensation = Some(CompensationSettings { contradicted, ..estimate });
             let detector =
                 DetectorSettings { n: 3, op_limits: None, max_h: 1.0, ..DetectorSettings::new(0.5, 0.5, 0.0, H) };
             let mut theirs = Theirs::new(ForeignDetectionSettings {
@@ -409,17 +409,18 @@ mod tests {
                 theirs.scan(|_| ());
                 theirs.state.detection.whole.is_some()
             }));
-            let first = if struck { crate::modules::Unfit::Struck } else { crate::modules::Unfit::Provisional };
+            let first =
+                if contradicted { crate::modules::Unfit::Contradicted } else { crate::modules::Unfit::Provisional };
             assert_eq!(unfit(&theirs), first);
             theirs.state.detection.compensate = true;
             (0..100).for_each(|_| _ = theirs.scan(|_| ()));
             assert_eq!(theirs.standing(), Standing::NoEstimate);
-            assert_eq!(may(&theirs).is_ok(), !struck);
+            assert_eq!(may(&theirs).is_ok(), !contradicted);
             theirs.state.detection.compensate = false;
             theirs.scan(|_| ());
             theirs.state.detection.compensate = true;
             (0..60).for_each(|_| _ = theirs.scan(|_| ()));
-            assert_eq!(theirs.standing(), if struck { Standing::NoEstimate } else { Standing::Active });
+            assert_eq!(theirs.standing(), if contradicted { Standing::NoEstimate } else { Standing::Active });
         }
     }
 

@@ -76,6 +76,7 @@ impl Recording {
         }
     }
 
+    /// Curves of the windows whose fit can be believed.
     fn usable(&self) -> impl Iterator<Item = &Curve> {
         self.curves.iter().filter(|curve| curve.fitted.answer.usable())
     }
@@ -256,8 +257,8 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     Ok(ValveAnswer { whole, recordings, shown, shared: alone.is_none() })
 }
 
-/// The records that may speak for a gap, the most likely width of all and what it costs in each. Who may speak hangs on the width,
-/// and the width on who speaks. `left_out` is told of recordings of which none may.
+/// Records that count for a gap, the most likely width of all, and its cost in each. The choice of records depends on the width,
+/// and the width on the choice: both are repeated until they agree. `left_out` gets the reason of recordings without one.
 fn who_counts<'a>(
     recordings: &'a mut [Recording],
     left_out: &mut [Option<&'static str>],

@@ -277,7 +277,7 @@ impl<S: Simd, const R: usize, const N: usize> Gain<S, R, N> {
         (self.frozen, self.since) = (false, 0);
     }
 
-    /// Whether S stands still, looked at after each step.
+    /// Checks after each step whether S stands still, so that the gains can be kept.
     #[inline(always)]
     fn look(&mut self) {
         self.since += 1;

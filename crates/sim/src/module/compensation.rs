@@ -71,7 +71,7 @@ pub(super) fn settings_by(m: &Module, k: f64, ti: f64) -> Result<Option<Compensa
     Ok(Some(CompensationSettings {
         source,
         // A fit that found no gap.
-        struck: fitted == Some(0.0),
+        contradicted: fitted == Some(0.0),
         limit: or("comp_limit", usual.limit),
         band: or("comp_band", usual.band),
         tf: m.value("comp_tf"),

@@ -17,7 +17,6 @@ fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u16) {
     let known: Vec<(String, u16)> = all.iter().map(|one| (format!("{one:?}"), number(*one))).collect();
     // Plainer, or taken by the library of a maker.
     let here = |name: String| match (file, &*name) {
-        (_, "Struck") => "Contradicted".into(),
         (_, "Manual") => "ByHand".into(),
         ("Ways", _) => format!("By{name}"),
         ("Pushes", "Knocker") => "ByPulses".into(),

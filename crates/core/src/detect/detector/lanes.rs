@@ -295,8 +295,8 @@ fn fill<'a, N: Lanes>(like: N, rows: &mut [Lane; ROWS], column: impl Fn(usize) -
     }
 }
 
-/// Passes over a tile. Gives at how many rows half-periods ended, and 1 in the lanes in which the signal went on. It asks more than
-/// [`Detector::advance`], but flags.
+/// Passes over a tile of rows. Gives the number of rows at which half-periods ended, and 1 in each lane whose signal went on.
+/// A lane stops at conditions that [`Detector::advance`] would accept as well, except for flags.
 #[inline(always)]
 fn pass<const OP: bool, N: Lanes>(
     like: N,

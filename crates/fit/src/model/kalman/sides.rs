@@ -482,7 +482,7 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
         self.less(&by, [of_y, of_v], variance, 1.0 + variance * by[state]);
     }
 
-    /// Λg·g'Λ·q/s from Λ, and so on.
+    /// Takes Λg·g'Λ·q/s from Λ, and the parts that go with it from η and the sums of squares.
     #[inline(always)]
     fn less(&mut self, by: &[f64; N], [of_y, of_v]: [f64; 2], q: f64, s: f64) {
         let part = q / s;

@@ -67,7 +67,7 @@ pub fn set_compensation(row: &mut Row, settings: &Settings) {
     row.set_all(&[
         ("Withdraw", on(settings.withdraw)),
         ("ReduceByEstimate", on(settings.lessen)),
-        ("Contradicted", on(settings.struck)),
+        ("Contradicted", on(settings.contradicted)),
     ]);
     for (pin, value) in [
         ("MaxWidth", settings.most),
@@ -104,7 +104,7 @@ fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
         watch: option("Watch"),
         withdraw: row.on("Withdraw"),
         lessen: row.on("ReduceByEstimate"),
-        struck: row.on("Contradicted"),
+        contradicted: row.on("Contradicted"),
     }
 }
 

@@ -71,7 +71,7 @@ fn settings<R: Number>(case: &Case) -> CompensationSettings<R> {
         reversals: number("reversals"),
         withdraw: case.given("withdraw") != 0.0,
         estimate: case.param("estimate") != Some(0.0),
-        struck: false,
+        contradicted: false,
         limits: match (case.param("low"), case.param("high")) {
             (Some(low), Some(high)) => Saturation::new(R::of(low), R::of(high)).unwrap(),
             _ => Saturation::none(),
@@ -321,7 +321,7 @@ pub struct Settings {
     pub watch: Option<f64>,
     pub withdraw: bool,
     pub lessen: bool,
-    pub struck: bool,
+    pub contradicted: bool,
 }
 
 impl Default for Settings {
@@ -344,7 +344,7 @@ impl Default for Settings {
             watch: None,
             withdraw: true,
             lessen: true,
-            struck: false,
+            contradicted: false,
         }
     }
 }
@@ -384,7 +384,7 @@ impl Settings {
             ("Share", self.share),
         ]);
         block.set_all(&[("OpTf", self.tf), ("Withdraw", on(self.withdraw)), ("ReduceByEstimate", on(self.lessen))]);
-        block.set("Contradicted", on(self.struck));
+        block.set("Contradicted", on(self.contradicted));
         let options = [
             ("MaxWidth", self.most),
             ("Band", self.band),
@@ -426,7 +426,7 @@ impl Settings {
             watch: or(self.watch, "Watch", usual.watch),
             withdraw: self.withdraw,
             estimate: self.lessen,
-            struck: self.struck,
+            contradicted: self.contradicted,
             limits,
             ..usual
         })
@@ -456,7 +456,7 @@ impl Pins {
                 watch: Some(s.watch),
                 withdraw: s.withdraw,
                 lessen: s.estimate,
-                struck: s.struck,
+                contradicted: s.contradicted,
             },
             ..Self::new(Settings::default())
         }
@@ -608,7 +608,7 @@ pub fn drawn(draw: &mut Draw) -> Settings {
         watch: d.of(&[None, Some(37.5), Some(75.0), Some(10.0)]),
         withdraw: d.chance(0.8),
         lessen: d.chance(0.7),
-        struck: false,
+        contradicted: false,
     }
 }
 

@@ -283,7 +283,8 @@ pub fn in_force<R: Number>(block: &Block, within: &str, settings: &CompensationS
         let got = block.look(&[&format!("{within}.{name}")]);
         assert!(same(&[expected], &got), "{within}.{name}: {got:?} instead of {expected}");
     }
-    for (name, value) in [("Withdraw", s.withdraw), ("ReduceByEstimate", s.estimate), ("Contradicted", s.struck)] {
+    for (name, value) in [("Withdraw", s.withdraw), ("ReduceByEstimate", s.estimate), ("Contradicted", s.contradicted)]
+    {
         assert_eq!(block.look(&[&format!("{within}.{name}")]), [on(value)], "{within}.{name}");
     }
 }
@@ -484,7 +485,7 @@ impl Loop {
         if let (Some(settings), true) = (&mut p.compensation, draw.chance(self.wrong)) {
             match draw.of(&[0, 1, 2]) {
                 0 => compensate::spoil(settings, draw),
-                1 => settings.struck = true,
+                1 => settings.contradicted = true,
                 _ => *settings = compensate::drawn(draw),
             }
         }

@@ -1,4 +1,4 @@
-"""The page in the browser: when an answer stands there, and the pictures a second of the laboratory.
+"""Times of the page in the browser: until an answer, and pictures a second of the laboratory.
 
 The fit is timed with a worker for each processor, and with one worker.
 

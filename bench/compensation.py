@@ -83,7 +83,7 @@ def scenario(**fields: Any) -> Scenario:
     return Scenario(**fields, filter_in_loop=True)
 
 
-# --- What it brings -------------------------------------------------------------------------------------------------
+# --- Benefit -------------------------------------------------------------------------------------------------------
 
 LOOPS = {
     "P2, Ms 2.0": ("P2", (0.775, 2.05)),
@@ -136,7 +136,7 @@ def half_periods(s: Simulation, of: Scenario) -> Iterator[tuple[float, float, fl
 
 @dataclass(frozen=True)
 class Case:
-    """A compensated loop, and what is true of it."""
+    """A compensated loop, and its truth."""
 
     plant: str
     noise: float
@@ -268,7 +268,7 @@ def _tuned(random: np.random.Generator) -> tuple[str, Plant, tuple[float, float,
 
 
 def random_loop(number: int, way: Any) -> Scenario:
-    """A loop of which everything is drawn: process, tuning, gap, noise, load, setpoint, what is lost or wrong."""
+    """A random loop: process, tuning, gap, noise, load, setpoint, lost values and errors are drawn."""
     drawn = _drawn(number)
     assert drawn.compensation is not None
     return drawn.model_copy(update={"compensation": drawn.compensation.model_copy(update={"way": way})})

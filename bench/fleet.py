@@ -45,7 +45,7 @@ if __name__ == "__main__":
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure the cases of the command line."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--loops", type=int, default=200)
     asked.add_argument("--days", type=int, nargs="+", default=[1, 7, 30])
@@ -209,7 +209,7 @@ def _share(some: int, of: int) -> str:
 
 
 def kills(lake: Path, times: int) -> None:
-    """Kill a run again and again, and compare what it ends in with a run that nobody kills.
+    """Kill a run again and again, and compare its result with that of a run without a kill.
 
     Of four kills three wait until a piece or two are there, so that they fall within the work and not before it.
     """

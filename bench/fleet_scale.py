@@ -70,7 +70,7 @@ spark.stop()
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure the cases of the command line."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("what", choices=("giant", "ladder", "month", "spark"))
     asked.add_argument("--rows", type=int, default=10_000_000)
@@ -92,7 +92,7 @@ def main() -> None:
 
 
 def run(lake: Path, out: Path, fits: int = 1, anew: bool = True) -> dict[str, Any]:
-    """A run in a process of its own, from its beginning where it is to be made `anew`: what it took."""
+    """A run in a separate process, from its beginning where it is to be made `anew`: its cost."""
     if anew:
         shutil.rmtree(out, ignore_errors=True)
     script = OUT / "scale.py"

@@ -259,7 +259,7 @@ def spark(folder: Path) -> float:
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure the cases of the command line."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--loops", type=int, default=1000, help="in memory")
     asked.add_argument("--files", type=int, default=200, help="loops of a day, from Parquet")

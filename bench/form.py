@@ -32,7 +32,7 @@ TERMS = ("Dead band", "Resolution", "Step response time T86", "Overshoot", "Gain
 
 @dataclass(frozen=True)
 class Tested:
-    """A valve and its process, and what is true of the test."""
+    """A valve, its process, and the truth of the test."""
 
     name: str
     d: float
@@ -85,7 +85,7 @@ VALVES = (
 
 
 def terms_of(page: str) -> dict[str, str]:
-    """Each term of a page as it stands there, of the travel where that is recorded."""
+    """Terms of a page, of the travel where that is recorded."""
     found = {}
     for term in TERMS:
         row = re.search(rf"<td>{re.escape(term)}</td>(.*?)</tr>", page, re.S)

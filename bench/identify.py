@@ -38,7 +38,7 @@ SEEN = ("every scan", "OP rounded", "between scans", "between, OP rounded")
 
 @dataclass(frozen=True)
 class Record:
-    """Signals, and what is true of them; the filter's time constant is 0 where there is none."""
+    """Signals and their truth; the filter's time constant is 0 where there is no filter."""
 
     name: str
     t: Floats
@@ -152,7 +152,7 @@ def answer(made: Record) -> IdentifyAnswer:
 
 
 def compared(made: Record, found: Identification) -> IdentifyAnswer:
-    """Hold an identification against what is true."""
+    """Comparison of an identification with the truth."""
     kind, seen, _ = made.name.split("/")
     ratio = made.h / made.ti
     if found.k is None or found.ti is None:
@@ -196,7 +196,7 @@ HEAD = (
 
 
 def row(name: str, answers: list[IdentifyAnswer]) -> str:
-    """A line of the table: shares, and the medians over what was used."""
+    """A line of the table: shares, and medians over the usable ones."""
     used = [a for a in answers if a.usable]
     right = sum(a.right for a in answers)
 

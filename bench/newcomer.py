@@ -36,7 +36,7 @@ def step(what: str) -> Iterator[None]:
 
 
 def found(text: str) -> str:
-    """The answer of the loop in what was printed.
+    """Answer of the loop in the printed text.
 
     Raises SystemExit where it is no gap of about the true width.
     """

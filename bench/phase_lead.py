@@ -90,7 +90,7 @@ def _run(loop: Loop, lead: PhaseLead | None, *, d: float, noise: float, t: float
 
 
 def _cycle(u: np.ndarray, h: float) -> str:
-    """Period and amplitude of what is left in the last third; a dash where it is at rest."""
+    """Period and amplitude of the rest in the last third; a dash where the loop is at rest."""
     last = u[-u.size // 3 :]
     amplitude = float(np.ptp(last)) / 2
     middle = (last.max() + last.min()) / 2

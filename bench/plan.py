@@ -310,7 +310,7 @@ def table(lines: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Ask, and print what is counted."""
+    """Run all tests, and print the counts."""
     parser = argparse.ArgumentParser(prog="python -m bench.plan", description=__doc__.split("\n\n")[0])
     parser.add_argument("--half", choices=("A", "B"), default="B")
     parser.add_argument("--loops", type=int, default=40)

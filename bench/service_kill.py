@@ -1,4 +1,4 @@
-"""A monitor beside a plant, killed again and again: what it has is what a monitor has that nobody kills.
+"""A monitor beside a plant, killed again and again: its data are those of a monitor without a kill.
 
 Whatever it took in is kept beside by the database itself, in the transaction in which it was put down. After the last
 kill all of that is handed to one monitor more, cut into other pieces, which runs through and is never ended: both must
@@ -70,7 +70,7 @@ BEGIN INSERT INTO taken VALUES (new.id, new.now, new.body); END;"""
 
 
 class _Telling(Store):
-    """A store that keeps what was taken in, and says when it writes and when it has written."""
+    """A store that keeps its entries, and reports the begin and end of each write."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -136,7 +136,7 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
 
 
 class _RecordedPlant(SimPlant):
-    """A plant that remembers what it told of each tag: time and value."""
+    """A plant that records the times and values that it sent of each tag."""
 
     def __init__(self, loops: int, history: float) -> None:
         super().__init__(loops, scan=SCAN, history=history)
@@ -240,7 +240,7 @@ def _breaks(killed: Path, sent: dict[tuple[str, Signal], dict[float, float]], ki
 
 
 def _pieces(entries: list[Entry], chance: random.Random) -> Iterator[Entry]:
-    """The values in their order, cut at other places; what was lost begins a piece, as it began an entry."""
+    """The values in their order, cut at other places; a lost value begins a piece, as it began an entry."""
     columns = [
         np.concatenate([getattr(e, name) for e in entries]) for name in ("loop", "signal", "good", "time", "value")
     ]
@@ -255,7 +255,7 @@ def _pieces(entries: list[Entry], chance: random.Random) -> Iterator[Entry]:
 
 
 def _run_through(known: list[Loop], killed: Path, folder: Path, chance: random.Random) -> None:
-    """One monitor, begun once and never ended, with what the killed one took in."""
+    """Run one monitor without an end on the entries of the killed one."""
     monitor = Monitor(known, Store(folder))
     for piece in _pieces(_taken(killed), chance):
         monitor.store.add([], monitor.ingest.process(piece)[0], [])

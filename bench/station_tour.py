@@ -96,7 +96,7 @@ class _Engineer:
                 return
 
     def pressed(self, button: str, *text: str) -> str:
-        """A button of the dialog; gives which of these is said then."""
+        """Press a button of the dialog; gives the one of these texts that appears then."""
         self.page.get_by_role("button", name=button).click()
         answers = self.page.get_by_text(text[0])
         for one in text[1:]:
@@ -107,14 +107,14 @@ class _Engineer:
         return text
 
     def enabled(self) -> None:
-        """Press Compensate until it is done: what stands against it is told."""
+        """Press Compensate until it is enabled; the obstacles are noted."""
         self.opened("Compensate")
         while "Refused" in self.pressed("Enable compensation", f"{self.loop} is compensated.", "Refused: "):
             time.sleep(5.0)
             self.opened("Compensate")
 
     def until(self, *texts: str) -> str:
-        """Look into the dialog of the compensation until one of these is there; gives what it says.
+        """Look into the dialog of the compensation until one of these texts is there; gives the dialog's text.
 
         A plant that was kept waiting by a machine that is busy has not followed u_FF: then it is enabled again.
         """

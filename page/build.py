@@ -266,7 +266,7 @@ def in_json(value: Any) -> Markup:
 
 
 def licence(package: Path) -> str:
-    """The licence of what comes from npm: its text, else its name."""
+    """Licence of a package from npm: its text, else its name."""
     texts = sorted(path for path in package.iterdir() if path.name.upper().startswith("LICEN"))
     if texts:
         return texts[0].read_text(encoding="utf-8")

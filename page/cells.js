@@ -269,7 +269,7 @@ const Cells = (data, folded) => {
   const COUNT = "format the column as date and time";
   const HEAD = 1000; // rows that show what numbers of a column of times count
 
-  /** The finding that says what the numbers of a time column were taken for. */
+  /** The finding on the assumed unit of a time column. */
   const assumed = (column, first, step, calendar, sure, since) => ({
     code: "time_assumed",
     severity: sure ? "info" : "warning",

@@ -23,7 +23,7 @@ class Engine {
     new Float64Array(this.exports.memory.buffer, at, numbers.length).set(numbers);
   }
 
-  /** Asks; throws what is wrong in the words of the core. */
+  /** Asks; throws the error in the words of the core. */
   ask(what, more = null) {
     this.#say(JSON.stringify({ [what]: more }));
     const length = this.exports.ask();

@@ -140,7 +140,7 @@ const Laboratory = (() => {
     ];
   }
 
-  /** Draws what is new, in turns: where a machine cannot draw all within one picture, the rest is drawn in the next. */
+  /** Draws new parts, in turns: where a machine cannot draw all within one picture, the rest is drawn in the next. */
   function draw(began) {
     if (!t.length || !late.size) return;
     const { range, first } = window_of();

@@ -5,7 +5,7 @@ const read_json = (id) => JSON.parse(document.getElementById(id).textContent);
 const data = read_json("data");
 const $ = (id) => document.getElementById(id);
 
-/** An element: attributes, and what is in it, text or other elements; null is left out. */
+/** An element: attributes, and its content, text or other elements; null is left out. */
 function h(name, attributes = {}, ...children) {
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -111,7 +111,7 @@ function dismiss() {
   fitting = null;
 }
 
-/** Fits each window by itself; the worker joins what they say. */
+/** Fits each window by itself; the worker joins the results. */
 async function fit_windows({ windows, turn: of }) {
   const module = await module_ready;
   if (of !== turn) return;
@@ -221,7 +221,7 @@ function offer() {
   $("settings").hidden = false;
 }
 
-/** Names and first rows of the file, so that a person sees what a column holds. */
+/** Names and first rows of the file, so that a person sees the content of a column. */
 const firstRows = ({ names, rows }) => h("table", { "aria-labelledby": "first-rows-name" },
   h("thead", {}, h("tr", {}, names.map((name) => h("th", { scope: "col" }, name || "(no name)")))),
   h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell))))));

@@ -79,7 +79,8 @@ const Reading = (data) => {
 
   // --- loops
 
-  /** Names, loops and guesses of a file: what is asked before it is read. `stem`: the file's name without its ending. */
+  /** Names, loops and guesses of a file: the questions before it is read. `stem`: the file's name without its
+   * ending. */
   async function open(bytes, stem) {
     const tables = (await sources(bytes)).map(shaped);
     const loops = tables.flatMap((source) => {

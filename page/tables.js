@@ -89,7 +89,7 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     return best.delimiter;
   }
 
-  /** The first of the rows that is not as wide as the header, told. */
+  /** Finding on the first of the rows that is not as wide as the header. */
   function checkWidths(body, width) {
     const ragged = body.find((row) => row.cells.length !== width);
     if (!ragged) return;

@@ -173,7 +173,7 @@ def few(files: list[Path], most: int) -> list[Path]:
 
 
 def cost(work: Path) -> None:
-    """Puts into plc/measured.md what a scan of each block takes under matiec, and its memory."""
+    """Put the cost of a scan of each block under matiec, and its memory, into plc/measured.md."""
     files = few(traces(work / "traces"), 20)
     table: dict[str, list[str]] = {}
     for build in BUILDS:

@@ -95,7 +95,7 @@ def one_line(text: str) -> str:
 
 
 def library(build: str) -> list[Unit]:
-    """The library in one build, what is used before what uses it."""
+    """The library in one build, each unit before the units that use it."""
     files = {path.name: path for path in sorted(HERE.glob("*.st"))}
     if build == "REAL":
         files |= {path.name: path for path in sorted((HERE / "real").glob("*.st"))}
@@ -337,7 +337,7 @@ Node = tuple  # ("note", text) | ("do", tokens) | ("if", [(tokens, nodes)], node
 
 
 def statements(tokens: list[str], ends: tuple[str, ...] = ()) -> list[Node]:
-    """Takes statements off the front of tokens until one of `ends` stands there."""
+    """Take statements off the front of tokens until one of `ends`."""
 
     def upto(word: str) -> list[str]:
         at = tokens.index(word)
@@ -720,7 +720,7 @@ def in_one_piece(pages: list[Unit], name: str, *users: str) -> list[Unit]:
 
 
 def retained(units: list[Unit]) -> set[str]:
-    """Blocks and structures that are declared as retained somewhere, with what they are made of."""
+    """Blocks and structures that are declared as retained somewhere, with their parts."""
     by_name = {unit.name: unit for unit in units}
     found: set[str] = set()
     left = [var.type for unit in units for var in unit.vars("VAR RETAIN")]

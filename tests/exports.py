@@ -1,4 +1,4 @@
-"""One loop as control systems and historians export it: each form once, with what is to be read from it.
+"""One loop as control systems and historians export it: each form once, with its correct content.
 
     python tests/exports.py FOLDER     writes all of them, and truth.json: values, times and units of each
     python tests/exports.py            prints the table of bench/results/file_forms.md
@@ -41,7 +41,7 @@ SIGNALS = {"SP": SP, "PV": PV, "OP": OP}
 
 @dataclass(frozen=True)
 class Export:
-    """A file, and what is to be read from it."""
+    """A file, and its correct content."""
 
     ending: str
     content: bytes
@@ -58,7 +58,7 @@ class Export:
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the person."""
     finding: str | None = None
-    """Finding that says what was done."""
+    """Code of the expected finding."""
 
 
 FORMS: dict[str, tuple[str, Callable[[], Export]]] = {}
@@ -607,7 +607,7 @@ add(
 )
 
 
-# --- what is missing or bad
+# --- missing or bad values
 
 
 add("no_sp", "no SP", plain, [[row[0], *row[2:]] for row in body(HEAD, stamps())], sp=None)
@@ -776,7 +776,7 @@ def guide() -> str:
 
 
 def write_all(folder: Path) -> None:
-    """Every form, and `truth.json` with what is to be read from it."""
+    """Write every form, and `truth.json` with the correct contents."""
     folder.mkdir(parents=True, exist_ok=True)
     truth = {}
     for name, (about, make) in FORMS.items():

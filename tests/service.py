@@ -64,7 +64,7 @@ def values(loop: str, seconds: int, *, seed: int = 1, begin: float = BEGIN) -> l
 
 @dataclass
 class Table:
-    """A source that hands over what it has been given, and keeps what is written to it."""
+    """A source that gives prepared values, and keeps the written ones."""
 
     batches: Sequence[Sequence[Value]] = ()
     events: Sequence[Event] = ()

@@ -65,7 +65,7 @@ def made(folder: Path, count: int = 3) -> tuple[Monitor, Users]:
 
 
 def again(folder: Path) -> tuple[Monitor, Users]:
-    """The service after it was ended: what stands in its folder is what it knows."""
+    """The service after it was ended: all it knows is in its folder."""
     store = Store(folder)
     return Monitor(loops(3), store, options=MonitorOptions()), Users(store, CHEAP)
 

@@ -16,7 +16,7 @@ LONGEST = 60_000
 
 
 class Window:
-    """A window in a process of its own, to which words are said."""
+    """A window in a process of its own, with commands to it."""
 
     def __init__(self, folder: Path, port: int = 0) -> None:
         self.folder = folder

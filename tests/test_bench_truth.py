@@ -1,4 +1,4 @@
-"""The bench of truth: its records can be made again, its rule of what is identifiable holds, its methods do what their
+"""The bench of truth: its records can be made again, its rule of identifiable gaps holds, its methods do what their
 papers show.
 """
 

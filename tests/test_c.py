@@ -1,4 +1,4 @@
-"""The C library: its header is what the library has, its examples say what Python says, wrong input is told."""
+"""The C library: its header matches the library, its examples give Python's results, wrong input is refused."""
 
 from __future__ import annotations
 

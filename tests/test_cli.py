@@ -1,4 +1,4 @@
-"""The command line as a person types it: what it prints, how it ends, and that one wrong loop stops no other."""
+"""The command line as a person types it: its output, its end, and that one wrong loop stops no other."""
 
 import csv
 import inspect

@@ -34,7 +34,7 @@ def test_nothing_public_escapes() -> None:
 
 
 def sections(thing: Any) -> dict[str, str]:
-    """The sections of a numpy docstring by their titles; what comes before the first has the title ""."""
+    """The sections of a numpy docstring by their titles; the text before the first has the title ""."""
     parts = re.split(r"^([A-Z][a-z]+)\n-{3,}$", inspect.getdoc(thing) or "", flags=re.MULTILINE)
     return {"": parts[0]} | dict(zip(parts[1::2], parts[2::2], strict=True))
 

@@ -1,4 +1,4 @@
-"""One answer, made once: every face shows what the core decided, field by field."""
+"""One answer, made once: every interface shows the core's decision, field by field."""
 
 import json
 from collections.abc import Iterator
@@ -88,7 +88,7 @@ def plain(value: Any) -> Any:
 
 
 def differences(core: Any, face: Any, at: str) -> list[str]:
-    """Every field in which a face says something else; what it adds in words is no difference."""
+    """Every field in which an interface differs; added words are no difference."""
     if isinstance(core, dict):
         return [found for key, value in core.items() for found in differences(value, face[key], f"{at}.{key}")]
     if isinstance(core, list):

@@ -264,7 +264,7 @@ UNKNOWN = ["triangle fast/gap/10", "outliers/none/10", "random ramps/none/18", "
 """OP goes through a width a few times under an unknown load: a gap was once claimed that is none, or not so wide."""
 
 WIDE = ["triangle fast/gap/227"]
-"""13.6 of the 20 that OP swings was once told for a gap of 3."""
+"""Regression: 13.6 of the 20 that OP swings was the width for a gap of 3."""
 
 LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 """PV is kept as lines, which hide the gap: the valve was once called sound."""
@@ -413,7 +413,7 @@ def test_op_of_another_loop_gives_no_gap() -> None:
 
 @pytest.mark.slow
 def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
-    """OP answers PV, but PV is two sines to the last digit: a gap once explained what was left of them."""
+    """OP answers PV, but PV is two sines to the last digit. Regression: a gap explained the residual."""
     t = np.arange(600.0)
     pv = np.round(50 + np.sin(t / 17) + 0.3 * np.sin(t / 5), 4)
     op = 55 + 0.8 * (50 - pv) + 0.8 / 25 * np.cumsum(50 - pv)

@@ -1,4 +1,4 @@
-"""Control modules: the controller against independent ones, and what the thesis shows of loops made of modules."""
+"""Control modules: the controller against independent ones, and the thesis' results on loops made of modules."""
 
 import itertools
 import math
@@ -407,7 +407,7 @@ def test_after_compensation_the_detector_shows_what_is_left(inside: bool) -> Non
 def test_the_online_estimate_lowers_a_size_that_is_too_large_and_never_raises_one(
     size: float, in_force: tuple[float, float]
 ) -> None:
-    """A gap of 2.0 %, for which somebody typed twice as much, or half: what is in force comes down to the gap."""
+    """A gap of 2.0 % with a typed width of twice as much, or half: the size in force comes down to the gap."""
     loop = system_of_6_5(1, 0.2, True, comp_size=size, comp_band=0.0, comp_withdraw=False)
     loop.run(1000, load=LOAD[:10_000])
     assert loop["pid.detections"] > 10 and 1.8 < loop["pid.d_hat"] < 2.1
@@ -435,7 +435,7 @@ def test_a_compensation_that_loses_its_estimate_is_taken_away_without_a_bump() -
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_the_online_estimate_is_a_source_only_when_it_may_be(inside: bool) -> None:
-    """A gap of 2.0 %: pressed too early there is none to go by, pressed late it is the estimate of that moment."""
+    """A gap of 2.0 %: pressed too early there is no estimate, pressed late it is the estimate of that moment."""
     loop = system_of_6_5(1, 0.2, inside, comp_source=Source.ESTIMATE, comp_share=0.8, comp_withdraw=False)
     name = "pid" if inside else "watch"
     shown = [f"{name}.{variable}" for variable in ("unfit", "size", "delta", "u_ff", "standing")]
@@ -458,7 +458,7 @@ def test_the_online_estimate_is_a_source_only_when_it_may_be(inside: bool) -> No
 
 
 def test_an_estimate_below_the_noise_limit_or_a_fit_contradicts_is_no_source() -> None:
-    for more, kp, unfit in (({}, 0.02, Unfit.NOISE), ({"comp_fitted": 0.0}, 1.0, Unfit.STRUCK)):
+    for more, kp, unfit in (({}, 0.02, Unfit.NOISE), ({"comp_fitted": 0.0}, 1.0, Unfit.CONTRADICTED)):
         loop = system_of_6_5(1, 0.2, True, comp_source=Source.ESTIMATE, **more)
         loop["pid.kp"] = kp
         loop.run(1000, load=LOAD[:10_000])

@@ -39,7 +39,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def page(browser: Any) -> Any:
-    """The page from the disk, opened once for all tests, what it asked for and what went wrong on it."""
+    """The page from the disk, opened once for all tests, its requests and its errors."""
     one = browser.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
     one.set_default_timeout(600_000)  # a fit may wait long for its processor
     one.asked, one.wrong = [], []
@@ -112,7 +112,7 @@ def near(ours: Any, theirs: Any, at: str) -> None:
 
 
 def same(page: Any, path: Path) -> None:
-    """The page says what the command line says of the same file, in numbers and in words."""
+    """Compare the page with the command line on the same file, in numbers and in words."""
     found = page.evaluate("() => shown.answer")
     [recording] = open_recordings(path)
     result = glapp.analyze(recording)
@@ -262,7 +262,7 @@ def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
 
 @pytest.fixture(scope="module")
 def window(page: Any) -> Any:
-    """A window of a fit that is short, where the page can use it, and what it says by itself."""
+    """A window of a short fit, where the page can use it, and its result alone."""
     sim = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=15, seed=1, setpoint=[(1, 1.0)])
     columns = {"t": sim.t.tolist(), "sp": sim.sp.tolist(), "pv": sim.pv.tolist(), "op": sim.op.tolist()}
     page.evaluate(

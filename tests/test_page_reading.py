@@ -1,4 +1,4 @@
-"""The page's reader of files, held to the one of the package on the same files; it runs in node."""
+"""The page's reader of files, compared with the one of the package on the same files; it runs in node."""
 
 import json
 import shutil
@@ -258,7 +258,7 @@ def test_reads_the_same_numbers_after_the_same_answer(read: dict[str, dict[str, 
 
 
 def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
-    """Hold what the page read to the package's recording."""
+    """Compare the page's recording with the package's."""
     assert "wrong" not in found, found
     [recording] = recordings
     batch = joined(list(recording.batches()))

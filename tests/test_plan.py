@@ -1,4 +1,4 @@
-"""The planned test: what it promises beside what it does on the simulated loop, and the limits that it keeps."""
+"""The planned test: its promise compared with its outcome on the simulated loop, and the limits that it keeps."""
 
 from __future__ import annotations
 

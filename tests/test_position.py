@@ -1,4 +1,4 @@
-"""The valve's recorded position: what the recorder makes of it, what it settles, and where PV says otherwise."""
+"""The valve's recorded position: the recorder's effect on it, the verdicts it settles, and contradictions by PV."""
 
 from __future__ import annotations
 

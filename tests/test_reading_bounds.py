@@ -37,7 +37,7 @@ def sheet_rows(n=30):
 
 
 def workbook(path, more="", dimension="A1:D31", strings=None):
-    """A workbook of one sheet: the rows of a recording, and what stands below them."""
+    """A workbook of one sheet: the rows of a recording, and lines below them."""
     space = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
     office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     package = "http://schemas.openxmlformats.org/package/2006/relationships"
@@ -187,7 +187,7 @@ def test_a_packed_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch
 
 
 def test_a_file_that_begins_with_spaces_without_end_is_not_called_empty(tmp_path):
-    """3 GB of spaces in 3 MB: what stands behind the first of them was never looked at."""
+    """3 GB of spaces in 3 MB. Regression: the text after the first of them was never looked at."""
     path = tmp_path / "plant.csv.gz"
     path.write_bytes(gzip.compress(b" " * (18 << 20) + b"\nt,SP,PV,OP\n0,50,50,40\n", 1))
     with pytest.raises(InputError, match="begins with 16384 KiB of nothing but spaces and empty lines; delete them"):

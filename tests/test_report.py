@@ -1,4 +1,4 @@
-"""The report: what it says is what the results hold, nothing leaves the page, nothing breaks it."""
+"""The report: its content is that of the results, nothing leaves the page, nothing breaks it."""
 
 from __future__ import annotations
 
@@ -720,7 +720,7 @@ def test_a_fitted_loop_has_all_its_pictures(worn: Result, tmp_path: Path) -> Non
 
 
 def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
-    """A planner was told to make the test that he had recorded."""
+    """Regression: a planner was advised to make the test that he had recorded."""
     steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     run_of = {"d": 2.0, "noise": 0.05, "h": 1.0, "t_end": 400, "setpoint": [(0, 40.0)]}
     plant = ([0.8], [5, 1], 0)

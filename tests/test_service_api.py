@@ -1,4 +1,4 @@
-"""The API: who may what, what is refused, and that all of it is put down."""
+"""The API: rights of the roles, refused requests, and the log of all commands."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""The demonstration: what is stored of it is what the code answers, and the service goes on from there."""
+"""The demonstration: its stored answers are those of the code, and the service goes on from there."""
 
 import json
 import math

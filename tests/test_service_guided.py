@@ -1,4 +1,4 @@
-"""The guided step test: what is told at each place of it, when it ends, and what it decides."""
+"""The guided step test: its texts at each place, its end, and its decision."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""The listener of the API and of the station: what is held open by strangers shuts nobody out, and does not last."""
+"""The listener of the API and of the station: connections held open by strangers shut nobody out, and do not last."""
 
 import asyncio
 import contextlib
@@ -29,7 +29,7 @@ PATIENT = ListenerLimits(
 
 
 class App:
-    """An application that says of each request how it went."""
+    """An application that records how each request went."""
 
     def __init__(self) -> None:
         self.bodies: list[int] = []

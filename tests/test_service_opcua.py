@@ -1,4 +1,4 @@
-"""The connection to a plant by OPC UA, against the simulated plant on this machine: every fault, and what is told."""
+"""The connection to a plant by OPC UA, against the simulated plant on this machine: every fault, and its event."""
 
 import asyncio
 import contextlib
@@ -56,7 +56,7 @@ def served(test):
 
 
 class Watch:
-    """A source that runs beside the test, and what it gave."""
+    """A source that runs beside the test, with its values and events."""
 
     def __init__(self, plant, since=None, loops=None, **connection):
         self.loops = loops or parse_settings(plant.settings(), "loops.toml", Path())

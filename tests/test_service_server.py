@@ -1,4 +1,4 @@
-"""Our own OPC UA server: what it says of each loop, that it says so when that changes, and that nobody can write."""
+"""Our own OPC UA server: its values for each loop, their changes, and that nobody can write."""
 
 import asyncio
 import socket

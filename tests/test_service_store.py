@@ -142,7 +142,9 @@ def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None
 
 @pytest.mark.verify
 def test_killed_at_random_moments(tmp_path: Path) -> None:
-    """kill -9 while it takes in, writes and saves; what the store has not is handed over again, as a history does."""
+    """kill -9 while it takes in, writes and saves; values that the store lacks are handed over again, as a history
+    does.
+    """
     folder, chance, kills, seconds = tmp_path / "killed", random.Random(5), 0, 150
     while True:
         last = kills == 6

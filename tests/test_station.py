@@ -1,4 +1,4 @@
-"""The operator's window without a browser: what is shown, what is asked of the service, who is kept out."""
+"""The operator's window without a browser: its content, its requests to the service, its refusals."""
 
 import asyncio
 import json

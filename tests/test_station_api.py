@@ -1,4 +1,4 @@
-"""The window's own HTTP interface: what a program reads, and that it only reads."""
+"""The window's own HTTP interface: its answers to programs, and that it only reads."""
 
 import json
 import time
@@ -192,7 +192,7 @@ def test_what_stands_behind_it_may_be_gone(tmp_path: Path) -> None:
 
 
 def asked(operation: Any, headers: dict[str, str], station: Station, schemathesis: Any) -> set[int]:
-    """Statuses of what is answered to requests that are as described, and to others."""
+    """Status codes for requests as described, and for others."""
     seen: set[int] = set()
     negative = operation.as_strategy(generation_mode=schemathesis.GenerationMode.NEGATIVE)
     of = schemathesis.specs.openapi.checks

@@ -58,7 +58,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def entered(browser: Any, url: str, name: str | None = None, path: str = "/") -> Any:
-    """A page of somebody; without a name by what is filled in."""
+    """A page of a person, by name or by the filled-in fields."""
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     context.set_default_timeout(LONGEST)
     page = context.new_page()

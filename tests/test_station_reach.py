@@ -85,7 +85,7 @@ RATIO = """(selector) => {
   const [a, b] = [light(over(parts(getComputedStyle(e).color), back)), light(back)].sort((x, y) => x - y);
   return (b + 0.05) / (a + 0.05);
 }"""
-"""Contrast of a text with what is behind it, by WCAG 2."""
+"""Contrast of a text with its background, by WCAG 2."""
 
 
 def opened(page: Any, window: Window, name: str) -> None:

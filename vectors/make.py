@@ -140,7 +140,7 @@ def pid_cases() -> Iterator[dict[str, Any]]:
 
 
 def saturation(params: Params, _h: Sequence[float], xs: Sequence[float]) -> list[float]:
-    """Keep a value within low and high; what is no number passes."""
+    """Keep a value within low and high; a value that is no number passes."""
     outputs = []
     for x in xs:
         if x < params["low"]:
@@ -990,7 +990,7 @@ def derivative_cases() -> Iterator[dict[str, Any]]:
 
 
 def half_period(_params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[Any]:
-    """Measure what lies between two crossings: its samples are kept, and looked at when it ends."""
+    """Measure a half-period between two crossings: its samples are kept, and evaluated at its end."""
     outputs: list[Any] = []
     kept: list[tuple[float, Sequence[float]]] = []
     for step, sample in zip(h, samples, strict=True):
@@ -1446,7 +1446,7 @@ def safety_net_cases() -> Iterator[dict[str, Any]]:
 
 
 def median_mean(params: Params, _h: Sequence[float], xs: Sequence[float]) -> list[list[float]]:
-    """Median of the last n, mean of what lies within 80–120 % of it (7.3)."""
+    """Median of the last n, mean of those within 80–120 % of it (7.3)."""
     return [_shown(xs[max(0, i + 1 - int(params["n"])) : i + 1]) for i in range(len(xs))]
 
 
@@ -1542,7 +1542,7 @@ def _differences(values: Sequence[float], order: int) -> list[float]:
 
 
 def noise_level_cases() -> Iterator[dict[str, Any]]:
-    """Noise on what moves, on what rests, and where there is none."""
+    """Noise on a moving signal, on one at rest, and none."""
     random = Random(71)
 
     def noise(n: int, size: float = 0.1) -> list[float]:
@@ -2188,7 +2188,7 @@ def _experiment(
 
 
 def auto_tuner_module(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
-    """The relay in a loop: it stands between a controller and what follows, and is told backward."""
+    """The relay in a loop: it stands between a controller and the parts after it, and gets backward signals."""
     module = _TunerModule(params)
     return [module.scan(step, *row) for step, row in zip(h, samples, strict=True)]
 
@@ -2403,7 +2403,7 @@ class _Controller:
         return [self.output, self.ysp, self.yf, error, self.flags]
 
     def _take(self, h: float, pv: float, sp: float) -> int:
-        """Setpoint and filtered process value; gives what is wrong with them."""
+        """Setpoint and filtered process value; gives their errors."""
         error = 0 if 0.0 < h <= self.max_h else FLAG_GAP
         if self.mode == EXTERNAL:
             if math.isfinite(sp):
@@ -2464,7 +2464,7 @@ def _within(x: float, low: float, high: float) -> float:
 
 
 def pid_module_cases() -> Iterator[dict[str, Any]]:
-    """Modes, errors, limits told backward, rate, feed-forward and weights."""
+    """Modes, errors, backward limits, rate, feed-forward and weights."""
     pi = {"k": 0.8, "ti": 5.0, "start": 0.3}
     full = {"k": 1.1, "ti": 2.4, "td": 0.6, "b": 0.5, "c": 0.7, "tf": 0.2, "low": -0.8, "high": 1.2, "start": 0.3}
     ys = list(_walk(51, 60))
@@ -2649,7 +2649,7 @@ class _Detection:
 
 
 def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
-    """The detection beside a controller, which tells it what is in effect."""
+    """The detection beside a controller, which reports the value in effect."""
     gains = params["k"], params["ti"], params.get("td", 0.0)
     controller = _Controller(params)
     detector_k = {"k": params.get("detector_k", params["k"])}
@@ -2851,7 +2851,7 @@ def _swinging(n: int, half: int) -> list[float]:
 
 
 def backlash_detection_cases() -> Iterator[dict[str, Any]]:
-    """Detections, flags that reject them, and compensation of what they show."""
+    """Detections, flags that reject them, and compensation by them."""
     beside = {"k": 0.5, "ti": 1.0, "detector_tf": 0.1, "kp": 2.0, "n": 3.0, "start": 50.0}
     limited = beside | {"low": 0.0, "high": 100.0}
     compensating = limited | {"comp_size": 1.5, "comp_band": 0.1, "comp_rate": 3.0}
@@ -3680,12 +3680,12 @@ def _text(head: dict[str, Any], cases: list[dict[str, Any]]) -> str:
 
 
 def _json(value: Any) -> str:
-    """JSON of a value, with null for what is not a number."""
+    """JSON of a value, with null for a value that is no number."""
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False)
 
 
 def _plain(value: Any) -> Any:
-    """A value with None for what is not a number."""
+    """A value with None for a value that is no number."""
     if isinstance(value, list):
         return [_plain(x) for x in value]
     return None if isinstance(value, float) and math.isnan(value) else value

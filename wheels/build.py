@@ -207,7 +207,7 @@ def source(folder: Path) -> Path:
 
 
 def main() -> int:
-    """Build, try and tell; 1 where a wheel does not do what it should."""
+    """Build, try and report; 1 where a wheel fails."""
     parser = argparse.ArgumentParser(description="Wheels for every platform.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("platforms", nargs="*", choices=[[], *PLATFORMS], metavar="PLATFORM", help=", ".join(PLATFORMS))

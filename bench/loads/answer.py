@@ -67,12 +67,12 @@ class LoadsAnswer:
 
     @property
     def holds(self) -> bool:
-        """Whether all is true that it says of the width; silence is."""
+        """Whether the answer is true of the width; silence counts as true."""
         return self.outcome != "wrong"
 
     @property
     def outcome(self) -> Outcome:
-        """See `told`."""
+        """Outcome of the answer, see `outcome_of`."""
         return outcome_of(self.verdict, self.truth.d, self.low, self.high)
 
     @property

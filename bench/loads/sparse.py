@@ -42,7 +42,7 @@ def sparse(name: str) -> Record:
 
 
 def ask(name: str) -> tuple[float, LoadsAnswer]:
-    """Samples in the lag, and what is said."""
+    """Number of samples in the lag, and the answer."""
     of = sparse(name)
     return of.lag / of.truth(SAMPLES).h, LoadsAnswer.to(of, SAMPLES)
 

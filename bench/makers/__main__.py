@@ -18,7 +18,7 @@ from .score import of
 
 
 def main() -> None:
-    """Write all forms, read them, and show what came of each."""
+    """Write all forms, read them, and print the outcomes."""
     parser = argparse.ArgumentParser(prog="python -m bench.makers", description=__doc__.split("\n\n")[0])
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="keep the files here")
     parser.add_argument("--docs", action="store_true", help="print the table of bench/results/file_forms.md")

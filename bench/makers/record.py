@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Export:
-    """A file, and what is to be read from it."""
+    """A file, and its correct content."""
 
     ending: str
     content: bytes
@@ -50,7 +50,7 @@ class Export:
     bad: Sequence[int] = ()
     """Rows of which PV is not good."""
     answer: dict[str, Any] = field(default_factory=dict)
-    """The one answer that reads it, where the data leave open what is meant: a key of the loop's settings."""
+    """The setting that reads it, where the data are ambiguous: a key of the loop's settings."""
 
 
 @dataclass(frozen=True)

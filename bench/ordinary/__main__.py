@@ -1,4 +1,4 @@
-"""Ask about the corpus of ordinary loops, and count what is said: `python -m bench.ordinary`.
+"""Ask about the corpus of ordinary loops, and count the answers: `python -m bench.ordinary`.
 
 Every answer goes, with all its evidence, to one line of a file as soon as it is there; what the file has is not asked
 again. `--score FILE` counts the lines of files that are there and fits nothing.

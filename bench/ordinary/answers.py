@@ -67,7 +67,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Line:
-    """A record, or several of one valve, and all that was said.
+    """A record, or several of one valve, with its answers.
 
     - `truth`: of the first, where there are several.
     - `recordings`: how many days of one valve were asked about together.
@@ -91,7 +91,7 @@ class Line:
 
     @property
     def fit(self) -> dict[str, Any]:
-        """The fit's part of the document; empty where there is none."""
+        """The fit's part of the document; empty without a fit."""
         return self.document.get("fit") or {}
 
     def claim(self, again: bool = False) -> Claim:
@@ -118,7 +118,7 @@ class Line:
         return _judged({"confidence": confidence, "cause": cause, "width_kind": kind}, numbers)
 
     def to_json(self) -> str:
-        """The answer as one line of JSON; what is no number is null."""
+        """The answer as one line of JSON, null for a value that is no number."""
         return json.dumps(_plain(asdict(self)), allow_nan=False)
 
     @classmethod
@@ -137,7 +137,7 @@ def _judged(fit: Mapping[str, Any], numbers: Mapping[str, float | None]) -> Clai
 
 
 def ask(name: str, recordings: int = 1) -> Line:
-    """Everything that is said of a record, or of so many days of one valve together."""
+    """All answers on a record, or on so many days of one valve together."""
     made = [record(name if day == 0 else f"{name}/{day}") for day in range(recordings)]
     document: dict[str, Any] = {}
     evidence: dict[str, Any] = {}

@@ -84,7 +84,7 @@ CYCLES = ("gap cycle", "perstorp", "friction cycle")
 """Rows of limit cycles, each with a driven twin."""
 
 OUTSIDE = ("positioner", "valve curve", "sensor filter", "fractional lag")
-"""Ways out of what the fit models."""
+"""Properties outside of the fit's model."""
 
 ATTEMPTS = 60
 """Number of loops that are drawn for a limit cycle until one has it."""
@@ -196,7 +196,7 @@ class Drawn:
 
     @property
     def gain(self) -> float:
-        """Kp; of a process that integrates what a change of OP by 1 % makes of PV within Ti [PV unit/%]."""
+        """Kp; for an integrating process the change of PV within Ti by a change of OP by 1 % [PV unit/%]."""
         plant = self.scenario.plant
         if plant.gain is not None:
             return plant.gain
@@ -666,7 +666,7 @@ def two_digits(x: float) -> float:
 def _tuned(
     random: Random, kp: float, lags: list[float], dead_time: float, speed: float | None
 ) -> tuple[float, float, float]:
-    """K, Ti and Td by SIMC or Lambda (half rule for the second lag), and what a person then made of it."""
+    """K, Ti and Td by SIMC or Lambda (half rule for the second lag), as changed by a person."""
     if speed is not None:
         late = dead_time + sum(lags)
         arrest = late * log_uniform(random, 2.0, 15.0)

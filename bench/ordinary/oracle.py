@@ -41,10 +41,10 @@ from .score import share
 
 MOST_ROWS = 14401
 KINDS = {"steps": "steps", "bends": "ramps", "drift": "walk"}
-"""Loads, and what the ladder calls them."""
+"""Loads, and their names in the ladder."""
 
 ROWS = ("drift", "steps", "bends", "historian", "friction", "manual", "cascade", "standing", "rings")
-"""Rows with such loads in which no other thing moves the loop than what the oracle is told of."""
+"""Rows with such loads in which only known causes move the loop."""
 
 
 class Record(Known):
@@ -195,7 +195,7 @@ def fitting(line: Line) -> bool:
 
 
 def main() -> None:
-    """Ask about the records of a file of answers, and say how many of the gaps that it sees are told."""
+    """Ask about the records of a file of answers, and print how many of the gaps that the oracle sees are found."""
     parser = argparse.ArgumentParser(prog="python -m bench.ordinary.oracle", description=__doc__.split("\n\n")[0])
     parser.add_argument("answers", type=Path, help="lines of python -m bench.ordinary")
     parser.add_argument("--most", type=int, default=60, help="so many records with a gap")

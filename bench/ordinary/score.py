@@ -20,7 +20,7 @@ TURNS = 10
 
 
 class Judged(NamedTuple):
-    """A line and what is claimed in it."""
+    """A line and its claim."""
 
     line: Line
     claim: Claim
@@ -126,7 +126,7 @@ def cycles(one: Group) -> str:
 
 
 def seen(one: Group) -> str:
-    """Number of gaps told of those that the rule of bench.truth calls identifiable, row by row."""
+    """Number of gaps found of those that the rule of bench.truth calls identifiable, row by row."""
     there = [j for j in one if j.line.truth.identifiable]
     groups: dict[str, Group] = {
         "rows near": [j for j in there if not j.line.truth.apart],
@@ -152,14 +152,14 @@ def seen(one: Group) -> str:
 
 
 def reasons(one: Group) -> str:
-    """Reasons of those that are identifiable and not told, the most frequent first."""
+    """Reasons of the identifiable gaps that are not found, the most frequent first."""
     silent = [j for j in one if j.line.truth.identifiable and not j.claimed]
     found: Counter[str] = Counter(f"{j.claim.confidence}: {j.line.fit.get('reason_code') or 'no fit'}" for j in silent)
     return markdown(["reason", "records"], [[why, str(n)] for why, n in found.most_common()]) if silent else ""
 
 
 def intervals(one: Group) -> str:
-    """Coverage and how wide the intervals are, of what is found and what is likely."""
+    """Coverage and width of the intervals of found and of likely gaps."""
     body = []
     for confidence in CLAIMED:
         of = [j for j in one if j.claim.confidence == confidence and j.line.truth.d > 0]

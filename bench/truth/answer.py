@@ -8,7 +8,7 @@ from typing import Literal
 Verdict = Literal[
     "backlash", "stiction", "both", "valve", "at_least", "oscillation", "sound", "not valve", "cannot_tell"
 ]
-"""*valve*: stiction or backlash, which of them is not said. *not valve*: the cause lies elsewhere, or there is none."""
+"""*valve*: stiction or backlash, without a choice. *not valve*: the cause lies elsewhere, or there is none."""
 
 FAULT = ("backlash", "stiction", "both", "valve", "at_least")
 """Verdicts that send somebody to the valve."""

@@ -1,4 +1,4 @@
-"""Knowledge that a gap needs to be told, step by step, `python -m bench.truth.ladder [each]`.
+"""Knowledge that finding a gap needs, step by step, `python -m bench.truth.ladder [each]`.
 
 The oracle of `bench.truth.oracle` knows everything but the valve. This one is told less and less, rung by rung:
 
@@ -219,7 +219,7 @@ class Record:
 
 
 class Cost(NamedTuple):
-    """−2·ln L of a hypothesis, the changes of the load that it rests on, and what it leaves of PV for each sample."""
+    """−2·ln L of a hypothesis, its changes of the load, and its residual of PV for each sample."""
 
     cost: float
     changes: Places
@@ -419,7 +419,7 @@ class Rungs:
     changes: int = 0
 
     def holds(self, truth: Truth, part: float) -> bool | None:
-        """Whether the width would be true if the fit asked for so large a part of what it asks, and for nothing else.
+        """Whether the width would be true with a threshold lowered to such a part, and no other change.
 
         None where it would still tell none: the ratio is less, or there are no two limits, the lower no trifle.
         """

@@ -1,4 +1,4 @@
-"""Verdict of the oracle: what a record can tell of the valve at all, `python -m bench.truth.oracle [each]`.
+"""Verdict of the oracle: the information of a record on the valve, `python -m bench.truth.oracle [each]`.
 
 Nobody can tell from a record what is not in it. This one knows everything but the valve: the process, the noise, OP
 between the recorded samples, and the kind of the load with the times of its steps and ramps, only not how large they
@@ -130,7 +130,7 @@ def _whitening(drawn: Drawn, simulation: Simulation, process: Process) -> Callab
 
 
 def table(truths: Sequence[Truth], all_told: Sequence[Told]) -> str:
-    """A table with a row a load: the share of records in which what is asked is seen."""
+    """A table with a row a load: the share of records in which the gap or the jump is seen."""
     lines = ["| load | records | that there is a gap | that it jumps, where J ≥ 3σ/Kp |", "|---|---|---|---|"]
     for load in (*LOADS, "all"):
         rows = [(t, x) for t, x in zip(truths, all_told, strict=True) if load in (t.load, "all")]

@@ -1,4 +1,4 @@
-"""Records: what a historian kept of a simulated loop, and the truth, apart from it."""
+"""Records: a historian's data of a simulated loop, and the truth, apart from them."""
 
 from __future__ import annotations
 

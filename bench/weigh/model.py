@@ -138,7 +138,7 @@ def balanced(gap: Bools, rows: Names) -> Floats:
 
 
 def log_loss(odds: Floats, gap: Bools, weight: Floats) -> float:
-    """Mean of −ln of the probability of what is true."""
+    """Mean of −ln of the probability of the truth."""
     return float(weight @ (np.logaddexp(0.0, odds) - gap * odds) / weight.sum())
 
 

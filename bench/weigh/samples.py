@@ -48,7 +48,7 @@ LOADS = {
     "swing": "own cycle",
     "own cycle": "own cycle",
 }
-"""Kinds of load by what the corpora call them."""
+"""Kinds of load by their names in the corpora."""
 
 
 @dataclass(frozen=True)

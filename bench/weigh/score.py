@@ -90,7 +90,7 @@ def at(prior: float, data: Data) -> Floats:
 
 
 def tables(data: Data) -> str:
-    """All of them; part C judges what was learned from parts A and B, where there are records of it."""
+    """All tables; part C judges the weights of parts A and B, where there are records of it."""
     parts_of = data.group(lambda s: s.half)
     ours, judge = data.of(parts_of != "C"), data.of(parts_of == "C")
     odds = ours.calibrated().log_odds(judge.quantities)

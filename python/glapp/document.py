@@ -146,7 +146,7 @@ class FitAnswer(_Part):
     unit: str
     """Unit of OP."""
     at_least: Value
-    """The lower limit where that is all that can be said [`unit`]."""
+    """The lower limit of a bound [`unit`]."""
     verdict: Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
     """Kind of dead band, if there is one."""
     jump: Value
@@ -175,7 +175,7 @@ class Identified(_Part):
     """The controller's law as OP's moves show it."""
 
     usable: bool
-    """Whether K and Ti are told well enough to be worked with."""
+    """Whether K and Ti are known well enough to be used."""
     k: Limits
     """Gain K [OP unit/PV unit] with its 95 % limits."""
     ti: Limits
@@ -271,7 +271,7 @@ class Trend(_Part):
     d: Range | None
     """The line's widths there [`unit`]."""
     days_to_limit: Value
-    """Days from the last width on until it has grown to what is acceptable; null where it does not plainly grow so."""
+    """Days from the last width until it reaches the acceptable limit; null where it does not plainly grow so."""
 
 
 class StepTestWidth(_Part):
@@ -334,7 +334,7 @@ class Harm(_Part):
 
 
 class Message(_Part):
-    """A reason as a code with its numbers, from which its sentence is told."""
+    """A reason as a code with its numbers, from which its sentence is made."""
 
     code: str
     """Subject and name, as in the catalogue of messages."""
@@ -419,9 +419,9 @@ class Answer(_Part):
     rank: tuple[int, int, int, float]
     """Place of the loop in every list: smaller comes first, number by number."""
     struck: Struck | None
-    """Why the crossings' width does not stand; null where it does, or there is none."""
+    """Reason why the crossings' width is contradicted; null where it is not, or there is none."""
     reasons: list[Message]
-    """Why fit and crossings say what they do."""
+    """Reasons of the fit's and the crossings' verdicts."""
     so: str
     """State of the valve, in one sentence."""
     do: str
@@ -431,7 +431,7 @@ class Answer(_Part):
 
 
 class PlannedTest(_Part):
-    """A test that would decide whether there is a gap, or why there is none of its kind."""
+    """A test that would decide whether there is a gap, or the reason why this kind of test cannot."""
 
     kind: Literal["by_hand", "setpoint", "more_hours"]
     """OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs."""
@@ -452,7 +452,7 @@ class PlannedTest(_Part):
     with_gap: Value
     """Share of the simulations with the gap that show it."""
     without: Value
-    """Share of the simulations without it that show that there is none."""
+    """Share of the simulations without the gap that show that there is none."""
     false: Value
     """Share of all simulations that end in the wrong answer."""
     simulations: Count

@@ -207,7 +207,7 @@ class Fit:
 
     @property
     def at_least(self) -> float | None:
-        """The width's lower limit where that is all that can be said [`unit`]."""
+        """The lower limit of a bound [`unit`]."""
         return self.low if self.verdict == "at_least" else None
 
     def to_dict(self) -> dict[str, Any]:
@@ -486,7 +486,7 @@ def fit_from_core(
     loop: Loop,
     sinusoid: str | None = None,
 ) -> Fit:
-    """Put what the core answered, with all that PV and the valve's position said, into words."""
+    """Put the core's answer on PV and on the valve's position into words."""
     if pv is None:
         return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
     decided = {name: answer[name] for name in ("change", "judgement", "weighed")}

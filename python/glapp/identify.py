@@ -168,7 +168,7 @@ def identified(
 
 
 def identification_from_core(found: Mapping[str, Any]) -> Identification:
-    """Put what the core found into words."""
+    """Put the core's identification into words."""
     values, settings, reason = found["values"] or {}, found["settings"] or {}, found["reason"]
     ends = {
         f"{name}_{end}": settings[f"{name}_interval"][end] if settings else None

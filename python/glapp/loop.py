@@ -38,7 +38,7 @@ TimeFormat = Literal[
 
 
 class Columns(Checked):
-    """Column of each signal in a wide table, or its tag in a long one; what is not named is guessed.
+    """Column of each signal in a wide table, or its tag in a long one; the others are guessed.
 
     `time`, `tag`, `value` and `quality` always name columns; in a long table (one row per tag and time) the others name
     tags. `op_low_flag` and `op_high_flag` are the control system's own limit flags, `position` a measured valve
@@ -73,7 +73,7 @@ Node = Annotated[str, AfterValidator(_node)]
 
 
 class Tags(Checked):
-    """Nodes of an OPC UA server that are the loop's signals; what a loop has not stays out.
+    """Nodes of an OPC UA server that are the loop's signals; missing signals stay out.
 
     - `sp`, `pv`, `op`, `mode`, `low`, `high`, `position`: `low` and `high` are limit flags, `position` what the valve
       says of itself.

@@ -148,7 +148,7 @@ class Unfit(enum.IntEnum):
     ----------
     NO_DETECTION
         There is none yet.
-    STRUCK
+    CONTRADICTED
         A fit contradicts it: `comp_fitted` is 0, no gap.
     PROVISIONAL
         There are fewer than `n` detections.
@@ -159,7 +159,7 @@ class Unfit(enum.IntEnum):
     """
 
     NO_DETECTION = 1
-    STRUCK = 2
+    CONTRADICTED = 2
     PROVISIONAL = 3
     NOISE = 4
     CRUDE = 5
@@ -383,7 +383,7 @@ class Friction(Module):
 
 @dataclass(frozen=True)
 class Saturation(Module):
-    """End positions of an actuator: the signal is kept within them, and those before are told.
+    """End positions of an actuator: the signal is kept within them, and the limits are reported backward.
 
     Parameters
     ----------

@@ -289,7 +289,7 @@ class _Fitted:
     pv: float
     sp: float
     sp_moves: Floats
-    """SP from step to step, counted from where it stands at the end; 0 where it is not recorded."""
+    """SP from step to step, relative to its end; 0 where it is not recorded."""
     law: Ideal | None
     op_within: Limits
     pv_within: Limits
@@ -527,7 +527,7 @@ class _Left:
         return cls((pv - moved)[skip:], (gain * moves - moved)[skip:], np.asarray(plant.step_response(t) / gain), False)
 
     def moves_by(self, steps: int) -> float:
-        """Mean square of what it moves by in so many steps."""
+        """Mean square of its change in so many steps."""
         return float(np.mean((self.w[steps:] - self.w[:-steps]) ** 2)) if len(self.w) > steps else math.inf
 
     def piece(self, n: int, at: int, random: np.random.Generator) -> Floats:

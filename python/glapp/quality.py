@@ -147,7 +147,7 @@ def inspect(
     first_row: int = 2,
     known: Sequence[Finding] = (),
 ) -> list[Finding]:
-    """List what is wrong with a recording, gravest first.
+    """List the findings on a recording, gravest first.
 
     - `sample`: rows to look at closely.
     - `statistics`: counts over all rows.
@@ -207,7 +207,7 @@ def findings_from_core(
 
 
 def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:
-    """Say what the numbers of a time column were taken for, where that was not plain.
+    """Report the assumed unit of a time column, where it was not plain.
 
     - `column`, `first`: its name, and its first value as it is written.
     - `step`: ordinary step between its numbers; None where they do not step.

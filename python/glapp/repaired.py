@@ -1,4 +1,4 @@
-"""A valve before and after its repair: the width, and what the loop gained. `glapp.repair` makes it."""
+"""A valve before and after its repair: the width, and the loop's gain in performance. `glapp.repair` makes it."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Repair:
 
 
 def _with(side: Side, loop: Mapping[str, Any] | None) -> Side:
-    """A side with what the core says of its loop."""
+    """A side with the core's figures of its loop."""
     if loop is None:
         return side
     pairs = {name: loop[name] and tuple(loop[name]) for name in ("deviation", "travel", "reversals")}

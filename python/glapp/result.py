@@ -245,7 +245,7 @@ class Struck:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Widest dead band that is acceptable [% of OP span], the same [OP unit] where the span is known, and who said so.
+    """Widest acceptable dead band [% of OP span], the same [OP unit] where the span is known, and its source.
 
     *given*: a person, for this loop; *nominal*: nobody, and 1 % of span is taken (EnTech's nominal dead band).
     """
@@ -399,7 +399,7 @@ class Answer:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Answer:
-        """The answer as the core or a document tells it; what a document says beside it in words is left out."""
+        """The answer of the core or of a document; the document's sentences are left out."""
         parts = {
             "limit": Limit,
             "step_test": StepTestWidth,
@@ -427,7 +427,7 @@ def decide(
     step_test: StepTest | None = None,
     harm: Sequence[Harm] = (),
 ) -> Answer:
-    """The one answer of what is known of a valve, as the core decides it.
+    """The one answer on a valve by the known facts, as the core decides it.
 
     - `crossings`, `d_hat`, `detections`, `reasons`, `fit`, `step_test`: as in `Result`.
     - `loop`: whose OP span and acceptable dead band count.
@@ -462,7 +462,7 @@ def decide(
 
 
 def harm_of(fit: Fit, law: tuple[float | None, float | None], rows: Batch) -> Harm:
-    """Harm of the fitted gap to its loop, as far as it can be said.
+    """Harm of the fitted gap to its loop, where it can be computed.
 
     - `fit`: through PV; its `best` window has the cells, and its `process` what a load at the valve does to PV.
     - `law`: the controller's K [OP unit/PV unit] and Ti [s].

@@ -1,4 +1,4 @@
-"""Answers beside what the workshop found: right, wrong or silent.
+"""Answers compared with the workshop's findings: right, wrong or silent.
 
 A file of labels has a row per valve: the recording, and what was found when the valve was opened or tested. Each answer
 is held against its label by rules that are fixed here, before any label is read, and counted by how sure it was.
@@ -161,7 +161,7 @@ def _label(row: dict[str, str], number: int, path: Path) -> Label:
 
 
 def _require_unique(labels: Sequence[Label], path: Path) -> None:
-    """Refuse a valve that stands there twice."""
+    """Refuse a valve that occurs twice."""
     seen: dict[tuple[Path, str | None], Label] = {}
     for label in labels:
         first = seen.setdefault((label.file.resolve(), label.loop), label)
@@ -171,7 +171,7 @@ def _require_unique(labels: Sequence[Label], path: Path) -> None:
 
 
 def judged(label: Label, result: Result) -> Scored:
-    """Compare one answer with what was found in the valve.
+    """Compare one answer with the finding on the valve.
 
     A fault is answered *right* where a dead band is found or likely, its cause is no other, and its interval holds the
     measured width. *Sound* is right of it below a bound that is wider than the measured width, and else wrong. A valve
@@ -240,7 +240,7 @@ class Count:
 
 
 def counted(scored: Sequence[Scored]) -> list[Count]:
-    """Right, wrong and silent answers by how sure they are, the surest first; what is not counted is left out."""
+    """Right, wrong and silent answers by confidence, the surest first; answers that do not count are left out."""
     order = ("found", "likely", "sound", "none_seen", "oscillation", "cannot_tell", "not_judged", "refused")
     counts = []
     for confidence in order:
@@ -279,7 +279,7 @@ class Calibrated:
 
 
 def calibrated(scored: Sequence[Scored]) -> list[Calibrated]:
-    """Whether what is stated as 80 % probable is so in 80 %.
+    """Whether events with a stated probability of 80 % occur in 80 %.
 
     A valve with a fault has a dead band, a *sound* one has none; of *other* nobody looked. Whether a dead band is
     beyond the limit is known where its width was measured, and of a sound valve.

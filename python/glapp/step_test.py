@@ -254,7 +254,7 @@ def step_test(
 
 
 def step_test_from_core(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
-    """Put what the core read off a step test into words."""
+    """Put the core's reading of a step test into words."""
     blank = StepTest(recording.name, recording.source, loop.op_label, loop.pv_unit or "PV unit", None, t0=recording.t0)
     travel = found.pop("travel")
     if travel is not None:

@@ -1,4 +1,4 @@
-"""Signals thinned to what a screen can show, without losing a peak."""
+"""Signals thinned to the resolution of a screen, without losing a peak."""
 
 from __future__ import annotations
 

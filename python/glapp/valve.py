@@ -1,4 +1,4 @@
-"""Several recordings of one valve: what they must share, their order in time, and what one adds to the whole."""
+"""Several recordings of one valve: the shared width, their order in time, and the contribution of each."""
 
 from __future__ import annotations
 

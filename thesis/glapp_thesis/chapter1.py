@@ -241,7 +241,7 @@ def _dead_travel(d: float) -> float:
 
 
 def _through(d: float, amplitude: float) -> tuple[Floats, Floats]:
-    """A sine of `amplitude`, and what a gap makes of it once it has settled."""
+    """A sine of `amplitude`, and its settled form after a gap."""
     theta = np.linspace(0, 4 * np.pi, 801)
     u = amplitude * np.sin(theta)
     gap = Backlash(d)

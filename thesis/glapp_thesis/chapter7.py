@@ -46,7 +46,7 @@ STATED = "Noise and sample time are not in the thesis; here as in Table 8.1, uni
 
 
 class Saturated(NamedTuple):
-    """A loop whose output stands at its upper limit but for short reliefs, and what three detectors make of it."""
+    """A loop whose output stands at its upper limit but for short reliefs, and the results of three detectors on it."""
 
     signals: Simulation
     blind: Detected
@@ -248,7 +248,7 @@ def gain_scenario(plant: str, controller: tuple[float, ...], kp: float) -> Scena
 
 @cache
 def set_gain() -> dict[str, dict[float, Spread]]:
-    """Estimate over the gain that the detector is told, where the true one is 4 [%]."""
+    """Estimate over the gain given to the detector, where the true one is 4 [%]."""
     found = {}
     for name, (plant, controller) in LOOPS.items():
         runs = list(each(seeded(gain_scenario(plant, controller, 4.0))))
@@ -258,7 +258,7 @@ def set_gain() -> dict[str, dict[float, Spread]]:
 
 @cache
 def true_gain() -> dict[str, dict[float, Spread]]:
-    """Estimate over the true gain, where the detector is told 4 [%]."""
+    """Estimate over the true gain, where the detector is given 4 [%]."""
     return {
         name: {
             kp: spread(detect(*both, kp=4.0).d_hat for both in each(seeded(gain_scenario(plant, controller, kp))))

@@ -981,7 +981,7 @@ def figure_8_9() -> Shown:
 
 
 class Site(NamedTuple):
-    """A loop of a field test: what the thesis says of it, and what had to be assumed."""
+    """A loop of a field test: the thesis' figures, and our assumptions."""
 
     plant: Plant
     controller: tuple[float, float]

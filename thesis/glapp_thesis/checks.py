@@ -1,4 +1,4 @@
-"""Systems and equations of the thesis as it prints them, with what the blocks of glapp compute.
+"""Systems and equations of the thesis as printed, with the results of glapp's blocks.
 
 The thesis' side of each number is written from the printed formula and calls nothing of glapp.
 """
@@ -106,7 +106,7 @@ def low_pass() -> tuple[Number, ...]:
 
 
 def crossings() -> tuple[Number, ...]:
-    """(2.1), and what it makes of an error of exactly zero."""
+    """Equation (2.1), and its result for an error of exactly zero."""
     e = (1.0, 0.0, 0.0, -1.0)
     block = blocks.ZeroCrossing()
     return (

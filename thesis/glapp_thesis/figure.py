@@ -58,7 +58,7 @@ class Number:
 
     @property
     def same(self) -> bool | None:
-        """Whether ours is what the thesis says; None where it says nothing.
+        """Whether our number agrees with the thesis; None where it says nothing.
 
         A number is the same within `SAME`, or as a zero within `ZERO`; "near 5" and "about 5" within `NEAR`. Other
         words mean what they say: below, above, over, within (either sign), some (more than none), several (more than

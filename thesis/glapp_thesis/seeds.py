@@ -1,4 +1,4 @@
-"""One loop over many seeds of its noise: runs that fit into memory, and the median and range of what they show."""
+"""One loop over many seeds of its noise: runs that fit into memory, and the median and range of their results."""
 
 from __future__ import annotations
 

@@ -58,9 +58,9 @@ pub struct Task {
     pub op_percent: Option<bool>,
     /// Position of the detector in the plant, where it rules out an estimate.
     pub exclusion: Option<Exclusion>,
-    /// Widest dead band that is acceptable, where that is said [% of OP's span].
+    /// Widest acceptable dead band, where it is stated [% of OP's span].
     pub acceptable: Option<f64>,
-    /// Share of the plant's valves that have a dead band, where that is said.
+    /// Share of the plant's valves that have a dead band, where it is stated.
     pub prior: Option<f64>,
     /// Dead band that the positioner is set to [% of travel], where it is known.
     pub positioner_dead_band: Option<f64>,
@@ -68,7 +68,7 @@ pub struct Task {
     pub tf: Option<f64>,
     /// Detections behind an estimate.
     pub n: u32,
-    /// Judge the recording, and find what is not given; else the crossings alone, with what is given.
+    /// Judge the recording, and find missing settings; else the crossings alone, with the given settings.
     pub judge: bool,
     /// Go on with an identification that is not good enough.
     pub trust: bool,
@@ -246,7 +246,7 @@ impl Analysis {
         self.ended(None, progress)
     }
 
-    /// The answer, with what the fit of its [`problem`](Self::problem) gave elsewhere.
+    /// The answer, given the fit of its [`problem`](Self::problem) from elsewhere.
     pub fn finish_with(self, pv: Result<JointAnswer, Unfit>) -> Done {
         self.ended(Some(pv), &|_| ())
     }
@@ -351,8 +351,8 @@ impl Analysis {
         self.task.sign(self.controller.as_ref())
     }
 
-    /// The fit, told what is already known: the sign of the process, and what makes any answer wrong. `pv`: where it was
-    /// fitted elsewhere.
+    /// The fit, with the known facts: the sign of the process, and the reason that makes any answer wrong. `pv`: where
+    /// it was fitted elsewhere.
     fn fitted(&mut self, quality: &[Finding], pv: Option<Result<JointAnswer, Unfit>>, tell: Tell) -> Fitted {
         let sign = self.sign();
         match (self.asked(quality), pv) {

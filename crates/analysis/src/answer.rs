@@ -51,7 +51,8 @@ pub struct AnalysisResult {
     pub fit: Option<FitAnswer>,
     /// The step test in the beginning of the recording; none where it gives no width.
     pub step_test: Option<StepTest>,
-    /// Why fit and crossings say what they do: codes with their numbers, which [`crate::words::text`] puts into sentences.
+    /// Reasons of the fit's and the crossings' verdicts: codes with their numbers, which [`crate::words::text`] puts
+    /// into sentences.
     pub messages: Vec<Message>,
 }
 

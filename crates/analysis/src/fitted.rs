@@ -145,7 +145,7 @@ pub struct FitAnswer {
     pub low: Option<f64>,
     /// Upper limit [OP unit]; none where the recording gives none.
     pub high: Option<f64>,
-    /// The lower limit where that is all that can be said [OP unit].
+    /// The lower limit of a bound [OP unit].
     pub at_least: Option<f64>,
     /// Slip jump [OP unit]; 0 for mere backlash.
     pub jump: f64,
@@ -166,7 +166,7 @@ pub struct FitAnswer {
     /// The evidence for a dead band weighed; none where there is none to weigh, where the valve's position settles the answer, and where
     /// recordings exclude each other.
     pub weighed: Option<Weighed>,
-    /// The change with all that is told of it, as the one answer has it.
+    /// The trend with its sentence, as the one answer has it.
     pub change: Option<WidthTrend>,
     /// The windows that were fitted.
     pub windows: Vec<Window>,
@@ -360,7 +360,7 @@ fn a_day(trend: Trend) -> (f64, f64) {
     (DAY * trend.slope, DAY * trend.error)
 }
 
-/// The answer, and what it was made of.
+/// The answer, and its parts.
 #[derive(Clone, Debug)]
 pub struct Fitted {
     /// The answer.
@@ -404,7 +404,7 @@ pub(crate) fn fitted_with(batches: &[Batch<'_>], sinusoid: Option<usize>, pv: Re
     Fitted { answer, pv: Some(pv), position: Some(position) }
 }
 
-/// The answer of several recordings of one valve, and what it was made of.
+/// The answer of several recordings of one valve, and its parts.
 #[derive(Clone, Debug)]
 pub struct FittedValve {
     /// The answer.

@@ -14,12 +14,12 @@ use crate::fitted::Process;
 use crate::{Inspected, median};
 use serde::{Deserialize, Serialize};
 
-/// Cells below which nothing is said.
+/// Number of cells below which there is no answer.
 const FEWEST_CELLS: usize = 10;
 /// PV so many times larger than a unit step of OP makes it means that the fitted process runs away under the controller.
 const RUNS_AWAY: f64 = 1e6;
 
-/// Harm of a dead band to its loop, as shares from 0 to 1; none where it cannot be said.
+/// Harm of a dead band to its loop, as shares from 0 to 1; none where it cannot be computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Harm {
     /// Share of PV's variance about SP.

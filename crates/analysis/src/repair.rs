@@ -1,4 +1,4 @@
-//! Before and after a repair of the valve: whether the width has fallen, and what the loop gained.
+//! Before and after a repair of the valve: whether the width has fallen, and the loop's gain in performance.
 //!
 //! The difference of two numbers with 95 % limits has, by Zou & Donner (Statistics in Medicine 27, 2008), the limits
 //! d − √((a − a_low)² + (b_high − b)²) and d + √((a_high − a)² + (b − b_low)²), with d = a − b: the numbers are of different days
@@ -140,7 +140,7 @@ fn difference(before: Between, after: Between) -> Difference {
     Difference { code, by }
 }
 
-/// A loop before and after a repair, and what lies between; none where it is not known on both sides.
+/// A loop before and after a repair, and the differences; none where a value is not known on both sides.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BeforeAfter {
     /// Performance before; none where too few rows are in automatic.

@@ -18,10 +18,11 @@ use serde::{Deserialize, Serialize, Serializer};
 /// The crossings contradict the fit where they lie beyond a limit of its interval by more than this factor: in every case
 /// tried they were the ones that were wrong.
 const BEYOND: f64 = 1.25;
-/// Evidence is very strong where the likelihood ratio exceeds what it must by this factor, and weak above its inverse.
+/// Evidence is very strong where the likelihood ratio exceeds the needed one by this factor, and weak above its
+/// inverse.
 const VERY: f64 = 2.0;
 
-/// Dead band that is acceptable where nobody said which [% of OP's span]: the nominal one of EnTech's Control Valve Dynamic
+/// Acceptable dead band where nobody stated one [% of OP's span]: the nominal one of EnTech's Control Valve Dynamic
 /// Specification.
 pub const NOMINAL_LIMIT: f64 = 1.0;
 /// Harm that a gap is ranked by where it is not known: half of what there can be.
@@ -30,7 +31,7 @@ const HARM_UNKNOWN: f64 = 0.5;
 /// Words of a fit that cannot tell, and whose upper limit stands: none and a gap up to it fit alike.
 const OPEN: [&str; 2] = ["may_be_a_gap", "families_disagree"];
 
-/// Word of what a step test decided.
+/// Code for the decision of a step test.
 const TEST: &str = "step_test";
 
 /// Word of a fit that found a gap which is not all: where the valve turns PV strays from the model, as one that sticks makes it.
@@ -52,9 +53,10 @@ pub struct Facts {
     pub fit: Option<FitFacts>,
     /// Width of OP's span, where it is known [OP unit].
     pub span: Option<f64>,
-    /// Widest dead band that is acceptable, where that is said [% of span].
+    /// Widest acceptable dead band, where it is stated [% of span].
     pub acceptable: Option<f64>,
-    /// Share of the plant's valves that have a dead band, where that is said; it changes probability and ranking, and no rung.
+    /// Share of the plant's valves that have a dead band, where it is stated; it changes probability and ranking, and
+    /// no rung.
     #[serde(default)]
     pub prior: Option<f64>,
     /// Total width that a step test in the recording gives, where it gives one.
@@ -120,7 +122,7 @@ pub enum Confidence {
     CannotTell,
     /// None shows above the bound that is given.
     NoneSeen,
-    /// None is wider than what is acceptable.
+    /// No dead band wider than the acceptable limit.
     Sound,
     /// Data or settings allow no answer.
     Refused,
@@ -134,7 +136,7 @@ pub enum Confidence {
 pub enum LimitOrigin {
     /// A person, for this loop.
     Given,
-    /// Nobody: [`NOMINAL_LIMIT`].
+    /// The default [`NOMINAL_LIMIT`].
     Nominal,
 }
 
@@ -166,8 +168,8 @@ pub struct Moves {
     /// The change.
     #[serde(flatten)]
     pub trend: WidthTrend,
-    /// Days until the width has grown to what is acceptable, from the newest width on; none where it does not grow plainly, is
-    /// there already, or no limit is known.
+    /// Days until the width reaches the acceptable limit, from the newest width on; none where it does not grow
+    /// plainly, is there already, or no limit is known.
     pub days_to_limit: Option<f64>,
 }
 
@@ -176,7 +178,7 @@ pub struct Moves {
 pub struct NextStep {
     /// Next step.
     pub step: Next,
-    /// The recording holds a step test: what it gives is used, and no further one is asked for.
+    /// The recording holds a step test: its result is used, and no further one is asked for.
     pub tested: bool,
 }
 
@@ -245,7 +247,7 @@ pub enum Part {
 /// Next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// Correct what is named.
+    /// Correct the named fault.
     Correct,
     /// Look at the valve, and confirm with a step test before work is ordered.
     Inspect(Part),
@@ -261,7 +263,7 @@ pub enum Next {
     Review,
     /// Confirm the crossings' width with a step test, then plan work.
     Confirm,
-    /// Compare the crossings' width with what the valve may have.
+    /// Compare the crossings' width with the acceptable limit.
     Compare,
     /// Record for longer: the crossings' width is provisional.
     RecordLonger,
@@ -373,7 +375,7 @@ pub struct Summary {
     /// probability of a dead band beyond the limit, then the widest in % of span, then those whose widths cannot be compared. Smaller
     /// comes first, number by number.
     pub rank: (u8, u8, u8, f64),
-    /// Why the crossings' width is struck; none where it stands or there is none.
+    /// Reason why the crossings' width is contradicted; none where it is not, or there is none.
     pub struck: Option<Struck>,
 }
 
@@ -472,7 +474,7 @@ impl Summary {
             terms: weighed.map(|weighed| weighed.terms),
             log_bayes_factor: weighed.map(|weighed| weighed.log_bayes_factor),
             prior: weighed.map(|_| prior),
-            // First is what a person called too wide; what nobody did can wait for the next round.
+            // Limits that a person stated come first; the nominal one can wait for the next round.
             urgency: if nominal { urgency.min(Urgency::Medium) } else { urgency },
             health: if work { Health::MaintenanceRequired } else { Health::Normal },
             trend: fit.trend.and_then(|trend| facts.moves(trend)),
@@ -587,7 +589,7 @@ impl Summary {
 }
 
 impl Serialize for NextStep {
-    /// A code, what it is about (none where it has nothing of that kind), and whether it was tested: always all three.
+    /// A code, its subject (none where it has none), and whether it was tested: always all three.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut fields = serializer.serialize_struct("NextStep", 3)?;
         fields.serialize_field("code", self.step.code())?;
@@ -621,7 +623,7 @@ impl Next {
         }
     }
 
-    /// Whether a step test is what it asks for, or tells what it asks for.
+    /// Whether it asks for a step test, or its result.
     const fn asks_for_a_test(self) -> bool {
         !matches!(self, Self::Tuning | Self::Nothing | Self::Review | Self::RecordLonger)
     }
@@ -656,7 +658,7 @@ impl Facts {
         })
     }
 
-    /// The trend, and when it will have reached what is acceptable; none where there are too few widths for one.
+    /// The trend, and when it will have reached the acceptable limit; none where there are too few widths for one.
     fn moves(&self, trend: WidthTrend) -> Option<Moves> {
         let (per_day, (_, newest)) = (trend.per_day?, trend.d?);
         let limit = self.limit().and_then(|limit| limit.width);

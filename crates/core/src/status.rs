@@ -1,4 +1,4 @@
-//! Status flags: what is the matter with a signal, a half-period or a module, one list for all of them.
+//! Status flags of a signal, a half-period or a module, one list for all of them.
 
 /// A sum of flags; 0 = all well. No sum of them reaches 2¹⁵, so that a PLC's signed `INT` holds it.
 pub type Status = u16;
@@ -17,9 +17,9 @@ pub const DATA_GAP: Status = 16;
 pub const BAD_SP: Status = 32;
 /// The feed-forward handed over is bad; the last good one is in effect.
 pub const BAD_FF: Status = 64;
-/// The limits told backward cross, or cross the module's own, which then are in effect.
+/// The backward limits cross, or cross the module's own, which then are in effect.
 pub const BAD_LIMITS: Status = 128;
-/// The gain K has the wrong sign: for the process, or as the detector was told it.
+/// The gain K has the wrong sign: for the process, or in the detector's settings.
 pub const WRONG_SIGN: Status = 256;
 
 /// All flags with the names that they have in every face of glapp, in order.

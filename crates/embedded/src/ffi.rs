@@ -93,7 +93,7 @@ macro_rules! faces {
             /// Bytes that a detector, a compensation and a PID need here.
             pub const NEEDED: [usize; 3] = [size_of::<OfDetector>(), size_of::<OfCompensation>(), size_of::<OfPid>()];
 
-            /// Settings of a detector, as in the header; what is not known is no number.
+            /// Settings of a detector, as in the header; an unknown one is no number.
             #[repr(C)]
             #[derive(Clone, Copy, Debug, Default, PartialEq)]
             #[allow(missing_docs)]

@@ -47,7 +47,7 @@ pub struct AtValve {
     pub lr_needed: f64,
     /// Likelihood ratio of J = 0 against the best J, times `information_ratio`.
     pub lr_no_jump: f64,
-    /// Share of the likelihood's own information on d that is left where what the model leaves is alike from row to row.
+    /// Share of the likelihood's own information on d that remains where the residual is alike from row to row.
     pub information_ratio: f64,
     /// Allowed rise of −2·ln L within the interval.
     pub rise: f64,
@@ -59,7 +59,7 @@ pub struct AtValve {
     pub delay: isize,
     /// Lag of the actuator [rows].
     pub lag: f64,
-    /// Standard deviation of what the model leaves [position unit].
+    /// Standard deviation of the residual [position unit].
     pub sigma: f64,
     /// Share of the position's variance that the model explains.
     pub explained: f64,
@@ -141,7 +141,7 @@ pub fn fit_position(samples: &[Samples]) -> Result<PositionAnswer, Unfit> {
     Ok(PositionAnswer { verdict, d, low, high, trend, records, shown })
 }
 
-/// Whether what was recorded as the position is OP in every row that has both.
+/// Whether the recorded position is OP in every row that has both.
 fn copied(samples: &[Samples]) -> bool {
     let mut compared = false;
     for Samples { pv, op, .. } in samples {

@@ -179,7 +179,7 @@ impl Window {
     }
 }
 
-/// A stretch, ended where PV is shifted: what PV was before tells nothing of what it is then.
+/// A stretch, ended where PV is shifted: PV before the shift is no information on PV after it.
 fn between_shifts<'a>(stretch: Stretch<'a>, h: f64) -> Vec<Stretch<'a>> {
     let shifts = shifts(&stretch.pv, &stretch.op);
     if shifts.is_empty() {

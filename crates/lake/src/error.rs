@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// A file that cannot be read, or a row that breaks what was promised.
+/// A file that cannot be read, or a row that breaks the promised order.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}", .file.display(), .row.map_or_else(String::new, |row| format!(", row {row}")))]
 pub struct LakeError {

@@ -211,7 +211,7 @@ impl Turn<2> for V3 {
     }
 }
 
-/// Work with what it needs.
+/// Work with its inputs.
 pub(crate) struct With<W, N> {
     pub(crate) work: W,
     pub(crate) like: N,

@@ -32,9 +32,9 @@ enum Request {
         /// The row after the last.
         to: usize,
     },
-    /// Cuts what is to be fitted into windows, and gives them; none where nothing is.
+    /// Cuts the problem into windows, and gives them; none where there is no problem.
     Windows,
-    /// Fits a window by itself, and gives what it says; needs no recording.
+    /// Fits a window by itself, and gives the result; needs no recording.
     Alone {
         /// One of those of [`Request::Windows`].
         window: Vec<u8>,
@@ -63,11 +63,11 @@ enum Request {
     },
     /// Begins a laboratory.
     Laboratory(laboratory::Project),
-    /// Makes scans, and gives what is recorded in each.
+    /// Makes scans, and gives the recorded values of each.
     Run {
         /// Number of scans.
         scans: usize,
-        /// `module.name` of what is recorded.
+        /// `module.name` of the recorded values.
         record: Vec<String>,
     },
     /// The value of every variable of the laboratory, in the order of their names.

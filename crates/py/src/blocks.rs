@@ -304,7 +304,7 @@ impl Correction {
         Ok(Self { block, state: CorrectionState::default() })
     }
 
-    /// Begins a scan: works off what the scan before has left.
+    /// Begins a scan: finishes the work that the scan before has left.
     fn conclude(&mut self) {
         self.block.conclude(&mut self.state);
     }

@@ -8,7 +8,7 @@ use glapp_core::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Settings as a scenario has them, in a dict; what is None has its default.
+/// Settings of a scenario, in a dict; None means the default.
 pub fn settings(given: &Bound<'_, PyAny>) -> PyResult<CompensationSettings<f64>> {
     let must = |name| given.get_item(name)?.extract::<f64>();
     let or = |name, usual: f64| Ok::<_, PyErr>(given.get_item(name)?.extract::<Option<f64>>()?.unwrap_or(usual));
@@ -188,7 +188,7 @@ impl Compensation {
         2.0 * self.state.half
     }
 
-    /// δ: what is left of the share of the width after the noise band.
+    /// δ: share of the width less the noise band.
     #[getter]
     fn delta(&self) -> f64 {
         self.state.delta

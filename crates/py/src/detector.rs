@@ -13,7 +13,7 @@ use crate::columns::columns_of;
 
 type EstimateParts = (f64, f64, f64, u8, u8);
 
-/// Settings of a detector as Python has them, in a dict; what is not there has its default.
+/// Settings of a detector in Python's form, in a dict; missing ones have their default.
 pub struct Settings(pub DetectorSettings<f64>);
 
 impl<'a, 'py> FromPyObject<'a, 'py> for Settings {
@@ -57,7 +57,7 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Settings {
 
 const KNOWN: [&str; 12] = ["k", "ti", "td", "b", "kp", "tf", "n", "h", "max_h", "op_limits", "op_span", "off"];
 
-/// One half-period: what the signals did, the width and the verdict. Attributes as the columns of the table.
+/// One half-period: its signals, width and verdict. Attributes as the columns of the table.
 #[pyclass(frozen, module = "glapp", name = "HalfPeriod")]
 pub struct PyHalfPeriod {
     row: Row,

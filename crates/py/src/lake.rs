@@ -14,7 +14,7 @@ use std::path::PathBuf;
 type LakeColumns<'py> = (Signal<'py>, Signal<'py>, Signal<'py>, Option<Signal<'py>>);
 /// Files, and the columns of time, SP, PV and OP.
 type Asked = (Vec<PathBuf>, (String, String, String, Option<String>));
-/// Rows that were read; or the file, its row, and what is wrong with it.
+/// Number of rows read; or the file, its row, and the error.
 type LoopOutcome = (u64, Option<(PathBuf, Option<u64>, String)>);
 
 /// Runs many detectors side by side in the lanes of the processor, see `Detector.run`. `instructions` is one of

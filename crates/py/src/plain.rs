@@ -35,7 +35,7 @@ impl From<PyErr> for Error {
 
 type Made<'py> = Result<Bound<'py, PyAny>, Error>;
 
-/// A dict under way, and the name that what it holds goes under where a variant has one.
+/// A dict under construction, and the variant's name for its content where there is one.
 struct Dict<'py> {
     dict: Bound<'py, PyDict>,
     key: Option<Bound<'py, PyAny>>,

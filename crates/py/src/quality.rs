@@ -8,7 +8,7 @@ use crate::columns::{Signal, rows_of};
 use crate::data_statistics::Counts;
 use crate::plain::plain;
 
-/// `glapp.Identification`, as far as a recording is held against it.
+/// `glapp.Identification`, the part that a recording is compared with.
 #[derive(FromPyObject)]
 pub struct Identification {
     usable: bool,

@@ -237,7 +237,7 @@ impl PyChecked {
 /// Result of a watched scenario: d_hat, lowest, highest (NaN: none), detections, half-periods, or the error.
 type PySeen = (f64, f64, f64, u32, u32, Option<String>);
 
-/// Runs watched scenarios and keeps only what the detector saw. `instructions` is one of those of `instruction_sets`,
+/// Runs watched scenarios and keeps only the detector's results. `instructions` is one of those of `instruction_sets`,
 /// the widest where it is not given.
 #[pyfunction]
 #[pyo3(signature = (scenarios, instructions=None))]

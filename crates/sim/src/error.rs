@@ -25,7 +25,7 @@ pub enum SimError {
         /// Degree of the denominator.
         den: usize,
     },
-    /// Samples too far apart to show what the plant does.
+    /// Samples too far apart to show the plant's dynamics.
     #[error(
         "h = {h} s is too coarse for the fastest pole: at most {bound:.3} s, or its motion is lost between samples"
     )]

@@ -87,7 +87,7 @@ pub fn run_together(
     }
 }
 
-/// Runs scenarios, in lanes where all are of one structure, and keeps what the detector of each saw, as
+/// Runs scenarios, in lanes where all are of one structure, and keeps the detector's results of each, as
 /// [`Scenario::watch`] does.
 pub fn watch_together(
     scenarios: &[(&Scenario, &Detector<f64>)],

@@ -87,7 +87,7 @@ pub(crate) struct Kind {
 /// Makes a module of a kind.
 type Make = fn(&Module, Context) -> Result<Box<dyn Work>, SimError>;
 
-/// A parameter: its name, and what it is where it is not given.
+/// A parameter: its name and its default.
 type Parameter = (&'static str, Usual);
 
 /// Default of a parameter.
@@ -122,8 +122,8 @@ pub(crate) trait Work: Send + Sync {
     /// The forward pass: what its inputs hand on, and the time since the last scan \[s\].
     fn forward(&mut self, inputs: &Inputs, h: f64) -> Forward<f64>;
 
-    /// The backward pass: what its followers tell, where it has any; gives what each of its inputs is told. By default the first
-    /// one is told the same.
+    /// The backward pass: takes the followers' signals, where it has any; gives those of each of its inputs. By default
+    /// the first one is told the same.
     fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
@@ -383,8 +383,8 @@ impl Live {
         kind.parameters().map(|known| known.0).chain(set.copied()).chain(variables.copied())
     }
 
-    /// Sets a parameter or a command; none: the parameter is what it is where it is not given. What the module remembers
-    /// stays; where the new value is out of bounds, or the graph does not allow the `changed` module, all stays.
+    /// Sets a parameter or a command; none: the parameter has its default. What the module remembers stays; where the
+    /// new value is out of bounds, or the graph does not allow the `changed` module, all stays.
     pub(crate) fn set(
         &mut self,
         name: &str,
@@ -414,7 +414,7 @@ impl Live {
         self.change(Module { schedule: rows.to_vec(), ..self.module.clone() })
     }
 
-    /// Puts in force what the module's autotuner offers.
+    /// Puts the offer of the module's autotuner in force.
     pub(crate) fn take_over(&mut self) -> Result<(), Refusal> {
         let offered = self.work.offered().ok_or(Refusal::NoName)??;
         let mut changed = self.module.clone();

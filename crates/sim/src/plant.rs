@@ -126,7 +126,7 @@ impl Plant {
     }
 }
 
-/// A dead time as whole steps of `h` and what is left of it.
+/// A dead time as whole steps of `h` and the rest.
 pub(crate) fn delay(dead_time: f64, h: f64) -> (usize, f64) {
     let steps = dead_time / h;
     // A dead time meant as a multiple of h must not become a step less and a sliver.

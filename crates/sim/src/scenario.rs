@@ -89,8 +89,8 @@ pub struct Compensated {
     pub tf: f64,
     /// Time of enabling \[s\].
     pub begin: f64,
-    /// After how many scans the controller has what it is handed, where it is not a controller of the graph: the module reads
-    /// its output, and whether it is in automatic. `None`: it is, and a scan is what it takes.
+    /// Number of scans until the controller has the value handed over, where it is not a controller of the graph: the
+    /// module reads its output, and whether it is in automatic. `None`: it is, and a scan is what it takes.
     pub delay: Option<u32>,
     /// The longest delay with which it may be enabled, as a share of Ti; by the way where not given.
     pub longest: Option<f64>,

@@ -198,7 +198,7 @@ def _show_repair(result: Result, repair: Repair, below: int, left: int) -> None:
 
 
 def _columns(results: Sequence[Result]) -> list[Column]:
-    """A row per loop: the one answer first, and after it what came about how."""
+    """Columns of a row per loop: the answer first, then its evidence."""
     fitted = any(result.fit is not None for result in results)
     columns = [Column("loop", [one_line(_name(result)) for result in results])]
     if fitted:

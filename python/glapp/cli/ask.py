@@ -42,7 +42,7 @@ def asked(opened: Sequence[Recording | Valve | Refused], settings: dict[str, Any
 
 
 def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
-    """Ask what a file needs, and open it with the answers."""
+    """Ask for the missing settings of a file, and open it with the answers."""
     file, given, error = Path(entry.source), dict(settings), entry.error
     for _ in range(_TIMES):
         if error.asks is None:

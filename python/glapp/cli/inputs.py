@@ -115,7 +115,7 @@ def _as_loop(files: Sequence[Path], options: Options, name: str) -> list[Recordi
 
 
 def _gathered(opened: Sequence[Recording | Valve | Refused], name: str) -> list[Recording | Valve | Refused]:
-    """Recordings of one loop as one entry, and what was refused beside it."""
+    """Recordings of one loop as one entry, and the refused ones."""
     recordings = [_called(entry, name) for entry in opened if isinstance(entry, Recording)]
     rest = [entry for entry in opened if not isinstance(entry, Recording)]
     if len(recordings) > 1:

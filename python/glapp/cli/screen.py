@@ -44,7 +44,7 @@ class _Screen(Console):
         super().__init__(markup=False, emoji=False, highlight=False, stderr=stderr)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Every string that is printed, or stands in a table, comes through here."""
+        """Render every string that is printed, or is in a table."""
         return super().render_str(escaped(text), **options)
 
 
@@ -62,7 +62,7 @@ def say_error(error: Exception | str) -> None:
 
 
 def say_note(text: str) -> None:
-    """One line on standard error about what was done."""
+    """Print one line on standard error about a step that was done."""
     err.print(f"note: {one_line(text)}", soft_wrap=True)
 
 

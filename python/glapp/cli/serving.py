@@ -47,7 +47,7 @@ def say_first_login(data: Path) -> None:
 
 
 async def until_stopped(*work: Awaitable[None]) -> None:
-    """All of it, until one ends or fails, or the process is told to stop."""
+    """Run all tasks until one ends or fails, or the process is stopped."""
     tasks = [asyncio.ensure_future(one) for one in work]
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()

@@ -1,4 +1,4 @@
-"""`glapp watch`: the service beside a plant, and what is asked of it."""
+"""`glapp watch`: the service beside a plant, and the commands to it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _API_URL = "http://127.0.0.1:8107"
 
 
 class _Group(TyperGroup):
-    """`glapp watch loops.toml` is `glapp watch run loops.toml`: what is no command's name is what is to be watched."""
+    """`glapp watch loops.toml` is `glapp watch run loops.toml`: a word that is no command's name is a file to watch."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
@@ -484,7 +484,7 @@ def take_over(
     api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
-    """Take over what a fit found: the width to compensate, Kp, and K and Ti where they are not known."""
+    """Take over a fit's result: the width to compensate, Kp, and K and Ti where they are not known."""
     if answer is None:
         found = _answer_of_service(api_url, user, "GET", f"/loops/{_path_part(loop)}/answers?most=1")
         if not found:

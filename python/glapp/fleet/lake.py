@@ -82,7 +82,7 @@ BATCH = 1 << 20
 _WORDS = ("mode", "op_low_flag", "op_high_flag")
 _UNITS = {"unit", "units", "uom", "eu", "engunit", "engunits", "engineeringunit", "engineeringunits"}
 _HEAD = 1000
-"""First rows of a file, by which it is told how its texts write numbers."""
+"""First rows of a file, which show the notation of its numbers."""
 _MOST_WORDS = 1000
 """Different words of quality in a file that are looked at."""
 _YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for year in (1971, 2101))
@@ -377,7 +377,7 @@ def _inspected_parts(
 def _batches(
     path: Path, group: int, columns: Sequence[str], dictionary: Sequence[str] = ()
 ) -> Iterator[pa.RecordBatch]:
-    """A group of rows, `BATCH` rows at a time, each column of which holds what it says."""
+    """A group of rows, `BATCH` rows at a time, each column checked against its stated length."""
     with pq.ParquetFile(path, read_dictionary=list(dictionary), buffer_size=1 << 20) as parquet:
         for batch in parquet.iter_batches(BATCH, row_groups=[group], columns=list(columns), use_threads=False):
             batch.validate(full=True)
@@ -719,7 +719,7 @@ def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
 def _values(
     cells: pa.Array, role: str, loop: Loop, file: File, name: str, rows: NDArray[np.int64], problems: list[DataIssue]
 ) -> NDArray[np.float64]:
-    """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, and told once a file and tag."""
+    """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, reported once a file and tag."""
     reader = Reader(loop, None, file.digits, Quality((), words_for_bad(loop.bad_values)))
     flag = role in _WORDS
     missing = 0.0 if flag else np.nan

@@ -178,7 +178,7 @@ def _worn(loops: Iterable[dict[str, Any]], windows: Sequence[dict[str, Any]]) ->
 
 
 def _unjudged(loops: Sequence[dict[str, Any]]) -> list[tuple[str, str, list[dict[str, Any]]]]:
-    """The loops that cannot be judged, by what stands in the way: the most frequent first."""
+    """The loops that cannot be judged, by the obstacle: the most frequent first."""
     of: dict[str, list[dict[str, Any]]] = {}
     for row in loops:
         if row["hindrance"] is not None:

@@ -445,7 +445,7 @@ def cut(rows: pa.Table, loop: Loop, windows: Sequence[tuple[int, int]]) -> pa.Ta
 def judge(
     samples: pa.Table, days: pa.Table, crossings: pa.Table, loop: Loop
 ) -> tuple[pa.Table, pa.Table, list[DataIssue]]:
-    """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and what was wrong with its rows.
+    """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and its data issues.
 
     - `samples`: rows of `SAMPLES`: all windows that were chosen, in any order.
     - `days`: rows of `DAYS` of the loop, in any order.

@@ -287,7 +287,7 @@ def _unpacked(data: pa.Buffer | bytes) -> list[pa.Array]:
 
 
 def serve(memory: int) -> None:
-    """Answer requests until there are no more: what the process does.
+    """Answer requests until there are no more: the child's main loop.
 
     - `memory`: bytes that it may take beyond those it has now.
     """

@@ -1,4 +1,4 @@
-"""Text tables: what they look like, and streaming them.
+"""Text tables: their layout, and streaming them.
 
 The first 64 KiB, or 20 lines where they are longer, (and the last, where they can be had) tell encoding, separator,
 decimal comma, thousands, header and a row of units; the last block tells what stands below the rows. Arrow parses the
@@ -176,7 +176,7 @@ class CsvSource(Source):
                     future.cancel()
 
     def _blocks(self) -> Iterator[tuple[bytes, float]]:
-        """The file's rows in pieces that end with a line, with the fraction read; without what stands below them."""
+        """The file's rows in pieces that end with a line, with the fraction read; without the lines below the table."""
         held: deque[tuple[bytes, float]] = deque()
         size, whole = 0, True  # what is held, and whether that is all of the file
         for piece in self._pieces():

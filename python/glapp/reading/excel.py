@@ -81,7 +81,7 @@ def _sheets(path: str, label: str) -> list[Source]:
 
 
 def _check(path: str, label: str) -> None:
-    """Refuse a workbook that asks for more than `bounds` allows, by what is in it and not by what it says.
+    """Refuse a workbook that exceeds `bounds`, by its content and not by its own statements.
 
     Raises InputError where it does.
     """

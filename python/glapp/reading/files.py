@@ -35,7 +35,7 @@ def name_of(path: str | Path) -> str:
 
 
 def check_file(path: Path, label: str) -> None:
-    """Refuse what is no ordinary file: reading a pipe or a device would wait for ever, or never end.
+    """Refuse a path that is no ordinary file: reading a pipe or a device would wait for ever, or never end.
 
     Raises InputError where there is no such file, or it is a folder, a pipe, a socket or a device.
     """

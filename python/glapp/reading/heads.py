@@ -174,7 +174,7 @@ def _understood(cells: Sequence[str]) -> int:
 
 
 def _says_value(cells: Sequence[str]) -> bool:
-    """Whether a line says of its columns only which is the time and which the value."""
+    """Whether a line names its columns only as time and value."""
     roles = [understand(cell).role for cell in cells if cell.strip()]
     return roles.count("value") > 1 and set(roles) <= {"time", "value", "quality"}
 

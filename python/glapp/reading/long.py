@@ -283,7 +283,7 @@ class LongRecording(Recording):
 
 
 def _rows(pv: _Tag, others: Mapping[str, _Tag]) -> tuple[_Tag, list[Finding]]:
-    """The rows, as samples of PV, and what was done where the signals have times of their own."""
+    """The rows, as samples of PV, and the finding where the signals have times of their own."""
     signals = [role for role in ("sp", "op") if role in others]
     own = any(np.isin(pv.t, others[role].t).mean() < _COMMON for role in signals)
     op, count = others.get("op"), len(pv.t)

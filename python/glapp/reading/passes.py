@@ -53,7 +53,7 @@ class Share:
         self._passes = passes
 
     def stream(self) -> Iterator[tuple[list[pa.Array], float]]:
-        """The rows of this loop's columns (`Source.stream`): what a pass has read already, else a pass."""
+        """The rows of this loop's columns (`Source.stream`): those that a pass has read already, else a pass."""
         held = self._passes.held(self)
         if held is None:
             yield from self._passes.source.stream(self.types, self.bad_words)
@@ -74,7 +74,7 @@ class Share:
             raise copy.copy(held.error)
 
     def release(self) -> None:
-        """Let go of what is held; it is read again if it is asked for again."""
+        """Free the held data; they are read again if they are asked for again."""
         self.held = None
 
 

@@ -542,7 +542,7 @@ def _hint(text: str) -> str | None:
 
 
 def _zone(name: str) -> ZoneInfo:
-    """Zone by IANA name; an Arrow offset such as +01:00 has no such name and is told in UTC."""
+    """Zone by IANA name; an Arrow offset such as +01:00 has no such name and is shown in UTC."""
     try:
         return ZoneInfo(name)
     except (ValueError, OSError, KeyError):

@@ -61,7 +61,7 @@ def _grouped(group: str) -> str:
 
 
 class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputError does)
-    """A cell that cannot be used: its index in the batch at hand, its text, and what is wrong with it."""
+    """A cell that cannot be used: its index in the present batch, its text, and the error."""
 
     def __init__(
         self, index: int, what: str, hint: str | None = None, value: object = None, asks: str | None = None

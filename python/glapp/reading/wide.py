@@ -50,7 +50,7 @@ class Reader:
     quality: Quality
 
     def number(self, column: pa.Array) -> NDArray[np.float64]:
-        """Numbers, with NaN for everything that stands for missing."""
+        """Numbers, with NaN for everything that means missing."""
         x = numbers(column, words_for_bad(self.loop.bad_values), self.digits)
         for bad in self.loop.bad_values:
             if not isinstance(bad, str):

@@ -407,7 +407,7 @@ def _empty(text: str, height: int = 220) -> go.Figure:
 
 
 def _time(result: Result | StepTest, seconds: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """Turn seconds since t0 into what the axis counts: milliseconds of local wall-clock time, or seconds.
+    """Times on the axis for seconds since t0: milliseconds of local wall-clock time, or seconds.
 
     Plotly's dates know no zone, so the wall clock of the first row is given to it as if it were UTC.
     """

@@ -82,7 +82,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
 
 
 def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stretch: slice) -> go.Figure:
-    """Draw PV against OP, and over it what the fitted gap makes of a slow cycle of PV's height, with its limits."""
+    """Draw PV against OP, and over it the fitted gap under a slow cycle of PV's height, with its limits."""
     f, answer = result.fit, result.answer
     assert f is not None
     unit, name, recorded = _plain(words.op_unit(result.unit)), "PV", "recorded"
@@ -152,7 +152,7 @@ def _stretch(valve: Floats, op: Floats) -> slice:
 
 
 def fit_figure(result: Result) -> go.Figure:
-    """Draw the profile of every family of models, and PV, what the best one foresaw of it, and what is left.
+    """Draw the profile of every family of models, and PV with the best one's prediction and residual.
 
     The lower a profile lies, the better that width explains PV; the shaded band is the interval that covers them all.
     """

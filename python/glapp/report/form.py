@@ -145,7 +145,7 @@ def _told(one: Judged) -> str:
 
 
 def _terms(op: str) -> list[tuple[str, Callable[[StepTest], str]]]:
-    """Each term with how it is told of a signal."""
+    """Each term with its text for a signal."""
 
     def dead_band(read: StepTest) -> str:
         if read.d is None:

@@ -55,7 +55,7 @@ def text(test: Planned, plan: Plan) -> str:
 
 
 def _moves(moves: Sequence[float]) -> str:
-    """The moves; what is made again and again is told once.
+    """The moves; a repeated pattern is listed once.
 
     >>> _moves((50.0, 52.0, 54.0, 52.0)), _moves((50.0, 52.0, 50.0, 52.0, 50.0, 52.0, 50.0))
     ('50 → 52 → 54 → 52', '50 → 52 → 50, three times,')

@@ -1,4 +1,4 @@
-"""Before and after a repair in words: what is told of it, and the table."""
+"""Before and after a repair: text and table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers beside what the workshop found, in words."""
+"""Answers compared with the workshop's findings, in words."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PROBABLE = {"p_gap": "a dead band", "p_beyond": "one beyond the limit"}
 
 
 def counts(scored: Sequence[Scored]) -> list[tuple[str, ...]]:
-    """Rows by how sure the answers are, and of all: what they say, right, wrong, silent, the share of right ones."""
+    """Rows by confidence, and of all answers: number, right, wrong, silent, the share of right ones."""
     rows = counted(list(scored))
     total = (sum(getattr(one, kind) for one in rows) for kind in ("right", "wrong", "silent"))
     return [

@@ -25,7 +25,7 @@ _GRAVITY = {"refuse": "refused", "warning": "warning", "info": "note"}
 
 
 class Bar(NamedTuple):
-    """A width in the list, all in % of OP's span: its limits, the width, and what is acceptable.
+    """A width in the list, all in % of OP's span: its limits, the width, and the acceptable limit.
 
     `high` is None where there is no upper limit; `kind` is what is known of the valve, or *crossings*.
     """
@@ -98,7 +98,7 @@ class LoopView:
 
     @cached_property
     def why(self) -> list[str]:
-        """Tell what the answer stands on."""
+        """Reason of the answer."""
         return words.why(self.r)
 
     @property
@@ -269,7 +269,7 @@ class LoopView:
 
     @property
     def phase_note(self) -> str:
-        """Tell what a point of the phase plot is, and when thinning leaves too little of it."""
+        """Note on the points of the phase plot, and on thinning that leaves too few of them."""
         assert self.r.trace is not None  # the caller draws no plot without one
         t = self.r.trace.t
         step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0

@@ -206,7 +206,7 @@ class _Api:
 
 
 class _Logins:
-    """Logins: from where they come, when their passwords are looked at, and how refused ones are told."""
+    """Logins: their addresses, when their passwords are checked, and how refused ones are reported."""
 
     def __init__(self, monitor: Monitor, users: Users) -> None:
         self.monitor, self.users, self.refused = monitor, users, RefusedLogins()
@@ -221,7 +221,7 @@ class _Logins:
         return request.client.host if request.client is not None else ""
 
     def refuse(self, name: str, address: str) -> None:
-        """Count it; the first is told at once, and how many came after it some minutes later."""
+        """Count a refusal; the first is reported at once, and the number after it some minutes later."""
         text = self.refused.add(name if name in self.users else None, address)
         if text is not None:
             self.monitor.tell(Event(time.time(), None, "logins_refused", text))
@@ -232,7 +232,7 @@ class _Logins:
             self.monitor.tell(Event(time.time(), None, "logins_refused", text))
 
     async def looked_at(self, attempt: Attempt, password: str) -> tuple[str, Person]:
-        """The password, by a thread for who is known and one for strangers: the one does not wait for the other."""
+        """Check of the password, by a thread for known persons and one for strangers: neither waits for the other."""
         until = time.monotonic() + attempt.wait
         while not attempt.displaced and (left := until - time.monotonic()) > 0.0:
             await asyncio.sleep(min(left, 0.05))
@@ -445,7 +445,7 @@ def _command_routes(app: FastAPI, api: _Api) -> None:
 
     @app.post("/loops/{name:path}/take_over")
     async def take_over(person: engineer, name: Name, asked: TakeOver) -> dict[str, Any]:
-        """Take over what a fit found."""
+        """Take over a fit's result."""
 
         async def go() -> Any:
             api.as_seen(name, asked)

@@ -58,7 +58,7 @@ class Commands:
     # Settings
 
     def bounds(self, loop: str) -> dict[str, Bound]:
-        """The bounds of all that may be set of a loop, by what is set now."""
+        """Bounds of all settable parameters of a loop, by its present settings."""
         watched = self._loops[loop]
         limits = None if watched.compensator is None else watched.plant_limits
         return bounds_of(watched.loop, compensation_settings(self._reader.settings(loop)), limits)
@@ -82,7 +82,7 @@ class Commands:
         return values
 
     async def change(self, loop: str, values: Mapping[str, float | None], person: str, role: str) -> dict[str, Any]:
-        """Set parameters of a loop's detector or compensation, all of them or none; gives what is in force then.
+        """Set parameters of a loop's detector or compensation, all of them or none; gives the settings in force then.
 
         A detector of which a parameter changes begins anew: no estimate comes from detections with two settings.
 
@@ -129,7 +129,7 @@ class Commands:
         return self.settings(loop)
 
     async def take_over(self, loop: str, answer: int, person: str, role: str) -> dict[str, Any]:
-        """Put in force what a fit found: the width for compensation, Kp, and K, Ti, Td where the loop has none.
+        """Put a fit's result in force: the width for compensation, Kp, and K, Ti, Td where the loop has none.
 
         Raises InputError where there is no such answer, or it holds nothing to take over.
         """
@@ -231,7 +231,7 @@ class Commands:
         if self._watchdog.tests:
             raise InputError("a watchdog test is under way: wait until it is over", loop=loop)
 
-    # Fits, and what was refused
+    # Fits, and refused commands
 
     async def fit(self, loop: str, person: str, role: str) -> None:
         """Queue the fit of a loop.

@@ -163,7 +163,7 @@ class Compensator:
 
     @property
     def at_work(self) -> bool:
-        """Whether something has to be written: it is enabled, or what stands in the plant is not 0 yet."""
+        """Whether a value has to be written: it is enabled, or the value in the plant is not 0 yet."""
         found = self._held.get(Signal.U_FF)
         return self.enabled or self.u_ff != 0.0 or (found is not None and found.good and found.value != 0.0)
 
@@ -330,7 +330,7 @@ class Compensator:
         return f"{self.why_off}." if self.withdrawn is None else TEXT_OF_STATE[self.withdrawn]
 
     def lost(self, why: str) -> None:
-        """The connection is gone: it is off, and what is found afterwards is ramped to 0.
+        """The connection is lost: it is off, and the value found afterwards is ramped to 0.
 
         What was read stays until something newer comes: what has not changed meanwhile is not told again.
         """

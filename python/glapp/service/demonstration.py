@@ -1,4 +1,4 @@
-"""The demonstration: six loops whose valves are known, what was recorded of them before, and what a fit said of that.
+"""The demonstration: six loops whose valves are known, their earlier recordings, and the answers of a fit to them.
 
 ==========  ===========================================================  ======================
 loop        what it is                                                   true width of the gap
@@ -126,7 +126,7 @@ def _rows(loop: SimLoop, start: float, scans: int) -> NDArray[np.float64]:
 
 
 def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now: float) -> None:
-    """Store what a service that had watched these loops would have: signals, half-periods, answers, states.
+    """Store the data of a service that had watched these loops: signals, half-periods, answers, states.
 
     - `store`: of a folder in which nothing is yet.
     - `simulated`: the loops; they go on from where this ends.

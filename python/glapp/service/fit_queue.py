@@ -83,7 +83,7 @@ class FitQueue:
             night.cancel()
 
     async def _fit(self, name: str) -> dict[str, Any]:
-        """A row of `answers`, from a process that ends with this one; an `InputError` says why there is none."""
+        """A row of `answers`, from a process that ends with this one; without one an `InputError` gives the reason."""
         end = self._clock()
         settings = self._loops[name].loop.model_dump_json(exclude_unset=True)
         asked = (self._journal.store.folder, settings, end - self.options.fit_days * 86400.0, end)

@@ -31,7 +31,7 @@ AT = 0.15
 """OP is where it should be within so much of the smallest step."""
 
 FIRST = 0.5
-"""OP is left where it stands in manual for so much of a hold, before the first move."""
+"""Part of a hold for which OP stays where it is in manual, before the first move."""
 
 SILENT = 60.0
 """Time without a value after which, or after ten samples, the person is warned [s]."""

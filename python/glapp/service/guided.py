@@ -1,4 +1,4 @@
-"""The guided step test: each move told, waited for, judged as it goes, ended when it has decided or a limit is near.
+"""The guided step test: names each move, waits for it, judges it, and ends by a decision or near a limit.
 
 A person moves OP, in manual, at the control system; nothing is written from here. Where the test is follows from the
 signals that the service records (`glapp.service.guide`), so that a service that starts again goes on with it.

@@ -1,4 +1,4 @@
-"""The journal: what came in and what happened, written to the store; while that fails, it waits in memory."""
+"""The journal: entries and events, written to the store; while that fails, they wait in memory."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ class Journal:
         return pa.concat_tables([table, table_of(rows)])
 
     async def tidy(self) -> None:
-        """Every hour: put the signals of past days into their files, and delete what is older than it is kept."""
+        """Every hour: put the signals of past days into their files, and delete those older than the kept time."""
         while True:
             now = self._clock()
             try:
@@ -178,7 +178,7 @@ class Journal:
     async def log(
         self, person: str, role: str, command: str, loop: str | None, before: Any, after: Any, **more: Any
     ) -> None:
-        """Write at once who did what, and what it was before and after.
+        """Write at once the name of the person, the command, and the values before and after.
 
         Raises StoreFull where it cannot be written.
         """

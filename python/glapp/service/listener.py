@@ -29,7 +29,7 @@ LONGEST_HEADER = 32_768
 """A request's header may be no longer [bytes]."""
 
 RESERVED = ("/login", "/api/login")
-"""Asked for by POST, these are answered however much else is asked for; so is every path that ends in `/disable`."""
+"""Paths that are answered by POST however many other requests there are; so is every path that ends in `/disable`."""
 
 
 def _most() -> int:
@@ -262,7 +262,7 @@ class Listener(uvicorn.Server):
                     one.end()
 
     def _stuck(self, one: _Connection, transport: asyncio.Transport, now: float) -> bool:
-        """Whether too little is taken of what is sent."""
+        """Whether the other side takes too little of the sent data."""
         left = transport.get_write_buffer_size()
         if left == 0 or left <= one.left - self.limits.slowest:
             one.left, one.taken = left, now

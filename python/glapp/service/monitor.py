@@ -1,4 +1,4 @@
-"""The monitor: what the loops of a plant tell, through the detectors into the store; fits at night; compensation.
+"""The monitor: from the loops of a plant through the detectors into the store; fits at night; compensation.
 
 Each part does one thing: `Ingest` makes half-periods of values, `Journal` writes what came and what happened,
 `FeedForward` writes u_FF, `Watchdog` sends the heartbeat, `FitQueue` fits, `Commands` is what persons ask for.
@@ -35,7 +35,7 @@ from .watched import WatchedLoop, loop_with
 __all__ = ["Monitor"]
 
 _SHOWN = 5.0
-"""Time between two writes of the status, for who reads it [s]."""
+"""Time between two writes of the status, for its readers [s]."""
 
 _PATIENCE = 60.0
 """Time that the store may fail before all compensation ends [s]."""
@@ -157,7 +157,7 @@ class Monitor:
         return settings
 
     def _replay(self) -> None:
-        """Take in again what came after the states were saved; its half-periods are in the database already."""
+        """Process the entries since the states were saved again; their half-periods are in the database already."""
         count = 0
         for entry in self.store.entries():
             self.ingest.process(entry)
@@ -190,7 +190,7 @@ class Monitor:
     # Running
 
     async def step(self) -> None:
-        """Take in what came, and write it."""
+        """Take in the new values, and write them."""
         await to_the_end(self._step())
 
     async def _step(self) -> None:
@@ -208,7 +208,7 @@ class Monitor:
                 self.feedforward.switch_all_off("what happens cannot be stored: the store cannot be written")
 
     async def save(self) -> None:
-        """Take in what came, and write it, the signals and the states, now.
+        """Take in the new values, and write them, the signals and the states, now.
 
         Raises StoreFull, OSError where it cannot be written; all of it waits for the next time.
         """

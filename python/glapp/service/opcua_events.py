@@ -50,7 +50,7 @@ class Tag(Protocol):
 
 
 class EventFilter:
-    """Events on their way to whoever takes them; what happens again and again is counted.
+    """Events on their way to their taker; repeated ones are counted.
 
     - `tell`: takes the events; None as long as nobody does.
     """
@@ -101,7 +101,7 @@ class EventFilter:
             rush.text = text
 
     def flush(self, *, due: bool = False) -> None:
-        """Tell what was only counted: all of it, or what is due."""
+        """Report events that were only counted: all of them, or those that are due."""
         now = time.monotonic()
         for (kind, _), entry in self._told.items():
             if entry.count and (not due or now - entry.at >= REPEATED):

@@ -23,7 +23,7 @@ class LostError(Exception):
 
 
 class NotANumberError(Exception):
-    """A value that is no number, and what it is."""
+    """A value that is no number, and its type."""
 
 
 def number_reader(loop: Loop, key: str) -> Callable[[Any], float]:
@@ -57,7 +57,7 @@ def _real(raw: Any) -> float:
 
 
 def number_of(seen: ua.DataValue) -> tuple[float, str]:
-    """Value, and why it is not good, of what was read."""
+    """A read value as a number, and why it is not good."""
     if seen.StatusCode is not None and seen.StatusCode.value & 0xC000_0000:
         return math.nan, seen.StatusCode.name
     try:

@@ -52,7 +52,7 @@ FAULTS = {
     "repaired": "the gap is a tenth of what it was",
     "writer": "somebody else writes u_FF, 1 % above what stands there",
 }
-"""Name of each fault that a loop can have, and what it is."""
+"""Name of each fault that a loop can have, and its meaning."""
 
 _DAY = 86_400.0
 _HOUR = 3600.0
@@ -184,7 +184,7 @@ class SimLoop:
         return tuple(np.concatenate(column) if column else np.empty(0) for column in columns)
 
     def scan(self, days: float, u_ff: float) -> dict[Signal, float]:
-        """One scan; what the tags say after it."""
+        """One scan; the values of the tags after it."""
         graph = self.graph
         self._happen(days)
         graph["pid.mode"] = Mode.MANUAL if "manual" in self.faults else Mode.EXTERNAL
@@ -237,7 +237,7 @@ class _Record:
         self.times, self.values = array("d"), array("d")
 
     def add(self, t: float, value: float, keep: float) -> None:
-        """Add a value, and forget what is older than `keep` seconds."""
+        """Add a value, and forget those older than `keep` seconds."""
         self.times.append(t)
         self.values.append(value)
         if len(self.times) % 1024 == 0 and (old := bisect.bisect_left(self.times, t - keep)) > 1024:
@@ -429,7 +429,7 @@ class SimPlant:
         """Text of a loops.toml for it."""
         lines = ["[defaults]", "pv_span = [0, 100]", 'pv_unit = "%"', "op_span = [0, 100]", "auto_values = [1]", ""]
         lines += ["[opcua]", f'url = "{self.url}"', f'watchdog = "{_text("Watchdog")}"', ""]
-        # Per second on the wall; what a service takes is ten times OP's range.
+        # Rate in seconds on the wall; a service takes ten times OP's range.
         rate = min(0.5 * self._speed, 10.0 * 100.0)
         for loop in self._loops.values():
             kind, name = loop.kind, loop.name

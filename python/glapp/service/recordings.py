@@ -238,7 +238,7 @@ def _file(loop: str) -> str:
 
 
 def loop_of(file: str) -> str:
-    """The loop that a file's name stands for.
+    """The loop of a file's name.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Before and after a repair that is noted in the service: what was answered and recorded on either side.
+"""Before and after a repair that is noted in the service: answers and recordings on either side.
 
 A repair is noted by a person, with its time. From then on the fits of the loop look at what was recorded after it only.
 Where the widths of single days fall from one day to the next, that is told, and a person may note the repair.
@@ -46,7 +46,7 @@ def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 
 
 def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
-    """A valve before and after a repair, by what was recorded up to 7 days before and after it.
+    """A valve before and after a repair, by the recordings up to 7 days before and after it.
 
     - `folder`: the data folder.
     - `settings`: the loop, as JSON.

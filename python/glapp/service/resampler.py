@@ -40,7 +40,7 @@ CODES = {signal: code for code, signal in enumerate(Signal)}
 """Number of each signal, as it is kept in the store: its place in `Signal`."""
 
 ALIVE, LOST = 255, 254
-"""Numbers of what is no value: the loop's connection lived at a time; it was lost."""
+"""Codes in place of a value: the loop's connection lived at a time; it was lost."""
 
 SP, PV, OP, MODE, LOW, HIGH, POSITION, U_FF = range(8)
 
@@ -244,7 +244,7 @@ class Resampler:
         return math.nextafter(max(self._last + self.period, self._lives_from), -math.inf)
 
     def _still(self, before: float, upcoming: float, limit: float, out: list[Sample]) -> bool:
-        """Samples of a PV that stands still, of times before `before`; whether all of them can be told by now.
+        """Samples of a PV that stands still, of times before `before`; whether all of them are known by now.
 
         A time of one is left out where a value of PV comes within half a period: what is made of the same values is the
         same, however they came.

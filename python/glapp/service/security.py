@@ -58,7 +58,7 @@ async def secure(server: Server, security: Security, ruleset: Any = None) -> Non
 
 
 def uri_of(certificate: x509.Certificate) -> str | None:
-    """The application's URI in a certificate: the other side compares it with what the application says of itself."""
+    """The application's URI in a certificate: the other side compares it with the application's own statement."""
     with suppress(x509.ExtensionNotFound):
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)

@@ -74,7 +74,7 @@ NODES = {
     "LastSeen": Node(ua.VariantType.DateTime, "Source time of the newest PV"),
     "DeviceHealth": Node(ua.VariantType.Int32, "Health of the valve by NAMUR NE 107"),
 }
-"""Name of each variable of a loop, and what it is."""
+"""Name of each variable of a loop, and its meaning."""
 
 _OF_ANSWER = {
     "Verdict": "verdict",
@@ -269,7 +269,7 @@ class AnswerServer:
                 await server.stop()
 
     async def run(self) -> None:
-        """Say what is new, step by step, until cancelled."""
+        """Write the new values, step by step, until cancelled."""
         while True:
             await asyncio.sleep(self._step)
             await self.publish()

@@ -200,7 +200,7 @@ def compensation_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
-    """The loop, with what persons have set of its detector in the place of what it had.
+    """The loop, with persons' settings of its detector in place of its own.
 
     Raises InputError with the parameter, its value and its bound.
     """

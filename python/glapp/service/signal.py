@@ -59,7 +59,7 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that a person is told, and that is kept.
+    """Something that is reported to a person, and kept.
 
     - `time`: when it was noticed, by the clock of this computer [s since 1970-01-01 UTC].
     - `loop`: name of the loop; None where it concerns the whole connection.
@@ -103,7 +103,7 @@ class Source(Protocol):
         """
 
     async def read_back(self, loop: str) -> Value:
-        """The feed-forward that stands in the plant now."""
+        """The feed-forward in the plant now."""
 
     def alive(self, loop: str) -> float | None:
         """Time of the last sign of the loop: a value, or a report that none has changed [s since 1970 UTC]."""

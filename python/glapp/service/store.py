@@ -365,7 +365,7 @@ class Reader:
         return _parsed(self._last("plans", loop), "asked", "plan")
 
     def guided_test(self, loop: str) -> dict[str, Any] | None:
-        """The last guided step test: what was `asked`, its `state`, and when it `ended`; None: it goes on."""
+        """The last guided step test: `asked`, its `state`, and when it `ended`; None: it goes on."""
         return _parsed(self._last("guided_tests", loop), "asked", "state")
 
     def repairs(self, loop: str) -> list[dict[str, Any]]:
@@ -575,7 +575,7 @@ class Store(Reader):
         return self.loops()
 
     def add(self, entries: Sequence[Entry], halves: Sequence[Half], events: Sequence[Event]) -> None:
-        """Store what came in, with what it led to: one transaction.
+        """Store an entry, with its results: one transaction.
 
         Raises StoreFull where it cannot be written; nothing of it is there.
         """
@@ -685,7 +685,7 @@ class Store(Reader):
             )
 
     def keep_plan(self, id: int, plan: Mapping[str, Any] | None, refused: str | None) -> None:
-        """Store a plan that was asked for, or why there is none."""
+        """Store a requested plan, or the reason why there is none."""
         document = None if plan is None else json.dumps(plan)
         with self._writing():
             self._db.execute("UPDATE plans SET plan = ?, refused = ? WHERE id = ?", (document, refused, id))
@@ -750,7 +750,7 @@ class Store(Reader):
 
 
 def _private(path: Path) -> None:
-    """Make a file where there is none, and let nobody but its owner read it; SQLite's files beside it are as it is."""
+    """Create a missing file, readable by its owner only; SQLite's files beside it are as it is."""
     os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
     with suppress(OSError):  # a file system without rights
         path.chmod(0o600)

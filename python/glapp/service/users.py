@@ -82,7 +82,7 @@ class Person:
 
 
 class Refused(Exception):  # noqa: N818 - a refusal is an answer, not a fault of the program
-    """Nobody was logged in: the sentence says no more than a stranger may know."""
+    """Login refused: the sentence says no more than a stranger may know."""
 
 
 @dataclass(eq=False, slots=True)
@@ -104,7 +104,7 @@ class Attempt:
     _at: float = 0.0
 
     def right(self) -> None:
-        """The password is right: this one does not count, and what was counted before does."""
+        """The password is right: this try does not count, and earlier ones still do."""
         for one in self._counts:
             if self._at in one:
                 one.remove(self._at)
@@ -329,7 +329,7 @@ class Users:
 
 
 class RefusedLogins:
-    """Logins that were refused, counted: what is told of them grows with time, and not with their number.
+    """Refused logins, counted: the reports on them grow with time, and not with their number.
 
     The first is told at once, and what came after it when `every` seconds have passed.
 
@@ -343,7 +343,7 @@ class RefusedLogins:
         self._addresses: Counter[str] = Counter()
 
     def add(self, name: str | None, address: str) -> str | None:
-        """Count one; gives what to say of it now, None where it is said later.
+        """Count one; gives the text to report now, None where it is reported later.
 
         - `name`: the user's; None where there is none of that name, which may be a password typed in the wrong place.
         - `address`: where it came from.

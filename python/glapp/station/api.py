@@ -129,7 +129,7 @@ def api_of(station: Station) -> FastAPI:
         return JSONResponse({"detail": f"{place}: {first['msg']}"}, 422)
 
     async def known(request: Request) -> None:
-        """Nobody reads who is not known to the service."""
+        """Refuse readers that are not known to the service."""
         if station.sessions.of(request.headers.get("cookie")) is not None:
             return
         kind, _, token = request.headers.get("authorization", "").partition(" ")

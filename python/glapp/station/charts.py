@@ -1,4 +1,4 @@
-"""The pictures, as options of the chart library: what is drawn, and in which grey."""
+"""The pictures, as options of the chart library: their series and greys."""
 
 from __future__ import annotations
 
@@ -271,7 +271,7 @@ def detections(
     dark: bool,
     alone: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Detections over time, those under compensation as a series of their own; the estimate, and what the fits said.
+    """Detections over time, those under compensation as a series of their own; the estimate, and the fits' answers.
 
     The first three series are empty: `glapp.detections` in the browser fills them.
 
@@ -457,7 +457,7 @@ def phase(
     if flanks is not None and data:
         width, gain = flanks
         low, high = (limit(x for x, _ in data) for limit in (min, max))
-        # Through the middle of what is drawn: the load moves PV up and down beside OP.
+        # The line goes through the middle of the points: the load moves PV up and down beside OP.
         middle = _median([y - gain * x for x, y in data])
         bottom, top = (limit(y for _, y in data) for limit in (min, max))
         for label, side, kind in (("OP rising", 1.0, "solid"), ("OP falling", -1.0, "dashed")):

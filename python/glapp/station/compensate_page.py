@@ -1,4 +1,4 @@
-"""The dialog of a loop's compensation: its width, what it will do, the test of switching off, and its effect."""
+"""The dialog of a loop's compensation: its width, its effect before and after, and the test of switching off."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class CompensationPage:
         ui.timer(AGAIN, self._look)
 
     async def _fill(self, seen: dict[str, Any], status: dict[str, Any]) -> None:
-        """Show what is so now; where that stands there already it stays, and a click meanwhile finds its button."""
+        """Show the present state; unchanged parts stay, so that a click meanwhile finds its button."""
         async with self._filling:
             made = status.get("compensation")
             settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
@@ -94,7 +94,7 @@ class CompensationPage:
             await self._fill(*known)
 
     async def _go(self, what: str, body: dict[str, Any], message: str) -> bool:
-        """A command; whatever comes of it, the dialog shows what is so afterwards."""
+        """Send a command; in any case the dialog shows the state afterwards."""
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
         return await command(self.station, self.session, asking, message) is not None
@@ -218,7 +218,7 @@ class CompensationPage:
         self.why_not.set_visibility(bool(found.why_not))
 
     async def _use(self) -> None:
-        """Take over the fit, or set which width counts: what differs from what is in force."""
+        """Take over the fit, or set which width counts: the values that differ from those in force."""
         seen, wanted = self._seen, self._wanted()
         if self.source.value == 2 and self._fit is not None and seen["comp_fitted"] != self._fit["compensable"]:
             if not await self._go("take_over", {"answer": self._fit["id"], "seen": seen}, "Taken over."):

@@ -1,4 +1,4 @@
-"""One loop: its one number, its signals, and what a person may do about it (6.4)."""
+"""One loop: its one number, its signals, and a person's commands (6.4)."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ class _Page:
         ui.run_javascript(f"glapp.shade({self.chart.id}, {json.dumps(areas)})")
 
     def _begun(self, values: dict[str, Any]) -> UnderWay | None:
-        """A detector that has seen what is drawn; None where the controller is not known, or samples are left out."""
+        """A detector that has seen the drawn samples; None without the controller, or where samples are left out."""
         loop = self.station.view.loops[self.name]
         times = values["time"]
         if loop.controller is None or len(times) < 2 or values.get("every", 1) > 1:
@@ -567,7 +567,7 @@ class _Page:
             ui.label(lines + why).classes("small muted")
 
     async def step_test(self) -> None:
-        """A step test: what to do next, and what it tells so far."""
+        """A step test: the next step, and the result so far."""
         answer, status = self.station.view.answer(self.name), self.status
         width = status.get("estimate") if answer is None else (answer["high"] or answer["low"])
 

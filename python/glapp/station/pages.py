@@ -95,7 +95,7 @@ def quiet(text: str, what: Any = None, *, flat: bool = False) -> ui.button:
 
 @contextmanager
 def frame(station: Station, session: Session, title: str, here: str) -> Iterator[None]:
-    """Everything around a page: where one can go, who one is, and how old it is what is shown."""
+    """Everything around a page: links, the person, and the age of the shown data."""
     ui.page_title(f"{title} – glapp")
     ui.dark_mode(session.dark)
     ui.colors(primary="#41618a" if session.dark else "#3f4a54")
@@ -173,7 +173,7 @@ def dialog_of(title: str) -> Iterator[ui.dialog]:
 
 
 async def command(station: Station, session: Session, asking: Callable[[], Awaitable[Any]], done: str) -> Any:
-    """A command in the person's name: what became of it is said in any case. None where it was not done."""
+    """A command in the person's name: its outcome is shown in any case. None where it was not done."""
     if station.sessions.by_id(session.id) is None:
         ui.navigate.to("/login?why=expired")
         return None

@@ -75,7 +75,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Compensation: how u_FF moves": ("comp_way", "comp_band", "comp_tf", "comp_rate", "comp_release", "ff_tolerance"),
     "Compensation: when it is withdrawn": ("comp_watch", "comp_travel", "comp_reversals", "comp_withdraw"),
 }
-"""All others, by what they are about."""
+"""All other parameters, by subject."""
 
 assert sorted((*FIRST, *(name for names in GROUPS.values() for name in names))) == sorted(PARAMETERS)
 
@@ -127,7 +127,7 @@ def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[
 
 
 def command_text(command: Mapping[str, Any]) -> str:
-    """A command on parameters in a line: what was before, and what is after.
+    """A command on parameters in a line: the values before and after.
 
     >>> command_text({"before": {"kp": 2.0}, "after": {"kp": 3.0}, "refused": None})
     'kp 2 → 3'

@@ -39,7 +39,7 @@ LOOKED = 0.25
 """After so long the connection of an open page finds out that its session is over [s]."""
 
 OPEN = ("/login", "/static/", "/api/")
-"""Paths for whoever comes; what is under /api asks by itself who it is."""
+"""Paths for everybody; those under /api check the login themselves."""
 
 ENDING = ("/login", "/logout")
 """A session that was there before may be over after these."""
@@ -82,7 +82,7 @@ class Session:
     chosen: bool = False
 
     def may(self, role: str) -> bool:
-        """Whether the person may what a role may.
+        """Whether the person has the rights of a role.
 
         >>> Session("", "", "olaf", "operator", False, 0.0).may("engineer")
         False
@@ -102,7 +102,7 @@ class Tokens:
         self._opened: tuple[int, int] | None = None
 
     def of(self, token: str, now: float) -> tuple[str, str] | None:
-        """Name and role of whom a token stands for; None where it does not, or no longer.
+        """Name and role of a token's owner; None where it does not, or no longer.
 
         Raises InputError where the database is not there, or cannot be read.
         """

@@ -1,4 +1,4 @@
-"""A step test (8.5): read while it goes on, from what was recorded here, or from a file. A person moves OP."""
+"""A step test (8.5): read while it goes on, from the recordings here, or from a file. A person moves OP."""
 
 from __future__ import annotations
 

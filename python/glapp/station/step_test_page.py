@@ -1,4 +1,4 @@
-"""The dialog of a step test: what to do next, and what it tells, as it goes on, later, or from a file."""
+"""The dialog of a step test: its next step and its result, as it goes on, later, or from a file."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from ..service.store import Reader
 __all__ = ["LoopRow", "Trend", "View", "age", "as_csv", "summary", "trend"]
 
 BEHIND = 20.0
-"""The service writes what is to be seen every 5 s; after this time it is behind [s]."""
+"""Age from which the status is late: the service writes it every 5 s [s]."""
 
 SILENT = 60.0
 """A loop is silent where its connection has given no sign of life for so long [s], …"""
@@ -184,7 +184,7 @@ class View:
             raise InputError(f"cannot be read: {error}", file=str(path)) from None
 
     def refresh(self) -> None:
-        """Read what the service shows; where that cannot be, what was read before stays, with its age."""
+        """Read the service's status; where that cannot be read, the last one stays, with its age."""
         try:
             self.read(self._take)
             self.why = None
@@ -257,7 +257,7 @@ class View:
 
     @property
     def now(self) -> float:
-        """The time of what is shown [s since 1970 UTC]: that of a plant that catches up, else the clock's."""
+        """The time of the shown data [s since 1970 UTC]: that of a plant that catches up, else the clock's."""
         return self._clock() if self.catching_up is None or self.at is None else self.at
 
     @property
@@ -333,7 +333,7 @@ class View:
             wrong = silent or status["good"] is False
             urgency = "none" if answer is None else answer["urgency"]
             width = None if answer is None else answer["width_percent_span"]
-            # A signal that is bad or missing comes after what is urgent, and before all else.
+            # A bad or missing signal comes after urgent loops, and before all others.
             place = [3.5] if answer is None else list(answer["rank"])
             if wrong:
                 place[0] = 0.5
@@ -403,7 +403,7 @@ class View:
         return f"{number(width)} {unit} ({number(low)} to {number(high)})"
 
     def verdict(self, loop: str) -> str:
-        """The one verdict in words; before the first fit what the crossings allow."""
+        """The one verdict in words; before the first fit that of the crossings."""
         answer, status = self.answer(loop), self.shown["loops"].get(loop)
         if answer is not None:
             return named(answer["confidence"], str(answer["verdict"]))
@@ -451,7 +451,7 @@ def summary(rows: Sequence[LoopRow], when: str = "tonight") -> str:
 
 
 def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
-    """NE 107 of a loop; a valve that nobody has judged yet is not said to be good."""
+    """NE 107 of a loop; a valve that nobody has judged yet is not called good."""
     if silent and status["health"] != "FAILURE":
         return HEALTH["CHECK_FUNCTION"]
     return "–" if answer is None and status["health"] == "NORMAL" else HEALTH[status["health"]]

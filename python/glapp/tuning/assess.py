@@ -20,7 +20,7 @@ from .process import Array, Process, root
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Tuning:
-    """A controller, and what it makes of the loop.
+    """A controller, and its effect on the loop.
 
     Attributes
     ----------
@@ -232,7 +232,8 @@ def iae_of(plant: Plant, loop: Plant, ki: float, w_ms: float) -> float:
         spectrum[0] = 1 / ki if plant.num[-1] * loop.num[-1] >= 0 else -1 / ki
         spectrum[1:] = plant.response(w) / (1 + loop.response(w)) / (1j * w)
         y = np.fft.irfft(spectrum, n) / h
-        # Just before the end stands what the cut spectrum adds before the start: looked at is what comes before that.
+        # The cut spectrum adds just before the end the part that belongs before the start: only earlier values are
+        # used.
         if np.abs(y[-n // 4 : -n // 8]).max() < 1e-5 * np.abs(y).max() or n >= 1 << 19:
             break
         n *= 2

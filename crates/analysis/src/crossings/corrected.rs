@@ -21,11 +21,11 @@ pub enum Travel {
 /// Facts that the half-periods do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beside {
-    /// Process gain [PV unit/OP unit], where it is known; what is assumed is not.
+    /// Process gain [PV unit/OP unit], where it is known; none for an assumed one.
     pub kp: Option<f64>,
     /// Source of OP's travel.
     pub travel: Travel,
-    /// Deviation of OP's fast noise [OP unit], where it can be told.
+    /// Standard deviation of OP's fast noise [OP unit], where it can be measured.
     pub op_noise: Option<f64>,
     /// Whether the process integrates.
     pub integrating: bool,
@@ -56,7 +56,7 @@ pub enum NotCorrected {
 }
 
 impl Crossings {
-    /// The width by [`corrected`] from what was taken closely, and the number of pairs of half-periods that there are.
+    /// The width by [`corrected`] from the swings that were kept, and the number of pairs of half-periods.
     pub fn corrected(&self, beside: &Beside) -> (usize, Result<Corrected<f64>, NotCorrected>) {
         let halves: Vec<Half<f64>> = self
             .rows()

@@ -48,7 +48,7 @@ pub struct Heard {
     pub crossings: Verdict,
     /// Why no more.
     pub why: Option<Why>,
-    /// The width, where one may be said [OP unit].
+    /// The width, where it may be shown [OP unit].
     pub d_hat: Option<f64>,
     /// The noise limit [OP unit].
     pub noise_floor: Option<f64>,

@@ -18,7 +18,7 @@ pub const SHORT_KEPT: usize = 50_000;
 /// Format of a saved detector. What is laid out otherwise has another number, and is refused by it.
 const FORMAT: &str = "glapp detector 2";
 
-/// One half-period: when it was, what was concluded from it, and its swing where it was looked at closely.
+/// One half-period: its time, its result, and its swing where that was kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// First and last time.

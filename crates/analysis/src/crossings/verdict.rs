@@ -41,7 +41,7 @@ named! {
     }
 }
 
-/// Why no more can be said.
+/// Reason why the verdict says no more.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "code", content = "of", rename_all = "snake_case")]
 pub enum Why {

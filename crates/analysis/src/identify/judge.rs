@@ -85,7 +85,7 @@ fn unexplained(bands: &mut [Band<'_>], laws: &[Vec<Candidate>]) -> f64 {
     band.sane(laws).first().map_or(f64::INFINITY, |best| 1.0 - band.r2(best, 0.0))
 }
 
-/// Says what is wrong where no law comes out with values that a controller could have.
+/// The reason where no law has values that a controller could have.
 fn insane(bands: &mut [Band<'_>], samples: usize) -> Identification {
     let mut best: Option<(Values, [f64; 2], f64)> = None;
     for band in bands {

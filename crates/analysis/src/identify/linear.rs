@@ -38,7 +38,7 @@ pub(super) fn without_first(a: &Matrix) -> Matrix {
     a.view((1, 1), (a.nrows() - 1, a.ncols() - 1)).into_owned()
 }
 
-/// Ratio of the largest to the smallest singular value of a symmetric matrix; infinite where none can be told.
+/// Ratio of the largest to the smallest singular value of a symmetric matrix; infinite where it cannot be computed.
 pub(super) fn condition(a: &Matrix) -> f64 {
     if !a.iter().all(|x| x.is_finite()) {
         return f64::INFINITY;

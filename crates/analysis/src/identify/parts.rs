@@ -118,7 +118,7 @@ impl<'a> SharedSignals<'a> {
     }
 }
 
-/// Running sums, of what lies off the mean so that few digits are lost.
+/// Running sums of the deviations from the mean, so that few digits are lost.
 fn sums(x: &[f64]) -> Vec<f64> {
     let mean = x.iter().sum::<f64>() / x.len() as f64;
     let mut sum = 0.0;

@@ -108,7 +108,7 @@ faults! {
     OutputDeadBand = "output_dead_band": Warning;
     /// The error is one clean sinusoid.
     Sinusoidal = "sinusoidal": Warning;
-    /// Much of the width hangs on a process gain that nobody gave.
+    /// Much of the width depends on a process gain that nobody gave.
     KpAssumed = "kp_assumed": Warning;
 }
 
@@ -154,7 +154,7 @@ impl Serialize for Finding {
     }
 }
 
-/// Pairs of a name and what it names, as a map that keeps their order.
+/// Pairs of a name and its value, as a map that keeps their order.
 pub(crate) struct InOrder<'a, T>(pub &'a [(&'static str, T)]);
 
 impl<T: Serialize> Serialize for InOrder<'_, T> {

@@ -96,7 +96,7 @@ pub fn own_times(held: &str, pv_rows: u64, rows: u64) -> Finding {
         .with("rows", rows)
 }
 
-/// Says what the numbers of a time column were taken for, where that was not plain.
+/// Finding on the assumed unit of a time column, where it was not plain.
 ///
 /// `column` and `first` are its name and its first value as it is written, `step` the ordinary step between its numbers,
 /// none where they do not step; `calendar` is the format that reads them as days, and `sure` whether they were read so,

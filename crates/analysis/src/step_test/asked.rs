@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Where the load wanders, the 95 % interval holds the width in 91 to 95 of 100 tests: at 0 and at the width itself one in twenty
 /// would decide wrongly.
 const MARGIN: f64 = 0.2;
-/// Probability of the contrary at which a test that is over decides: what the 95 % interval leaves on either side.
+/// Probability of the contrary at which a test that is over decides: the tail of the 95 % interval on either side.
 const AT_END: f64 = 0.025;
 /// Probability of error while the test goes on.
 const EARLY: f64 = 0.001;

@@ -4,7 +4,8 @@ use super::holds::Node;
 use super::posterior::Posterior;
 use super::{Evidence, Kind};
 
-/// One-sided probability below which PV is said to have answered a move: of a dozen moves one is taken wrongly in 200 tests.
+/// One-sided probability below which PV counts as having answered a move: of a dozen moves one is taken wrongly in 200
+/// tests.
 const SURE: f64 = 5e-4;
 
 /// A move between two settled holds (their places among the settled ones).

@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 const RATIO: (f64, f64) = (1e-4, 1e3);
 /// Ratios between them: four a decade.
 const RATIOS: usize = 29;
-/// Steps of the search for a limit, each halving what is left of 200 standard deviations.
+/// Steps of the search for a limit, each halving the rest of 200 standard deviations.
 const HALVINGS: usize = 40;
 
 /// Shares of the distribution that lie below median, lower and upper 95 % limit.

@@ -6,7 +6,7 @@ use super::settling::TestSignals;
 
 /// Part of the way that is gone at T86: 1 − e⁻², of a single lag T after 2T.
 const T86: f64 = 0.865;
-/// Noise of the settled signal, part of the way, above which no time is told.
+/// Noise of the settled signal, as a fraction of the way, above which no time is given.
 const NOISY: f64 = 0.2;
 /// Standard deviations of the noise that the signal must go beyond its new level to have overshot.
 const BEYOND: f64 = 3.0;

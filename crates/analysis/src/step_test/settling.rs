@@ -21,7 +21,7 @@ const ABOVE_NOISE: f64 = 3.0;
 const ERROR: f64 = 0.03;
 /// Bins that the shortest hold is cut into, finest first.
 const BINS: [usize; 4] = [100, 50, 25, 12];
-/// Part of a bin below which no tail is told.
+/// Fraction of a bin below which no tail is given.
 const OF_BIN: f64 = 0.3;
 
 /// One signal's answer (PV's or the position's) to OP, in rows.

@@ -48,7 +48,7 @@ struct Test<'a> {
 }
 
 impl Test<'_> {
-    /// Finds what settled, what each move says, and what they say together.
+    /// Finds the settled holds, the reading of each move, and their joint result.
     fn answer(mut self) -> StepTest {
         let integrating = self.integrating;
         let asked = self.width.map(Asked::open);

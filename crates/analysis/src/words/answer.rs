@@ -1,4 +1,4 @@
-//! The answer in three parts: what is so, what to do, and why.
+//! The answer in three parts: state, next step, and reasons.
 
 use super::facts::{AnswerFacts, Corrected, Limit};
 use super::{Message, Numbers, Reader, Subject, TextError, Value, sentence, text};
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 pub(super) const SUBJECT: Subject = Subject { name: "answer", sentences: SENTENCES, variants };
 
-/// Fewer readings of the zero crossings than this, and none of them can be checked against another: nothing is said of the valve.
+/// Number of readings of the zero crossings below which none can be checked against another: no statement on the valve.
 const FEW: i64 = 3;
 
-/// A most likely width below this share of the upper limit is next to none: nobody is told that it is probable.
+/// Share of the upper limit below which a most likely width is next to none, and not called probable.
 const NEXT_TO_NONE: f64 = 0.1;
 
 macro_rules! interval {
@@ -336,7 +336,7 @@ fn short(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     text(&format!("answer.{code}"), &facts.message("").numbers, reader)
 }
 
-/// Why, a sentence each: what the answer stands on, with the numbers of the likelihood.
+/// Reasons, a sentence each, with the numbers of the likelihood.
 ///
 /// # Errors
 /// Where the answer has a code that the catalogue does not know.

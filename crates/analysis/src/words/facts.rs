@@ -66,7 +66,7 @@ pub struct Next {
     pub code: String,
     /// Subject of the step.
     pub of: Option<String>,
-    /// The recording holds a step test: what it gives is used, and no further one is asked for.
+    /// The recording holds a step test: its result is used, and no further one is asked for.
     pub tested: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Words that stand alone: verdicts, what is known of a valve, how soon, how strong the evidence is.
+//! Words that stand alone: verdicts, state of the valve, urgency, strength of the evidence.
 
 use super::{Subject, plain};
 

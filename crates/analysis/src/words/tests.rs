@@ -1,4 +1,4 @@
-//! Formats and wordings held to what Python wrote before the words stood here, and the catalogue to its own rules.
+//! Formats and wordings compared with those of Python before the words were here, and the catalogue with its own rules.
 
 use super::template::{self, Part};
 use super::*;
@@ -89,7 +89,7 @@ fn what_is_missing_is_named() {
     assert_eq!(wrong.to_string(), "message 'crossings.noise': 'd' cannot be written as 'op'");
 }
 
-/// An answer of a document, and what is told of it.
+/// Texts of an answer in a document.
 fn texts_for(facts: Json) -> AnswerTexts {
     let reader = Reader { name: "FIC1".into(), op_unit: "%".into(), ..Reader::default() };
     texts_of(&serde_json::from_value(facts).unwrap(), &reader).unwrap()

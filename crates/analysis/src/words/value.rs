@@ -18,7 +18,7 @@ pub enum Value {
     Number(f64),
     /// A name.
     Word(Cow<'static, str>),
-    /// Another message, which is told within this one.
+    /// Another message, whose sentence is part of this one.
     Message(Box<Message>),
     /// Several of them.
     List(Vec<Self>),
@@ -133,7 +133,7 @@ impl dyn Numbers + '_ {
     }
 }
 
-/// A code with its numbers: what is stored and sent in place of a sentence.
+/// A code with its numbers: the stored and sent form of a sentence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Message {
     /// `subject.name`, as the catalogue has it.

@@ -1,4 +1,4 @@
-//! Compensation of a gap: what is added to the controller's output so that the valve follows it.
+//! Compensation of a gap: a signal added to the controller's output so that the valve follows it.
 
 use super::harm::{Harm, HarmState};
 use crate::detect::zero_crossing::sign_of;
@@ -26,7 +26,7 @@ pub(super) fn usual_release<R: Real>(ti: R) -> R {
     ti.lesser(R::of(LONGEST_RELEASE.1))
 }
 
-/// Lets an account fill up again: half of what the budget allows in an hour is there at any moment.
+/// Refills an account: half of the budget of an hour is there at any moment.
 #[inline(always)]
 pub(super) fn repay<R: Real>(spent: &mut R::Sum, budget: R, h: R) {
     spent.add(-(budget * (h / R::of(7200.0))));
@@ -153,7 +153,7 @@ pub struct CompensationSettings<R> {
     pub travel: R,
     /// Budget: changes of its direction in any hour, 2 or more.
     pub reversals: R,
-    /// Time over which the loop is compared with what it was before > 0 \[s\]; three hundred Ti and more.
+    /// Time over which the loop is compared with its state before > 0 \[s\]; three hundred Ti and more.
     pub watch: R,
     /// Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
     pub withdraw: bool,
@@ -407,7 +407,7 @@ pub struct CompensationState<R: Real> {
     unfit: bool,
     /// The width of the gap that it goes by [OP unit].
     pub size: R,
-    /// δ: what is left of share·size after the noise band [OP unit].
+    /// δ: share·size less the noise band [OP unit].
     pub delta: R,
     /// Travel that counts against the budget, which an hour takes off again [OP unit].
     pub travel: R::Sum,
@@ -418,7 +418,7 @@ pub struct CompensationState<R: Real> {
 }
 
 impl<R: Real> CompensationState<R> {
-    /// The width that stays uncompensated while it is in force: what the share leaves, and the noise band [OP unit].
+    /// The width that stays uncompensated while it is in force: the rest of the share, and the noise band [OP unit].
     pub fn left(&self) -> R {
         (self.size - self.delta).greater(R::ZERO)
     }
@@ -508,7 +508,7 @@ impl<R: Real> Compensation<R> {
         state.u_ff.value()
     }
 
-    /// Compares the loop with what it was before it was enabled.
+    /// Compares the loop with its state before it was enabled.
     #[inline(always)]
     fn compare(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
         let since = state.in_force;

@@ -1,4 +1,4 @@
-//! Whether a loop has become worse: what a compensation may not do.
+//! Check that a loop has not become worse, as no compensation may make it.
 
 use crate::{Real, Sum};
 
@@ -153,7 +153,7 @@ impl<R: Real> Harm<R> {
             || beyond(since.reversals.value - R::of(1.5) * before.reversals.value, of_n, chance * scatter)
     }
 
-    /// Begins anew with what is since it is in force.
+    /// Begins anew with the values since it is in force.
     pub(crate) fn begin(&self, state: &mut HarmState<R>, in_force: bool) {
         (state.in_force, state.burst, state.since) = (in_force, 0, Blocks::default());
         self.interrupt(state);

@@ -54,7 +54,7 @@ pub struct StictionSettings<R> {
     pub release: R,
     /// Budget: travel of u_FF in any hour > 0, at most 1E37 [OP unit].
     pub travel: R,
-    /// Time over which the loop is compared with what it was before > 0, at most 1E5 Ti \[s\].
+    /// Time over which the loop is compared with its state before > 0, at most 1E5 Ti \[s\].
     pub watch: R,
     /// Whether a loop that is worse than before withdraws it.
     pub withdraw: bool,
@@ -107,7 +107,7 @@ pub struct StictionSample<R> {
     pub flags: Status,
 }
 
-/// Pushes against the stiction of a valve: what is added to the controller's output.
+/// Pushes against the stiction of a valve: a signal added to the controller's output.
 ///
 /// ```text
 /// knocker:        each period, for `hold`:   u_FF = size·sign(u − u at the pulse before)
@@ -325,7 +325,7 @@ impl<R: Real> Stiction<R> {
         state.withdrawn.unwrap_or(Standing::Active)
     }
 
-    /// Compares the loop with what it was before it was enabled. The pushes themselves are no turns of the controller.
+    /// Compares the loop with its state before it was enabled. The pushes themselves are no turns of the controller.
     fn compare(&self, state: &mut StictionState<R>, sample: &StictionSample<R>, bad: bool) {
         let unknown = bad || sample.flags != 0 || !(sample.e + sample.u).is_measurable();
         if !state.in_force && (state.standing != Standing::NotEnabled || unknown) {

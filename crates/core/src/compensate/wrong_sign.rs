@@ -79,8 +79,8 @@ pub struct WrongSignState<R: Real> {
     /// Greatest |e| in the first half of the way, and until OP reached its limit.
     early: R,
     farthest: R,
-    /// Since OP stands at its limit: how long \[s\], |e| and PV when it came there, whether it came from far with |e| growing,
-    /// and the integral of what PV has gone away.
+    /// Time since OP stands at its limit \[s\], |e| and PV at that moment, whether OP came from far with |e| growing,
+    /// and the integral of PV's distance since.
     time: R::Sum,
     e: R,
     pv: R,

@@ -71,7 +71,7 @@ named! {
     }
 }
 
-/// Pairs without which nothing is said where Kp is known; where it is not, one more.
+/// Pairs that a result needs where Kp is known; where it is not, one more.
 pub const FEWEST: usize = 3;
 
 /// Plateaus that lie further above Δy than this were not reached.

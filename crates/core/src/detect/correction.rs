@@ -161,7 +161,8 @@ impl<R: Real> Correction<R> {
         (s.due, s.kp) = (false, self.kp);
     }
 
-    /// The width, or why there is none; `shown`: there is an estimate by the zero crossings that is no less than the noise limit.
+    /// The width, or the reason why there is none; `shown`: there is an estimate by the zero crossings that is no less
+    /// than the noise limit.
     pub fn width(&self, s: &CorrectionState<R>, shown: bool) -> Result<Corrected<R>, Doubt> {
         if self.integrating {
             return Err(Doubt::Integrating);

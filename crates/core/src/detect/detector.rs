@@ -128,7 +128,7 @@ pub struct Detector<R> {
     pub(super) kp_defaulted: bool,
 }
 
-/// State of [`Detector`]: what is touched at every sample, and what only at a zero crossing.
+/// State of [`Detector`]: a part that changes at every sample, and one that changes at a zero crossing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DetectorState<R: Real> {

@@ -1,4 +1,4 @@
-//! The half-period: what the signals did between two zero crossings of the error.
+//! The half-period: the signals between two zero crossings of the error.
 
 use crate::status::{BAD, Status};
 use crate::{Adding, Numbers, Real, Sum};

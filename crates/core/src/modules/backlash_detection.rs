@@ -95,11 +95,11 @@ pub struct BacklashDetection<R> {
 pub struct BacklashDetectionState<R: Real> {
     /// Whether a person wants compensation.
     pub compensate: bool,
-    /// The detector; it holds the estimate of what is left of the gap.
+    /// The detector; it holds the estimate of the rest of the gap.
     pub detector: DetectorState<R>,
-    /// The last half-period that ended, with what was concluded from it.
+    /// The last half-period that ended, with its result.
     pub last: Option<HalfPeriodResult<R>>,
-    /// The compensation: u_FF, the size in force, and what stands in its way.
+    /// The compensation: u_FF, the size in force, and its obstacle.
     pub compensation: CompensationState<R>,
     /// The warnings of over-compensation.
     pub over: OverWarning,
@@ -131,7 +131,7 @@ pub struct BacklashDetectionState<R: Real> {
     pv: Forward<R>,
     #[cfg_attr(feature = "serde", serde(default))]
     raw: R,
-    /// PV by which u_FF and the watch for the wrong sign go, where it is not what the detector's filter gives.
+    /// PV for u_FF and the watch for the wrong sign, where it is not the output of the detector's filter.
     beside: Option<R>,
     h: R,
     /// The u_FF that the output in effect holds.
@@ -264,7 +264,7 @@ impl<R: Real> BacklashDetection<R> {
         Forward::new(state.u_ff, 0)
     }
 
-    /// Takes what the controller tells at its feed-forward, where that is connected; learns from the sample of this scan.
+    /// Takes the controller's report at its feed-forward, where that is connected; learns from the sample of this scan.
     #[inline(always)]
     pub fn backward(&self, state: &mut BacklashDetectionState<R>, back: Option<Backward<R>>) {
         let backward_flags = back.map_or(0, |back| back.flags & (AT_LOW | AT_HIGH | NOT_AUTO));
@@ -300,7 +300,7 @@ impl<R: Real> BacklashDetection<R> {
         }
     }
 
-    /// Learns from the sample of this scan, with what is `told` of it, the output in effect where it is known, and what hinders
+    /// Learns from the sample of this scan, with its flags, the output in effect where it is known, and the obstacle to
     /// u_FF.
     #[inline(always)]
     pub(super) fn learn(

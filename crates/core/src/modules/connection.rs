@@ -176,8 +176,8 @@ impl<R: Real> PhaseLead<R> {
         }
     }
 
-    /// Tells those before it what it is told. Where its output is not followed, it rests at the value in effect, so that whoever
-    /// goes on from there does so without a bump.
+    /// Passes the backward signals on to the modules before it. Where its output is not followed, it rests at the value
+    /// in effect, so that whoever goes on from there does so without a bump.
     #[inline(always)]
     pub fn backward(&self, state: &mut PhaseLeadState<R>, back: Backward<R>) -> Backward<R> {
         if back.flags & NOT_AUTO != 0 && back.tracking.is_number() {

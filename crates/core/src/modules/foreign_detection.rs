@@ -26,7 +26,8 @@ pub struct ForeignDetectionSettings<R> {
 }
 
 impl<R: Real> ForeignDetectionSettings<R> {
-    /// Default settings: u_FF is a scan late; what is read back may be off by a tenth of the width; the longest delay is that of the way.
+    /// Default settings: u_FF is a scan late; the read-back may be off by a tenth of the width; the longest delay is
+    /// that of the way.
     pub fn new(detection: BacklashDetectionSettings<R>) -> Self {
         Self { detection, delay: 1, tolerance: None, longest: None }
     }
@@ -45,7 +46,7 @@ pub struct Read<R> {
 }
 
 /// Detection, estimation and compensation of backlash beside a controller that is not ours (thesis 6.4, figure 6.3): a
-/// [`BacklashDetection`] to which nothing is told backward.
+/// [`BacklashDetection`] without backward signals.
 ///
 /// ```text
 ///           ┌────────────── SP, PV, mode and flags, OP, u_FF read back ──────────────┐
@@ -123,7 +124,8 @@ impl<R: Real> ForeignDetection<R> {
         &self.detection
     }
 
-    /// Takes setpoint, process value, what is read of their controller and the time since the last scan `h` \[s\]; gives u_FF.
+    /// Takes setpoint, process value, the signals of their controller and the time since the last scan `h` \[s\]; gives
+    /// u_FF.
     #[inline(always)]
     pub fn update(
         &self,
@@ -174,7 +176,7 @@ impl<R: Real> ForeignDetection<R> {
         (usize::from(state.at) + FOREIGN_SCANS - usize::from(self.delay)) % FOREIGN_SCANS
     }
 
-    /// Compares what is read back with what was handed over.
+    /// Compares the value read back with the one handed over.
     #[inline(always)]
     fn hindered(&self, state: &mut ForeignDetectionState<R>, back: Option<R>, flags: Status, h: R) -> Option<Standing> {
         // After a gap in time, or a value that was lost, nobody knows what was written meanwhile.
@@ -235,7 +237,7 @@ mod tests {
             Self { block, state: ForeignDetectionState::default(), handed: vec![0.0; 2], scan: 0 }
         }
 
-        /// A scan in which `lose` may spoil what is read.
+        /// A scan in which `lose` may spoil the signals.
         fn scan(&mut self, lose: impl Fn(&mut Read<f64>)) -> f64 {
             let swing = (self.scan % 40) as f64 * 0.1;
             let held = self.handed[self.handed.len() - 2];

@@ -329,9 +329,9 @@ impl<R: Real> Pid<R> {
         Forward::new(u, 0)
     }
 
-    /// Takes what the modules after the output tell; gives what setpoint and feed-forward are told. They are told
-    /// [`NOT_AUTO`] unless the controller follows the setpoint handed to it, and that setpoint has reached a limit while it is
-    /// on its ramp.
+    /// Takes the backward signals of the modules after the output; gives those to setpoint and feed-forward. They are
+    /// told [`NOT_AUTO`] unless the controller follows the setpoint handed to it, and that setpoint has reached a limit
+    /// while it is on its ramp.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
         s.back = back;
@@ -359,7 +359,7 @@ impl<R: Real> Pid<R> {
         flags & !(AT_LOW | AT_HIGH) | swap(AT_LOW, AT_HIGH) | swap(AT_HIGH, AT_LOW)
     }
 
-    /// The narrower of the own limits and those told backward.
+    /// The narrower of the own limits and the backward ones.
     #[inline(always)]
     fn limits(&self, s: &PidState<R>, error: &mut Status) -> Saturation<R> {
         let PidSettings { low, high, .. } = self.settings;

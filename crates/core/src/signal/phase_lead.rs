@@ -1,4 +1,4 @@
-//! Phase lead: what a linear design does against the limit cycle of a gap.
+//! Phase lead: a linear design against the limit cycle of a gap.
 
 use crate::error::require;
 use crate::{ParameterError, Real, Sum};

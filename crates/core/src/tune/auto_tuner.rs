@@ -1,4 +1,4 @@
-//! The autotuner: a relay in the controller's place until the process has told how it oscillates.
+//! The autotuner: a relay in the controller's place until the oscillation of the process is known.
 
 use crate::error::require;
 use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};

@@ -1,4 +1,4 @@
-//! Control modules: what they promise when modes change, values are bad, limits move and time jumps.
+//! Control modules: their promises when modes change, values are bad, limits move and time jumps.
 
 use glapp_core::modules::{
     BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, Pid, PidAdvanced,

@@ -1,4 +1,4 @@
-//! The autotuner inside `PidAdvanced`: the same experiment as beside a controller, what it offers, and how that is taken over.
+//! The autotuner inside `PidAdvanced`: the same experiment as beside a controller, its offer, and its take-over.
 
 use glapp_core::auto_tuner::{Phase, Rule, Stop};
 use glapp_core::modules::{

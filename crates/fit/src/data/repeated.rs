@@ -22,7 +22,7 @@ pub(crate) struct Once {
     pub(crate) repeated: f64,
 }
 
-/// The recordings, in the order of time, without what they repeat of those before them.
+/// The recordings, in the order of time, without the rows that repeat those before them.
 ///
 /// Rows in a row are the same where PV and OP are, to the last digit, and PV takes some values among them: noise does not come
 /// back so.

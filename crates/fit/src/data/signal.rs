@@ -21,7 +21,7 @@ impl Unit {
         Self { zero: low, size: if high > low { high - low } else { 1.0 } }
     }
 
-    /// The signal from 0 to 1: what is found does not hang on units.
+    /// The signal from 0 to 1: the results do not depend on units.
     pub(crate) fn scaled(self, signal: &[f64]) -> Vec<f64> {
         signal.iter().map(|x| ((x - self.zero) / self.size * GRID).round() / GRID).collect()
     }

@@ -74,7 +74,8 @@ impl Score {
     }
 }
 
-/// A width beside the model without a gap: what it leaves unexplained, and an orthonormal basis of what another process can explain.
+/// A width beside the model without a gap: its residual, and an orthonormal basis of the part that another process can
+/// explain.
 struct Tangent {
     /// D less its part in the basis, and the sum of its squares.
     left: Vec<f64>,

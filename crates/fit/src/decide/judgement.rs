@@ -1,4 +1,4 @@
-//! The ladder: what is said of a valve, in fields that do not mix questions.
+//! The ladder: the judgement on a valve, in fields that do not mix questions.
 
 use crate::decide::verdict::Verdict;
 use serde::{Deserialize, Serialize};
@@ -62,7 +62,7 @@ impl Judgement {
         Self { confidence, cause: None, width_kind: None, oscillates }
     }
 
-    /// The verdict: it claims what is found, and nothing that is only likely. `low`: the lower limit of the width.
+    /// The verdict: it claims a found gap, and no likely one. `low`: the lower limit of the width.
     pub fn verdict(&self, low: f64) -> Verdict {
         match (self.confidence, self.width_kind, self.cause) {
             (Confidence::NoneSeen, ..) => Verdict::Sound,

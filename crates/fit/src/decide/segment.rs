@@ -52,7 +52,7 @@ pub struct Prediction {
 pub struct SegmentFit {
     /// Judgement on the record.
     pub judgement: Judgement,
-    /// Verdict in one word, which claims only what is found.
+    /// Verdict in one word, which claims only a found gap.
     pub verdict: Verdict,
     /// Most likely total width [OP unit].
     pub d: f64,
@@ -99,7 +99,7 @@ pub struct SegmentFit {
     pub denominator: [f64; 4],
     /// Settling time of PV after a move of OP: the lags; behind an integrator with the dead time [s].
     pub settles: f64,
-    /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
+    /// Standard deviation of the model's prediction error of PV, a cell ahead [PV unit].
     pub sigma: f64,
     /// Correlation of that with the same a cell before: far from 0 where the model is not of this record.
     pub autocorrelation: f64,
@@ -117,7 +117,7 @@ pub struct SegmentFit {
     pub predictions: Vec<Prediction>,
     /// Evidence of the judgement.
     pub evidence: Evidence,
-    /// Why the verdict is what it is, a word that `glapp` turns into a sentence; not handed over, for the evidence tells it.
+    /// Reason of the verdict, a word that `glapp` turns into a sentence; not handed over, for the evidence gives it.
     #[serde(skip)]
     pub reason: &'static str,
 }
@@ -381,7 +381,7 @@ pub(crate) fn swings_evenly(record: &Cells, d: f64, lag: f64) -> bool {
         && record.swing(d).is_some_and(|(mean, spread)| spread < EVEN_SWING && (known || lag < mean))
 }
 
-/// The cells of PV with what the model left of each.
+/// The cells of PV with the model's residual of each.
 fn predictions(record: &Cells, positions: &Positions, residual: &[f64]) -> Vec<Prediction> {
     let cells = record.stretches.iter().zip(positions).flat_map(|(stretch, v)| {
         let there = stretch.y.iter().zip(v).enumerate().filter(|(_, (y, _))| !y.is_nan());

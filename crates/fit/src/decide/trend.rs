@@ -188,7 +188,8 @@ mod tests {
         assert!((found.error - (0.075f64 / 3.0 / 10.0).sqrt()).abs() < 1e-12, "{}", found.error);
     }
 
-    /// Share of series without a change that are said to change: each width of a normal error, `scatter` times what it says.
+    /// Share of series without a change that are called changed: each width with a normal error of `scatter` times its
+    /// stated one.
     fn false_alarms(n: usize, known: bool, scatter: f64) -> f64 {
         let mut state = n as u64;
         let mut uniform = || {

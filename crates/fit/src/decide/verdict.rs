@@ -78,7 +78,7 @@ pub struct Evidence {
     pub(crate) coarse: bool,
     /// Whether the process settles within a sample, so that a load that ramps leaves PV as a gap does.
     pub(crate) at_once: bool,
-    /// Width below which PV's noise hides what a gap makes.
+    /// Width below which PV's noise hides the effect of a gap.
     pub(crate) noisy_below: f64,
     /// Whether PV strays from the model where d matters, as where the valve turns.
     pub(crate) misfit_at_turns: bool,
@@ -107,8 +107,8 @@ pub struct Evidence {
     pub(crate) cycle: Option<Cycle>,
     /// Response of PV within the gap and behind it.
     pub(crate) plateau: Plateau,
-    /// Standard deviation of Kp·OP, part of that of PV: far above 1 where the load of the model undoes what the valve does. 0 behind an
-    /// integrator.
+    /// Standard deviation of Kp·OP as a fraction of that of PV: far above 1 where the load of the model undoes the
+    /// valve's effect. 0 behind an integrator.
     pub(crate) cancels: f64,
     /// Standard error of the lags, part of them.
     pub(crate) lag_error: f64,
@@ -133,7 +133,7 @@ impl Evidence {
         self.d < self.noisy_below
     }
 
-    /// Whether no width with two limits is told, whatever the likelihood ratio is.
+    /// Whether only a bound is given, whatever the likelihood ratio is.
     fn bound(&self) -> bool {
         self.high.is_none() || !self.traversed || self.noisy()
     }
@@ -264,7 +264,7 @@ impl Evidence {
         if self.oscillates || few { LAG_KNOWN_IF_FEW } else { 1.0 }
     }
 
-    /// Why no gap is told although the likelihood ratio speaks for one: something else looks like it.
+    /// Reason why no gap is found although the likelihood ratio speaks for one: something else looks like it.
     fn veto(&self) -> Option<&'static str> {
         let vetoes = [
             (self.immobile, "still"),

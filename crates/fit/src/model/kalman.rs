@@ -81,7 +81,7 @@ impl LoadChange {
     }
 }
 
-/// Variance that stands for "not known at all", at the start and for the load where it changes, in units of the white noise.
+/// Variance that means "not known at all", at the start and for the load where it changes, in units of the white noise.
 pub(crate) const UNKNOWN: f64 = 1e8;
 /// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
 /// that models with more states do not pay for a start that nobody asked about.
@@ -217,7 +217,7 @@ impl Whitened {
         (&mut self.of_y[from..self.count], &mut self.of_v[from..self.count])
     }
 
-    /// Keeps what an innovation does to the states, and what it is worth.
+    /// Keeps the effect of an innovation on the states, and its weight.
     #[inline(always)]
     fn keep<S: Simd, const R: usize, const N: usize>(&mut self, l: &[Wide<S, R>; N], worth: Wide<S, R>) {
         let room = &mut self.gains[self.gains_kept..self.gains_kept + N + 1];
@@ -623,8 +623,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         gain.scale = gain.part.sqrt();
     }
 
-    /// One step on, with what the innovation does to the states. The gain of a stretch without holes settles; from then on it is
-    /// not worked out again.
+    /// One step on, with the effect of the innovation on the states. The gain of a stretch without holes settles; from
+    /// then on it is not worked out again.
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn advance(&self, gain: &mut Gain<S, R, N>, missing: bool, change: Option<&LoadChange>) {

@@ -1,4 +1,4 @@
-//! The rows that count, and what a lost motion is worth on them: eight motions in a pass.
+//! The rows that count, and the cost of a lost motion on them: eight motions in a pass.
 
 use crate::data::recorder::{FEWEST_NEW, Moves, Recorder, only_new, span, spike_limit, spikes_in};
 use crate::data::segment::OpAndPv;
@@ -27,14 +27,14 @@ impl Motion {
     }
 }
 
-/// A motion with what it is worth: −2·ln L but for a constant, and the line a + b·v.
+/// A motion with its cost: −2·ln L but for a constant, and the line a + b·v.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tried {
     pub(super) motion: Motion,
     pub(super) cost: f64,
     pub(super) a: f64,
     pub(super) b: f64,
-    /// Mean square of what is left [position unit²].
+    /// Mean square of the residual [position unit²].
     pub(super) left: f64,
 }
 
@@ -47,7 +47,7 @@ pub(super) struct Part {
     pub(super) first: f64,
 }
 
-/// The record, and what is known of it before a motion is tried.
+/// The record, and the facts on it that no motion changes.
 pub(super) struct Track {
     pub(super) parts: Vec<Part>,
     pub(super) recorder: Recorder,

@@ -17,7 +17,7 @@ impl Work for Sum {
         Forward::new(x.value + plus.value, x.flags | plus.flags)
     }
 
-    /// Each is told what is left to it beside the other.
+    /// Each input gets the range that the other one leaves.
     fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         let followers = back.unwrap_or_default();
         let beside = |other: f64| {

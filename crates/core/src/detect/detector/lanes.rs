@@ -13,7 +13,8 @@ use crate::{LANES, Lanes, NoiseLevel};
 /// Samples of each loop between turning columns into rows: what stays in the nearest cache.
 const ROWS: usize = 64;
 
-/// Bounds within which no error, sum or slope can fail to be a measurement or a number; what is beyond takes the tile alone.
+/// Bounds within which no error, sum or slope can fail to be a measurement or a number; values beyond take the tile
+/// alone.
 const LEAST_STEP: f64 = 1e-9;
 const LARGEST: f64 = 1e29;
 

@@ -31,7 +31,7 @@ const PERIODS: f64 = 60.0;
 const FINE: usize = 8;
 /// Share of a swing over which the law of the controller is fitted.
 const PART: f64 = 0.25;
-/// Recorded swings from its rest at which the loop is held to go away for good.
+/// Distance from rest, in recorded swings, from which the loop counts as unstable.
 const AWAY: f64 = 100.0;
 /// Steps at most for which the loop is run.
 const MOST_STEPS: f64 = 2e5;

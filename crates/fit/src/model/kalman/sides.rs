@@ -1,4 +1,5 @@
-//! A stretch from both sides: what the cells before a checkpoint say, and those behind it, kept at checkpoints all along.
+//! Statistics of a stretch from both sides: of the cells before a checkpoint and behind it, kept at checkpoints all
+//! along.
 //!
 //! Changes of the load between two checkpoints are then judged by the cells between them (the two-filter form of the smoother, Fraser
 //! and Potter 1969). Before a checkpoint stands the Kalman filter's foresight; behind it the likelihood of the states there,
@@ -25,9 +26,9 @@ const STRIDE: usize = 8;
 const NEARBY: usize = 32;
 /// Most states of a model.
 const MOST_STATES: usize = 5;
-/// Part of itself below which a pivot of Λ is nothing: that direction is not told.
+/// Fraction of itself below which a pivot of Λ counts as 0: nothing is known of that direction.
 const UNTOLD: f64 = 1e-12;
-/// Part of itself by which what is said at a checkpoint may differ from what was said there, to be taken for the same.
+/// Fraction by which statistics at a checkpoint may differ and still count as equal.
 const SAME: f64 = 1e-10;
 
 /// Statistics of the cells before a checkpoint: the covariance, the states of PV and of the answer, and the sums.
@@ -58,7 +59,7 @@ impl Before {
 }
 
 impl Behind {
-    /// Whether the same is said of the states.
+    /// Whether the statistics of the states are equal.
     fn same<const N: usize>(&self, other: &Self) -> bool {
         alike::<N>(&self.lambda, &other.lambda) && self.eta.iter().zip(&other.eta).all(near)
     }

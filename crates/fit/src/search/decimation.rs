@@ -1,4 +1,4 @@
-//! How many steps a cell may hold for the process to be seen, and where a search begins.
+//! Number of steps in a cell for which the process can be seen, and the beginning of a search.
 
 use crate::data::cells::Cells;
 use crate::data::segment::{OpAndPv, Segment, turns};

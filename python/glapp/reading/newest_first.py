@@ -53,7 +53,7 @@ def clock_from_last(
         counted = again(next(column for column in from_last if len(column)).slice(0, _ROWS))
         read = counted.reader()
         t = np.concatenate([read(column) for column in from_last])
-    except (CellFault, InputError):  # told where the rows are read
+    except (CellFault, InputError):  # reported where the rows are read
         return None
     steps = np.diff(t) if tag is None else _steps_of_tags(t, [_turned(column) for column in reversed(tags)])
     return counted if (steps >= 0).all() else None
@@ -63,14 +63,14 @@ class FromLast:
     """The rows of one pass from the last to the first.
 
     - `stream`: the pass; all of it is read and held.
-    - `told`: hears the share that is read.
+    - `progress`: receives the share that is read.
     """
 
-    def __init__(self, stream: Iterator[tuple[list[pa.Array], float]], told: Callable[[float], None]) -> None:
+    def __init__(self, stream: Iterator[tuple[list[pa.Array], float]], progress: Callable[[float], None]) -> None:
         self._blocks: list[list[pa.Array]] = []
         for columns, fraction in stream:
             self._blocks.append(columns)
-            told(fraction)
+            progress(fraction)
         self.rows = sum(len(columns[0]) for columns in self._blocks)
 
     def __iter__(self) -> Iterator[tuple[list[pa.Array], float]]:

@@ -168,10 +168,10 @@ class _Store:
         order = list(self._types)
         place = {role: order.index(i) for role, i in self.at.items() if i is not None}
         done = 0
-        stream = self.source.stream(self._types, frozenset({""}))
+        stream: Iterable[tuple[list[pa.Array], float]] = self.source.stream(self._types, frozenset({""}))
         if self.from_last:
-            stream = FromLast(stream, self._tell)
-            self._last_row = stream.rows - 1
+            stream = turned = FromLast(stream, self._tell)
+            self._last_row = turned.rows - 1
         for columns, fraction in stream:
             self.fraction = fraction
             columns = [plain(column) for column in columns]  # rows are picked from them, words may go
@@ -258,7 +258,7 @@ class LongRecording(Recording):
             LABELS[role]: unit for role, tag in chosen.items() if (unit := known.get(tag) or understand(tag).unit)
         }
         self.loop = with_units(loop, self.units)
-        check_one_unit(self.units, loop, self.source, tag=chosen.get("sp", ""))
+        check_one_unit(self.units, loop, self.source, None, chosen.get("sp"))
         self._unused = unused_settings(loop, self.columns | {LABELS["time"]: store.source.names[time]})
         self.t0: datetime | None = store.clock.t0
         self.zone = store.clock.zone

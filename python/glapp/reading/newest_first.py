@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -66,7 +66,7 @@ class FromLast:
     - `progress`: receives the share that is read.
     """
 
-    def __init__(self, stream: Iterator[tuple[list[pa.Array], float]], progress: Callable[[float], None]) -> None:
+    def __init__(self, stream: Iterable[tuple[list[pa.Array], float]], progress: Callable[[float], None]) -> None:
         self._blocks: list[list[pa.Array]] = []
         for columns, fraction in stream:
             self._blocks.append(columns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -77,12 +77,12 @@ def with_units(loop: Loop, units: dict[str, str]) -> Loop:
     return loop.model_copy(update={key: unit for key, unit in found.items() if getattr(loop, key) is None})
 
 
-def check_one_unit(units: dict[str, str], loop: Loop, file: str, **place: str) -> None:
+def check_one_unit(units: dict[str, str], loop: Loop, file: str, column: str | None, tag: str | None = None) -> None:
     """Refuse an SP in another unit than PV, where the file states both and the settings state none.
 
     - `units`: label of each signal to its unit.
     - `loop`: settings as they were given.
-    - `place`: column or tag of SP.
+    - `column`, `tag`: that of SP.
 
     Raises InputError where the units differ in more than how they are written.
     """
@@ -100,7 +100,8 @@ def check_one_unit(units: dict[str, str], loop: Loop, file: str, **place: str) -
         bound=pv,
         hint="export both in one unit; where the file states a wrong one, write the unit of both in loops.toml: "
         f'pv_unit = "{pv}"',
-        **place,
+        column=column,
+        tag=tag,
     )
 
 
@@ -192,7 +193,7 @@ class WideRecording(Recording):
         self._ends = {role: end for role in _NUMBERS if role in self._at and (end := self._end(role))}
         self.units = {LABELS[role]: end for role, end in self._ends.items()} | self.units
         self.loop = with_units(self.loop, self.units)
-        check_one_unit(self.units, given, source.label, column=chosen.get("sp", ""))
+        check_one_unit(self.units, given, source.label, chosen.get("sp"))
         types = {
             i: pa.float64() if role in _NUMBERS and role not in self._ends else pa.string()
             for role, i in self._at.items()
@@ -224,10 +225,10 @@ class WideRecording(Recording):
         order = list(self._share.types)
         done, alive = 0, False
         self._fraction = 0.0
-        stream = self._share.stream()
+        stream: Iterable[tuple[list[pa.Array], float]] = self._share.stream()
         if self._from_last:
-            stream = FromLast(stream, self._tell)
-            self._last_row = stream.rows - 1
+            stream = turned = FromLast(stream, self._tell)
+            self._last_row = turned.rows - 1
         for columns, fraction in stream:
             n = len(columns[0])
             if n == 0:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import logging
 import math
 import socket
 import ssl
@@ -11,6 +12,7 @@ from typing import Any
 
 import httpx
 import pytest
+from starlette.middleware.base import BaseHTTPMiddleware
 from station_window import Window
 from test_station import certificate
 
@@ -443,3 +445,46 @@ def test_no_file_left_is_no_end() -> None:
             assert (await asked(api)).text == "here" and len(failed) == 3
 
     asyncio.run(go())
+
+
+class Silent(BaseHTTPMiddleware):
+    """Hands on, as NiceGUI's middleware does."""
+
+    async def dispatch(self, request: Any, call_next: Any) -> Any:
+        return await call_next(request)
+
+
+@pytest.mark.parametrize("gone", [True, False])
+def test_a_killed_browser_fills_no_log(gone: bool) -> None:
+    """Each one left a traceback of "No response returned"; a handler that answers nobody still does."""
+    done: list[str] = []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        if scope["type"] != "http":
+            return
+        while gone and (await receive())["type"] != "http.disconnect":
+            pass
+        done.append(scope["path"])
+
+    async def run() -> list[str]:
+        heard: list[str] = []
+        handler = logging.Handler()
+        handler.emit = lambda record: heard.append(logging.Formatter().format(record))  # type: ignore[method-assign]
+        async with served(Silent(app), PATIENT) as api:
+            logging.getLogger("uvicorn.error").addHandler(handler)
+            try:
+                one = await Stranger.to(api, b"GET /x HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+                if gone:
+                    one.writer.transport.abort()
+                else:
+                    await one.reader.read(10)
+                async with asyncio.timeout(LONGEST):
+                    while not done:
+                        await asyncio.sleep(0.01)
+                await asyncio.sleep(0.1)
+            finally:
+                logging.getLogger("uvicorn.error").removeHandler(handler)
+        return heard
+
+    heard = asyncio.run(run())
+    assert (heard == []) if gone else any("No response returned." in text for text in heard)

@@ -304,7 +304,7 @@ class Listener(uvicorn.Server):
         connection.requests += 1
         length = next((value for name, value in scope["headers"] if name == b"content-length"), b"0")
         whole = length == b"0"
-        answered = False
+        answered = gone = False
         # Hundreds that are worked on at the same time would let each step of a log-in wait for all of them. A turn is
         # held neither while a body is waited for nor while an answer is taken.
         turn = connection.known or _reserved(scope)
@@ -327,8 +327,9 @@ class Listener(uvicorn.Server):
         connection.end_turn = end
 
         async def received() -> Any:
-            nonlocal whole
+            nonlocal whole, gone
             message = await receive()
+            gone = gone or message["type"] == "http.disconnect"
             if message["type"] == "http.request" and not message.get("more_body", False):
                 whole = True
                 if not answered:
@@ -354,6 +355,10 @@ class Listener(uvicorn.Server):
             if whole:
                 await begin()
             await self._app(scope, received, sent)
+        except RuntimeError as error:
+            # Starlette's middleware takes it for a fault that nobody was answered, also where nobody is left to answer.
+            if not gone or str(error) != "No response returned.":
+                raise
         finally:
             end()
             if not answered:  # it failed, and uvicorn says so

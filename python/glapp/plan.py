@@ -324,9 +324,9 @@ class _Fitted:
         where: dict[str, Any] = {"file": result.source, "loop": result.name}
         if process.integrating != (recording.loop.process.type == "integrating"):
             kinds = ("integrating", "self-regulating")
-            fitted, given = kinds if process.integrating else kinds[::-1]
+            fitted, stated = kinds if process.integrating else kinds[::-1]
             raise InputError(
-                f"the fit takes the process for {fitted}, and its settings say {given}",
+                f"the fit takes the process for {fitted}, and its settings say {stated}",
                 **where,
                 hint=f'write process = {{ type = "{fitted}" }} in a loops.toml if that is so',
             )

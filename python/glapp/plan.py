@@ -252,6 +252,7 @@ def _op_unit(unit: str) -> str:
 
 
 def _width(result: Result) -> float:
+    """Width that a test is to decide on."""
     answer, found = result.answer, result.fit
     likely = found.d if found is not None and answer.confidence in ("likely", "found") else None
     acceptable = None if answer.limit is None else answer.limit.width
@@ -638,6 +639,7 @@ def _round(seconds: float, h: float) -> float:
 
 
 def _within(inner: Limits, outer: Limits) -> bool:
+    """Whether one range lies within another."""
     return outer[0] <= inner[0] and inner[1] <= outer[1]
 
 

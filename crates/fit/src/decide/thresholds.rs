@@ -21,16 +21,16 @@ thresholds! {
     /// 200 000 records; real loads and innovations are not that tame. Truth: 0.8 % false alarms of 1120 records without a gap,
     /// on all of which it was chosen; 1.4 % of 1000 further ones. With 12, and without [`SAMPLES_IN_LAG`] and [`NOISY`], 3.0 %
     /// (ADR 0010).
-    GAP: f64 = 15.0, "−2·ln L";
+    LR_MIN: f64 = 15.0, "−2·ln L";
     /// The same for a bound, and where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
     /// Of a valve's position the same where it turned but once. With 45 one more of 389 records without a gap is found, with 80 no gap less
     /// is told (ADR 31).
-    GAP_IF_SELDOM: f64 = 60.0, "−2·ln L";
+    LR_IF_SELDOM: f64 = 60.0, "−2·ln L";
     /// The same for each of as many steps or bends of the load as OP went through the width. Loads.
-    GAP_EACH_CHANGE: f64 = 8.0, "−2·ln L";
+    LR_EACH_CHANGE: f64 = 8.0, "−2·ln L";
     /// The same for each time that OP goes through the width: a model that is a little off brings a little each time, and no record is
     /// too long for that. `bench.lengths --times`, numbers 0 to 2: loops without a gap have reached 0.4 (ADR 0020).
-    GAP_EACH_PASS: f64 = 0.5, "−2·ln L";
+    LR_EACH_PASS: f64 = 0.5, "−2·ln L";
     /// Probability of a gap, where as many valves have one as usual, that one needs to be found or likely. Half A of `bench.weigh` and
     /// `bench.ordinary`, 279 records without a gap, twins left out: with it 1 is found and 3 more are likely (ADR 30).
     PROBABLE: f64 = 0.5, "1";
@@ -41,17 +41,17 @@ thresholds! {
     /// of found gaps it makes 98 hold in place of 94, of 20 of likely ones 19 in place of 18 (ADR 31).
     WIDTH_OFF: f64 = 1.05, "1";
     /// LR of no gap below which an OP that swings evenly may be a load's: loads without a gap have reached 347 (loads, driven loops; ADR 31).
-    GAP_IF_EVEN_SWING: f64 = 500.0, "−2·ln L";
+    LR_IF_EVEN_SWING: f64 = 500.0, "−2·ln L";
     /// The same where [`CYCLES_IF_CLEAR`] each way are enough for a width with two limits, where the recorded cycle is the loop's own, and from
     /// which on no bootstrap is made. Own cycles of a gap have 132 and more, loads that make the same period and swing at most 89 (ADR 31).
-    GAP_IF_CLEAR: f64 = 100.0, "−2·ln L";
+    LR_IF_CLEAR: f64 = 100.0, "−2·ln L";
     /// The same over all records that share a width, times their dispersion. Loads, and `bench.lengths` (ADR 0012).
-    GAP_JOINT: f64 = 32.0, "−2·ln L";
+    LR_JOINT: f64 = 32.0, "−2·ln L";
     /// LR of no gap above which a family that predicts nearly as well as the best sees one, and no valve is sound. Simulations
     /// and real loops.
-    GAP_SEEN: f64 = 12.0, "−2·ln L";
+    LR_SEEN: f64 = 12.0, "−2·ln L";
     /// LR of J = 0 that a slip jump must exceed. Truth: the cause is right in 26 % of the records where it can be seen.
-    JUMP: f64 = 20.0, "−2·ln L";
+    LR_JUMP: f64 = 20.0, "−2·ln L";
     /// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
     /// No bench of its own.
     JUMP_PRICE: f64 = 4.0, "−2·ln L";
@@ -100,7 +100,7 @@ thresholds! {
 
     /// Traversals each way of a width for two limits, and for a slip jump to be looked for. That of the bench's identifiable gaps.
     CYCLES: usize = 5, "traversals";
-    /// The same above [`GAP_IF_CLEAR`], turns of a valve whose position is recorded, and turns through the limit of one in which no gap is
+    /// The same above [`LR_IF_CLEAR`], turns of a valve whose position is recorded, and turns through the limit of one in which no gap is
     /// seen. Simulations and real loops.
     CYCLES_IF_CLEAR: usize = 2, "traversals";
 
@@ -110,7 +110,7 @@ thresholds! {
     /// Mean sizes of an innovation that it counts as at most there: outliers are no echo. Loads, outliers 18 and 209.
     ECHO_OF_ONE: f64 = 3.0, "1";
     /// Samples that a process must take to settle: what OP did between fewer explains as much as a gap. Truth: without it and
-    /// [`NOISY`] 4.3 % of what was said of gaps that cannot be told was false, with them and [`GAP`] 2.7 % (ADR 0010).
+    /// [`NOISY`] 4.3 % of what was said of gaps that cannot be told was false, with them and [`LR_MIN`] 2.7 % (ADR 0010).
     SAMPLES_IN_LAG: f64 = 5.0, "samples";
     /// The same for a valve that is sound. Loads, numbers 233 to 329: PV filtered beside the controller, squares through a lag.
     SAMPLES_IN_LAG_IF_SOUND: f64 = 4.0, "samples";

@@ -1,7 +1,7 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
 use crate::data::cells::Cells;
-use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
+use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
 use crate::loads::changes::{Load, Marked, choose_family, detect_changes, marked_anew, with_large_steps};
 use crate::loads::plausible::{all_large, few, plausible};
 use crate::model::backlash_model::BacklashModel;
@@ -56,7 +56,7 @@ impl Hypothesis {
         };
         let mut profiles: Vec<Profile> = looks.par_iter().map(wholly).collect();
         profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
-        let dissent = profiles.iter().any(|p| p.lr_no_gap() > GAP_SEEN);
+        let dissent = profiles.iter().any(|p| p.lr_no_gap() > LR_SEEN);
         let least = profiles[0].penalised();
         profiles.retain(|p| p.penalised() < least + BELIEVED + 2.0 * AS_GOOD * record.freedom());
         let sticks_in = clue.map_or(profiles[0].structure, |(structure, _)| *structure);
@@ -164,7 +164,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
         let bends = || {
             let explained = least < believed.cost - 10.0;
             believed.profiles[0].structure.noise == Noise::Slope
-                || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > GAP_SEEN)
+                || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > LR_SEEN)
                 || believed.answers(sign) < ANSWERS
         };
         if load == Load::Lines && !bends() {
@@ -198,7 +198,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
     }
     done(0.9);
     // A width that was looked at early keeps the steps that make up for it.
-    while believed.record.changes() > 0 && without - believed.cost > GAP_SEEN {
+    while believed.record.changes() > 0 && without - believed.cost > LR_SEEN {
         let (structure, point) = believed.best();
         let load = Load::of(structure);
         let (with, structure) = marked_anew(&believed.record, structure, sign, point);

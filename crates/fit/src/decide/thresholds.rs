@@ -22,9 +22,9 @@ thresholds! {
     /// on all of which it was chosen; 1.4 % of 1000 further ones. With 12, and without [`SAMPLES_IN_LAG`] and [`NOISY`], 3.0 %
     /// (ADR 0010).
     LR_MIN: f64 = 15.0, "−2·ln L";
-    /// LR of no gap for a bound, and where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
-    /// Also for a valve's position that turned but once. With 45 one more of 389 records without a gap is found, with 80 no gap less
-    /// is told (ADR 31).
+    /// LR of no gap for a bound, and where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look
+    /// like anything. Also for a valve's position that turned but once. With 45 one more of 389 records without a gap is found,
+    /// with 80 no gap less is told (ADR 31).
     LR_IF_SELDOM: f64 = 60.0, "−2·ln L";
     /// LR of no gap for each step or bend of the load, where there are as many as OP went through the width. Loads.
     LR_EACH_CHANGE: f64 = 8.0, "−2·ln L";
@@ -34,13 +34,15 @@ thresholds! {
     /// Probability of a gap, where as many valves have one as usual, that one needs to be found or likely. Half A of `bench.weigh` and
     /// `bench.ordinary`, 279 records without a gap, twins left out: with it 1 is found and 3 more are likely (ADR 30).
     PROBABLE: f64 = 0.5, "1";
-    /// Part of the most likely width that the lower limit must exceed for a gap to be likely where the evidence speaks for one at all. Half A, 243
-    /// records without a gap, and 103 of another simulation: one more is likely, of 146 and 67 gaps that are not told 5 and 16 (ADR 30).
+    /// Part of the most likely width that the lower limit must exceed for a gap to be likely where the evidence speaks for one at
+    /// all. Half A, 243 records without a gap, and 103 of another simulation: one more is likely, of 146 and 67 gaps that are not
+    /// told 5 and 16 (ADR 30).
     NEAR_LOW: f64 = 0.5, "1";
-    /// Factor by which the limits of a width that is told are moved out: models are a little off. Part A and another simulation: of 102 intervals
-    /// of found gaps it makes 98 hold in place of 94, of 20 of likely ones 19 in place of 18 (ADR 31).
+    /// Factor by which the limits of a width that is told are moved out: models are a little off. Part A and another simulation: of
+    /// 102 intervals of found gaps it makes 98 hold in place of 94, of 20 of likely ones 19 in place of 18 (ADR 31).
     WIDTH_OFF: f64 = 1.05, "1";
-    /// LR of no gap below which an OP that swings evenly may be a load's: loads without a gap have reached 347 (loads, driven loops; ADR 31).
+    /// LR of no gap below which an OP that swings evenly may be a load's: loads without a gap have reached 347 (loads, driven
+    /// loops; ADR 31).
     LR_IF_EVEN_SWING: f64 = 500.0, "−2·ln L";
     /// LR of no gap above which [`CYCLES_IF_CLEAR`] each way are enough for a width with two limits, the recorded cycle may be the loop's
     /// own, and no bootstrap is made. Own cycles of a gap have 132 and more, loads that make the same period and swing at most 89 (ADR 31).
@@ -62,21 +64,22 @@ thresholds! {
     /// of no family make it rise so far at the true width in one of twenty records of mere backlash. Truth: the
     /// interval holds d in 98 %.
     RISE: f64 = 8.0, "−2·ln L";
-    /// Rise of −2·ln L within the interval of a valve that sticks: the moment it breaks loose depends on moves of OP between samples. Truth: the interval holds d
-    /// in 91 %.
+    /// Rise of −2·ln L within the interval of a valve that sticks: the moment it breaks loose depends on moves of OP between
+    /// samples. Truth: the interval holds d in 91 %.
     RISE_OF_STICKING: f64 = 16.0, "−2·ln L";
     /// Rise of −2·ln L within which gain, dead time and lags count for their limits: a chi-square of one degree of freedom.
     RISE_OF_PROCESS: f64 = 3.84, "−2·ln L";
     /// Factor by which the limits of gain and lags are moved out besides, and by as much of lags and dead time together those of the dead
     /// time. Half A of `bench.ordinary`, 21 found gaps: without it they hold in 15, 16 and 17, with it in 17, 20 and 20.
     PROCESS_OFF: f64 = 1.08, "1";
-    /// Factor for the limits of gain and lags where no gap is found. Gain and lags may then also be as much greater as a load of [`CANCELS`] allows (ADR 31).
+    /// Factor for the limits of gain and lags where no gap is found. Gain and lags may then also be as much greater as a load of
+    /// [`CANCELS`] allows (ADR 31).
     PROCESS_OFF_IF_NOT_FOUND: f64 = 3.0, "1";
     /// Factor of the allowed rise where as many steps or bends of the load were marked as OP went through the width. Loads.
     RISE_BESIDE_CHANGES: f64 = 3.0, "1";
-    /// Distance by which the upper limit is moved up, in halves of OP's median move from one sample to the next: turns between two samples are missed,
-    /// and a gap looks narrower. `bench.lengths --times`, numbers 0 to 4: with 3, processes with lags of two to five samples missed
-    /// by 0.2 to 4 % (ADR 20).
+    /// Distance by which the upper limit is moved up, in halves of OP's median move from one sample to the next: turns between two
+    /// samples are missed, and a gap looks narrower. `bench.lengths --times`, numbers 0 to 4: with 3, processes with lags of two to
+    /// five samples missed by 0.2 to 4 % (ADR 20).
     MISSED_TURNS: f64 = 5.0, "1";
     /// Less trust than this is not believed: it rests on the few cells that matter for d. Simulations and real loops.
     LEAST_INFORMATION_RATIO: f64 = 0.4, "1";
@@ -100,8 +103,8 @@ thresholds! {
 
     /// Traversals each way of a width for two limits, and for a slip jump to be looked for. That of the bench's identifiable gaps.
     CYCLES: usize = 5, "traversals";
-    /// Traversals each way that are enough above [`LR_IF_CLEAR`], turns of a valve whose position is recorded, and turns through the limit of one in which no gap is
-    /// seen. Simulations and real loops.
+    /// Traversals each way that are enough above [`LR_IF_CLEAR`], turns of a valve whose position is recorded, and turns through
+    /// the limit of one in which no gap is seen. Simulations and real loops.
     CYCLES_IF_CLEAR: usize = 2, "traversals";
 
     /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
@@ -112,7 +115,8 @@ thresholds! {
     /// Samples that a process must take to settle: what OP did between fewer explains as much as a gap. Truth: without it and
     /// [`NOISY`] 4.3 % of what was said of gaps that cannot be told was false, with them and [`LR_MIN`] 2.7 % (ADR 0010).
     SAMPLES_IN_LAG: f64 = 5.0, "samples";
-    /// Least samples in a lag for a valve that is sound. Loads, numbers 233 to 329: PV filtered beside the controller, squares through a lag.
+    /// Least samples in a lag for a valve that is sound. Loads, numbers 233 to 329: PV filtered beside the controller, squares
+    /// through a lag.
     SAMPLES_IN_LAG_IF_SOUND: f64 = 4.0, "samples";
     /// Samples in which OP goes through the gap, by its mean move, from which on that does not matter. FIC46005 (ADR 0010).
     SAMPLES_IN_GAP: f64 = 25.0, "samples";

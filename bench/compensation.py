@@ -380,7 +380,7 @@ class Harm:
 
 
 def harm(number: int, way: str) -> Harm | None:
-    """The runs of a loop; None where it cannot begin at rest within its limits."""
+    """A loop with compensation and without, run alike; None where it cannot begin at rest within its limits."""
     with_it = random_loop(number, way)
     given = with_it.compensation
     assert given is not None

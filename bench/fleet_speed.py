@@ -61,7 +61,7 @@ def best(run: Callable[[], object], repetitions: int) -> float:
 
 
 def keep_memory() -> None:
-    """Memory that was let go of stays with this process: pages for a gigabyte of half-periods are not cleared anew."""
+    """Keep freed memory in this process, so that pages for a gigabyte of half-periods are not cleared anew."""
     with suppress(AttributeError, OSError):  # not with every C library
         libc = ctypes.CDLL(None)
         for threshold, size in ((-1, (1 << 31) - 1), (-3, 1 << 25)):  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD

@@ -131,6 +131,7 @@ async def _measured(plant: SimPlant, lose: Callable[[], Awaitable[None]]) -> tup
 
 
 async def _all(only: str | None) -> None:
+    """Measure every kind of loss, or only one."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         async with SimPlant(1, scan=SCAN, watchdog=WATCHDOG, ramp=RAMP) as plant:

@@ -165,6 +165,7 @@ def test_an_unforeseen_fault_refuses_one_loop(run, monkeypatch):
     real = glapp.cli.work.analyze
 
     def broken(recording, **how):
+        """An analysis that fails for loop a."""
         if recording.name == "a":
             raise KeyError("x")
         return real(recording, **how)

@@ -254,6 +254,7 @@ def test_long_text_is_handed_over_in_pieces(tmp_path, monkeypatch):
 
 
 def crash():
+    """Ends the child by a signal."""
     os.kill(os.getpid(), signal.SIGKILL)
 
 

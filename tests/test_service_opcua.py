@@ -659,6 +659,8 @@ def test_a_history_that_is_shorter_than_the_break_or_is_not_there():
     begins = []
 
     def answers(*without):
+        """A server whose history lacks these tags."""
+
         async def history_read(asked):
             begins.append(asked.HistoryReadDetails.StartTime.timestamp())
             unsupported = ua.StatusCode(ua.StatusCodes.BadHistoryOperationUnsupported)

@@ -195,6 +195,7 @@ def zero_crossing(_params: dict[str, float]) -> Callable[..., list[float]]:
 
 
 def derivative(_params: dict[str, float]) -> Callable[..., float]:
+    """The block's update, as the vectors call it."""
     return blocks.Derivative().update
 
 

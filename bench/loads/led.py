@@ -35,6 +35,7 @@ def led(name: str) -> Record:
     random = Random(f"led/{name}/{how}")
 
     def moves(kp: float) -> Piece:
+        """Moves of the setpoint in units of OP, by `how`, times Kp."""
         size, end = random.uniform(1.0, 10.0) * kp, SAMPLES * H
         if how == "steps":
             every, steps = log_uniform(random, 100.0, 600.0), [(0.0, 50.0 * kp)]

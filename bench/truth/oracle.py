@@ -27,7 +27,7 @@ from .design import CELLS, LOADS, Drawn, draw
 from .records import Floats, Truth, chosen, compressed
 from .score import FAULTY
 
-NO_GAP, NO_JUMP = (_glapp.fit_thresholds()[name][0] for name in ("GAP", "JUMP"))
+NO_GAP, NO_JUMP = (_glapp.fit_thresholds()[name][0] for name in ("LR_MIN", "LR_JUMP"))
 """Likelihood ratios that are needed: the thresholds of the fit."""
 
 NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)

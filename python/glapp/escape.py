@@ -65,6 +65,7 @@ def for_spreadsheet(text: str) -> str:
 
 
 def _escaped(char: str) -> str:
+    """A control character as its escape, any other as itself."""
     if unicodedata.category(char) in ("Cc", "Cf", "Cs", "Zl", "Zp"):
         return char.encode("unicode_escape").decode()
     return char

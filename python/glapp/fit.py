@@ -572,6 +572,7 @@ def _best_window(answer: dict[str, Any], signal: str) -> dict[str, Any]:
 
 
 def _windows(answer: dict[str, Any]) -> list[Window]:
+    """Results of the single windows."""
     names = ("t_start", "t_end", "verdict", "d", "low", "high", "lr_no_gap")
     return [Window(*(window[name] for name in names)) for window in answer["windows"]]
 
@@ -591,6 +592,7 @@ def _sentence(answer: dict[str, Any], unit: str) -> str:
 
 
 def _width_change_text(answer: dict[str, Any], unit: str) -> str:
+    """Clause on the trend of the width; empty where there is none."""
     message = (answer.get("trend") or {}).get("message")
     return "" if message is None else f"; {to_text(message['code'], message['numbers'], op_unit=unit)}"
 

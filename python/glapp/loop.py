@@ -63,6 +63,7 @@ _NODE = re.compile(r"(nsu=[^;]+;|ns=\d+;)?([sgb]=.+|i=\d+)", re.DOTALL)
 
 
 def _node(text: str) -> str:
+    """A node of OPC UA, checked."""
     if not _NODE.fullmatch(text):
         bound = "a node such as 'nsu=urn:plant;s=FIC101.PV' or 'ns=2;s=FIC101.PV'"
         raise InputError(f"is {text!r}, must be {bound}", value=text, bound=bound)
@@ -263,6 +264,7 @@ class Loop(Checked):
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Loop:
+        """Check that files are given in one way, each once."""
         if self.file is not None and self.files:
             raise InputError("are given in addition to file; write all of them into files", parameter="files")
         if twice := next((str(file) for i, file in enumerate(self.files) if file in self.files[:i]), None):
@@ -272,6 +274,7 @@ class Loop(Checked):
     @field_validator("pv_span", "op_span")
     @classmethod
     def _low_below_high(cls, span: Span | None) -> Span | None:
+        """A span, checked for low < high."""
         if span is not None and not span[0] < span[1]:
             raise InputError(f"is {span}, must be low < high", value=span, bound="low < high")
         return span
@@ -279,6 +282,7 @@ class Loop(Checked):
     @field_validator("time_zone")
     @classmethod
     def _known_zone(cls, zone: str | None) -> str | None:
+        """A time zone, checked to be known."""
         if zone is not None:
             try:
                 ZoneInfo(zone)
@@ -291,6 +295,7 @@ class Loop(Checked):
     @field_validator("n")
     @classmethod
     def _odd(cls, n: int) -> int:
+        """N, checked to be odd."""
         if n % 2 == 0:  # with an even n no detection need lie near the median
             raise InputError(f"is {n}, must be odd", value=n, bound="odd")
         return n

@@ -580,6 +580,7 @@ class Pid(Module):
         gains: tuple[float, float, float],
         others: Mapping[str, float],
     ) -> Self:
+        """A controller with gains in another form."""
         with _input_errors():
             k, ti, td = ideal(*gains)
         return cls(k=k, ti=ti, td=td, **others)

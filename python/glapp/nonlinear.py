@@ -729,6 +729,7 @@ def _checked(loop: Any) -> Plant:
 
 
 def _at_least_zero(name: str, value: float) -> float:
+    """A parameter, checked to be 0 or greater."""
     if not (math.isfinite(value) and value >= 0):
         raise InputError(f"is {value}, must be 0 or greater", parameter=name, value=value, bound="0 or greater")
     return float(value)
@@ -740,6 +741,7 @@ def _changes(values: Array) -> list[int]:
 
 
 def _bisect(function: Callable[[float], float], low: float, high: float) -> float:
+    """Zero of a function between two places of opposite sign."""
     below = math.copysign(1, function(low)) < 0
     for _ in range(60):
         middle = 0.5 * (low + high)

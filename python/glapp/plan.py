@@ -252,6 +252,7 @@ def _op_unit(unit: str) -> str:
 
 
 def _width(result: Result) -> float:
+    """Width that a test is to decide on."""
     answer, found = result.answer, result.fit
     likely = found.d if found is not None and answer.confidence in ("likely", "found") else None
     acceptable = None if answer.limit is None else answer.limit.width
@@ -324,9 +325,9 @@ class _Fitted:
         where: dict[str, Any] = {"file": result.source, "loop": result.name}
         if process.integrating != (recording.loop.process.type == "integrating"):
             kinds = ("integrating", "self-regulating")
-            fitted, given = kinds if process.integrating else kinds[::-1]
+            fitted, stated = kinds if process.integrating else kinds[::-1]
             raise InputError(
-                f"the fit takes the process for {fitted}, and its settings say {given}",
+                f"the fit takes the process for {fitted}, and its settings say {stated}",
                 **where,
                 hint=f'write process = {{ type = "{fitted}" }} in a loops.toml if that is so',
             )
@@ -638,6 +639,7 @@ def _round(seconds: float, h: float) -> float:
 
 
 def _within(inner: Limits, outer: Limits) -> bool:
+    """Whether one range lies within another."""
     return outer[0] <= inner[0] and inner[1] <= outer[1]
 
 

@@ -204,6 +204,7 @@ class Plant:
 
     @classmethod
     def _of_table(cls, table: Mapping[str, Any]) -> Plant:
+        """A plant from a table of a settings file."""
         unknown = sorted(set(table) - {"num", "den", "dead_time"})
         if unknown:
             raise InputError("no such key", parameter=unknown[0], value=table[unknown[0]], hint=_KEYS)
@@ -427,6 +428,7 @@ def _expm(a: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _roots(coefficients: Sequence[float]) -> npt.NDArray[np.complex128]:
+    """Roots of a polynomial, those at 0 exact."""
     at_zero = _zeros_at_end(coefficients)
     rest = np.roots(coefficients[: len(coefficients) - at_zero])
     return np.concatenate([rest, np.zeros(at_zero)]).astype(np.complex128)

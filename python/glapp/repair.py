@@ -136,6 +136,7 @@ def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch
 
 
 def _side(result: Result) -> Side:
+    """One side of a repair, by the result of its recordings."""
     answer = result.answer
     low, high = (None, None) if answer.width_kind == "unsure" else (answer.low, answer.high)
     return Side(verdict=answer.verdict, confidence=answer.confidence, d=answer.width, low=low, high=high)
@@ -188,6 +189,7 @@ def _since_1970(recording: Recording | OneOfMany) -> float:
 
 
 def _moment(recording: Recording, t: float) -> datetime | float:
+    """A time of a recording as date and time, or as seconds without a date."""
     if recording.t0 is None:
         return t
     zone = recording.t0.tzinfo

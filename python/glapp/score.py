@@ -133,6 +133,8 @@ def read_labels(path: Path) -> list[Label]:
 
 
 def _label(row: dict[str, str], number: int, path: Path) -> Label:
+    """A label from a row of the list, checked."""
+
     def wrong(column: str, what: str, bound: str) -> InputError:
         return InputError(what, file=str(path), row=number, column=column, value=row.get(column), bound=bound)
 

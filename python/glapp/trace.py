@@ -93,6 +93,7 @@ class Thinner:
         return Band(np.concatenate(low), np.concatenate(high))
 
     def _merge(self) -> None:
+        """Merge buckets in pairs."""
         odd = self._buckets % 2
         t = np.concatenate([*self._t, np.empty(0)])
         if odd:

@@ -36,6 +36,7 @@ def one_valve(recordings: Sequence[Recording]) -> None:
 
 
 def _to_text(value: object) -> str:
+    """A setting as text for an error."""
     fields = value.model_dump(exclude_defaults=True) if hasattr(value, "model_dump") else None
     if fields is not None:
         return ", ".join(f"{name} {x}" for name, x in fields.items()) or "as by default"

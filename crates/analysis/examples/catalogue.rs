@@ -92,7 +92,7 @@ fn setting<S>(
     json!({ "name": name, "unit": unit, "bound": error.bound, "default": default })
 }
 
-/// None where a default stands for "no limit".
+/// A default as JSON; null for the largest numbers, which mean "no limit".
 fn number(x: f64) -> Value {
     if x.abs() >= 1e37 { Value::Null } else { x.into() }
 }

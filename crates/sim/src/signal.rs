@@ -143,6 +143,7 @@ impl Source {
 const ODD: u64 = 0xD1B5_4A32_D192_ED03;
 
 impl Piece {
+    /// The piece at its first sample, with checked numbers; `integers`: its random stream.
     fn start(&self, name: &'static str, h: f64, n: usize, mut integers: Integers) -> Result<Running, SimError> {
         let wrong = |what| Err(SimError::Signal { name, what });
         let number = |key, x: f64, holds, bound: &str| match holds && x.is_finite() {

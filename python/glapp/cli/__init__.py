@@ -144,6 +144,7 @@ def main() -> None:
 
 
 def _run() -> int | str | None:
+    """Run the command line; gives the exit code."""
     try:
         app()
     except SystemExit as end:

@@ -116,6 +116,7 @@ def _positive(question: str) -> float:
 
 
 def _line(question: str) -> str:
+    """The person's answer to a question, without spaces around it."""
     err.print(question, end="")
     line = sys.stdin.readline()
     if not line:

@@ -128,6 +128,7 @@ def _list(result: Result) -> None:
 
 
 def _reason(label: str, accepted: bool) -> Text:
+    """A verdict's label, bold where the half-period was accepted."""
     return styled(label, style="bold" if accepted else "")
 
 

@@ -75,6 +75,7 @@ def _settings(recording: Recording, found: Identification) -> Loop:
 
 
 def _rows(recording: Recording, found: Identification, op: str) -> list[tuple[str, str]]:
+    """Rows of the table of K, Ti and Td with their intervals."""
     from ..report.words import number, quantity
 
     def between(low: float | None, high: float | None, unit: str) -> str:

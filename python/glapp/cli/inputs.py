@@ -147,6 +147,7 @@ def _files(loop: Loop) -> tuple[Path, ...]:
 
 
 def _from_settings(file: Path) -> list[Recording | Valve | Refused]:
+    """Recordings of the loops of a settings file."""
     try:
         loops = read_each(file)
     except InputError as error:

@@ -31,6 +31,7 @@ def _choices(annotation: Any) -> str:
 
 
 def _column(signal: str) -> Any:
+    """Option for the column of a signal."""
     return typer.Option(
         metavar="COLUMN", help=f"Column of {signal}.", rich_help_panel="Columns or tags, where the guess is wrong"
     )
@@ -115,6 +116,7 @@ class Options:
         return given
 
     def _given(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Options of these names that were given."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 

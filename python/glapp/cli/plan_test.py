@@ -95,5 +95,6 @@ the reason is told.
 
 
 def _show(one: Plan) -> None:
+    """Print a plan."""
     out.print(one_line(f"{one.name}  ({one.source})"), style="bold", soft_wrap=True)
     out.print(key_values([(name, one_line(text)) for name, text in planned.rows(one)]))

@@ -52,6 +52,7 @@ class _Fault:
 
 
 def _fault(text: str) -> _Fault:
+    """A fault from the text AFTER,KIND,LOOP,SECONDS."""
     parts = text.split(",")
     try:
         after, lasts = float(parts[0]), float(parts[3]) if len(parts) > 3 else 60.0
@@ -136,6 +137,7 @@ def plant(
 
 
 async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]) -> None:
+    """Run the simulated plant with its faults, until stopped."""
     try:
         await made.open()
     except OSError as error:

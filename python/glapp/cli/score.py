@@ -133,6 +133,7 @@ def _require_another(entry: Recording | Valve | Refused, label: Label, seen: dic
 
 
 def _show(scored: list[Scored], differ: list[Scored]) -> None:
+    """Print the tables of the score."""
     heads = ("the answer is", "right", "wrong", "silent", "right of those that say\nsomething (95 %)")
     _table(heads, texts.counts(scored))
     stated = texts.calibration(scored)

@@ -117,6 +117,7 @@ def _page(found: Sequence[StepTest]) -> str:
 
 
 def _show(found: StepTest) -> None:
+    """Print the result of a step test."""
     from ..report.words import clock, number, op_unit, quantity
 
     op = op_unit(found.unit)

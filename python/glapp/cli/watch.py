@@ -187,6 +187,7 @@ async def _serve(
     demo: dict[str, Any] | None,
     ours: dict[str, Any] | None,
 ) -> None:
+    """Run the service, until stopped."""
     from ..reading.settings import parse_settings, read_settings
     from ..service import demonstration
     from ..service.api import ApiServer, app_of
@@ -532,6 +533,7 @@ def _token_file() -> Path:
 
 
 def _token_of(api_url: str, user: str) -> str:
+    """Ask for the password, and log in; gives the token."""
     password = typer.prompt(f"Password of {user}", hide_input=True, err=True)
     return str(_request(api_url, "POST", "/login", {"user": user, "password": password}, None)["token"])
 
@@ -551,6 +553,7 @@ def _answer_of_service(api_url: str, user: str | None, method: str, path: str, b
 
 
 def _request(api_url: str, method: str, path: str, body: Any, token: str | None) -> Any:
+    """A request to the service; gives its answer."""
     import httpx
 
     headers = {} if token is None else {"Authorization": f"Bearer {token}"}

@@ -275,6 +275,7 @@ def _random_loop(i: int, seed: int) -> _Loop:
 
 
 def _write_day(lake: Path, drawn: Sequence[_Loop], day: int, days: int, seed: int) -> None:
+    """Write the files of a day."""
     name = (BEGIN + timedelta(days=day)).isoformat()
     for site in ("historian", "opc"):
         folder = lake / site / f"day={name}"
@@ -292,6 +293,7 @@ def _write_day(lake: Path, drawn: Sequence[_Loop], day: int, days: int, seed: in
 
 
 def _encoded(schema: pa.Schema) -> dict[str, Any]:
+    """Options that encode a table's columns for small files."""
     words = [field.name for field in schema if pa.types.is_string(field.type)]
     times = [field.name for field in schema if pa.types.is_timestamp(field.type)]
     return {"use_dictionary": words, "column_encoding": dict.fromkeys(times, "DELTA_BINARY_PACKED")}
@@ -326,6 +328,7 @@ class _Kept:
 
 
 def _recorded_day(loop: _Loop, s: Simulation, day: int, seed: int) -> _Kept:
+    """A simulated day as its historian keeps it."""
     k = np.arange(0, len(s.t), 60 if loop.record == "coarse" else STEP)
     pv = np.round(s.pv[k], 2)
     if loop.record == "compressed":
@@ -377,6 +380,7 @@ def _long(loops: Sequence[_Loop], made: Sequence[Simulation], day: int, seed: in
 
 
 def _wide(loop: _Loop, simulation: Simulation, day: int, seed: int) -> pa.Table:
+    """A day as a table with a column for each signal."""
     kept = _recorded_day(loop, simulation, day, seed)
     columns = {"time": _utc(day, kept.k), "SP": pa.array(kept.sp), "PV": pa.array(kept.pv), "OP": pa.array(kept.op)}
     if loop.record == "no_op":
@@ -402,6 +406,7 @@ def _utc(day: int, seconds: NDArray[np.int64]) -> pa.Array:
 
 
 def _write_settings(lake: Path, drawn: Sequence[_Loop]) -> None:
+    """Write the settings of the lake's loops."""
     rows = []
     for loop in drawn:
         row: dict[str, Any] = {"loop": loop.name, "area": loop.area, "valve": loop.valve}
@@ -428,6 +433,7 @@ _SETTINGS = pa.schema(
 
 
 def _write_truth(lake: Path, drawn: Sequence[_Loop]) -> None:
+    """Write the truth of the valves."""
     rows = [
         {
             "loop": loop.name,
@@ -535,6 +541,7 @@ def _spoil(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[tuple[str,
 
 
 def _in_psi(lake: Path, loop: _Loop, day: str) -> Iterator[tuple[str, str, str, str]]:
+    """Rewrite a day of a loop in psi; gives the planted fault: code, file, loop, day."""
     path = lake / "historian" / f"day={day}" / "part-0.parquet"
     with pq.ParquetFile(path) as file:
         groups = [file.read_row_group(i) for i in range(file.metadata.num_row_groups)]

@@ -125,6 +125,7 @@ def _with_last_value(value: float | None, lost: bool, signal: Signal | None) -> 
 
 
 def _last_value(signal: Signal) -> tuple[float | None, bool]:
+    """Last value of a signal, None where that is not known, and whether the signal was lost."""
     value = float(signal.value[-1])
     return (None if np.isnan(value) else value), bool(signal.lost[-1])
 

@@ -404,6 +404,7 @@ def _has_text(kind: pa.DataType) -> bool:
 
 
 def _distinct(column: pa.Array) -> list[str]:
+    """Different texts of a column."""
     return [str(value) for value in pc.unique(words(column)).to_pylist() if value is not None]
 
 
@@ -442,6 +443,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
 
 
 def _valid_times(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
+    """Times, which of them are valid, and the number of doubtful ones."""
     t: NDArray[np.int64] = ticks.cast(pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
     good: NDArray[np.bool_] = ticks.is_valid().to_numpy(zero_copy_only=False)
     return t, good & (t > _YEARS[0]) & (t < _YEARS[1]), doubtful

@@ -208,6 +208,7 @@ def _place(row: dict[str, Any]) -> str:
 
 
 def _span(loops: Sequence[dict[str, Any]]) -> str:
+    """First and last day of the lake."""
     first: list[datetime] = [row["first"] for row in loops if row["first"] is not None]
     last: list[datetime] = [row["last"] for row in loops if row["last"] is not None]
     return f"{min(first):%Y-%m-%d} to {max(last):%Y-%m-%d}" if first else "no time"

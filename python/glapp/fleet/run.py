@@ -230,6 +230,7 @@ def _lost_counts(tables: Mapping[str, pa.Table]) -> dict[str, int]:
 
 
 def _inputs(files: Sequence[File]) -> pa.Table:
+    """Table of the files of a run."""
     rows = []
     for file in files:
         groups = [group for group in file.groups if group.readable]

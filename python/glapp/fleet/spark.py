@@ -214,6 +214,7 @@ def _reader(
     """Units to their rows; a problem is a row of no loop, where it is not known from the look at them."""
 
     def read(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
+        """Rows of the units whose numbers come in."""
         for batch in batches:
             for i in batch.column(0).to_pylist():
                 if known is None:
@@ -238,6 +239,7 @@ def _reader(
 
 
 def _problem_rows(problems: list[DataIssue], unit: int) -> pa.RecordBatch:
+    """Data issues as rows for Spark."""
     n = len(problems)
     none = [pa.nulls(n, field.type) for field in ROWS]
     texts = pa.array([json.dumps(list(problem)) for problem in problems], pa.string())

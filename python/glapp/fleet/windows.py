@@ -681,6 +681,7 @@ def _reason_code(fit: Fit) -> str:
 
 
 def _trend(trend: Any, start: int) -> dict[str, Any]:
+    """Columns of the trend."""
     first, last = (start + round(t * 1e6) for t in trend.t)
     return {
         "trend": trend.slope,

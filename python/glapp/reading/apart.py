@@ -134,10 +134,12 @@ class Worker:
                 pipe.close()
 
     def _end(self) -> None:
+        """Kill the child, since it took too long."""
         self._late = True
         self._process.kill()
 
     def _fault(self, label: str) -> InputError:
+        """The error for a child that has ended."""
         code = self._process.wait()
         if self._late or (_PROF is not None and code == -_PROF):
             what = f"took longer than the {bounds.PATIENCE:g} s that a piece of a file may take to be read"
@@ -274,6 +276,7 @@ def _slices(arrays: Sequence[pa.Array]) -> Iterator[Sequence[pa.Array]]:
 
 
 def _packed(arrays: Sequence[pa.Array]) -> pa.Buffer:
+    """Columns as bytes of an Arrow stream."""
     batch = pa.RecordBatch.from_arrays(list(arrays), names=[str(i) for i in range(len(arrays))])
     sink = pa.BufferOutputStream()
     with ipc.new_stream(sink, batch.schema) as stream:
@@ -282,6 +285,7 @@ def _packed(arrays: Sequence[pa.Array]) -> pa.Buffer:
 
 
 def _unpacked(data: pa.Buffer | bytes) -> list[pa.Array]:
+    """Columns from bytes of an Arrow stream."""
     columns: list[pa.Array] = ipc.open_stream(pa.py_buffer(data)).read_next_batch().columns
     return columns
 
@@ -333,6 +337,7 @@ def serve(memory: int) -> None:
 
 
 def _error_of(error: Exception) -> InputError:
+    """An exception of the child as an InputError."""
     if isinstance(error, MemoryError):
         return InputError(f"asks for more memory than the {bounds.MEMORY >> 20} MiB that are allowed", hint=_HINT)
     return error if isinstance(error, InputError) else unforeseen(error, None)

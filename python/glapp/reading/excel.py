@@ -53,6 +53,7 @@ def sheets(path: str, label: str) -> list[Source]:
 
 
 def _sheets(path: str, label: str) -> list[Source]:
+    """Sheets of a workbook that hold signals."""
     from python_calamine import CalamineWorkbook, SheetTypeEnum
 
     made: list[Source] = []
@@ -273,6 +274,7 @@ def _whole(moment: datetime) -> datetime:
 
 
 def _array(cells: Sequence[Any]) -> pa.Array:
+    """Cells of a column as an array of one type."""
     kinds = {type(cell) for cell in cells if cell != ""}
     if kinds <= {int, float}:
         return pa.array([None if cell == "" else float(cell) for cell in cells], pa.float64())

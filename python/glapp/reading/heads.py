@@ -143,6 +143,7 @@ def _is_footer(cells: Sequence[str], width: int, timed: bool) -> bool:
 
 
 def _words_alone(cells: Sequence[str], width: int) -> bool:
+    """Whether a line has as many cells as the table, and no number or time among them."""
     return len(cells) == width and any(c.strip() for c in cells) and not any(is_data(c) for c in cells if c.strip())
 
 
@@ -164,6 +165,7 @@ def _is_remark(cells: Sequence[str], width: int) -> bool:
 
 
 def _names_follow(rows: Sequence[Row], at: int, width: int) -> bool:
+    """Whether one of the next lines has the names of columns."""
     return any(_words_alone(cells, width) and _understood(cells) > 1 for _, cells in rows[at + 1 : at + 1 + _AHEAD])
 
 
@@ -197,9 +199,11 @@ def _filled_count(cells: Sequence[str]) -> int:
 
 
 def _are_short(cells: Sequence[str]) -> bool:
+    """Whether all cells are short enough for names."""
     return all(len(cell.strip()) <= _SHORT for cell in cells)
 
 
 def _are_units(cells: Sequence[str]) -> bool:
+    """Whether at least half of the filled cells are units."""
     filled = [folded(cell.strip(" []()")) for cell in cells if cell.strip()]
     return sum(cell in UNITS for cell in filled) * 2 >= len(filled)

@@ -105,6 +105,7 @@ class _Store:
         self.readers: dict[str, tuple[str, Reader]] = {}
 
     def _column(self, role: str, loops: Sequence[Loop]) -> int | None:
+        """Column of a role, by the loops' settings or by its name."""
         names = self.source.names
         named = next((c for loop in loops if (c := getattr(loop.columns, role)) is not None), None)
         if named == "":
@@ -329,6 +330,7 @@ def _joined(pv: _Tag, times: NDArray[np.float64]) -> _Tag:
 
 
 def _in_order(tag: _Tag) -> _Tag:
+    """Samples of a tag in the order of time."""
     if np.all(tag.t[1:] >= tag.t[:-1]):
         return tag
     order = np.argsort(tag.t, kind="stable")

@@ -110,6 +110,7 @@ def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
 
 
 def _loops_or_errors(text: str, label: str, directory: Path) -> list[Loop | InputError]:
+    """Loops of a settings file, or the errors in their place."""
     data = _toml(text, label)
     for key in data:
         if key not in _TABLES:
@@ -148,6 +149,7 @@ def _table(value: object, label: str, key: str) -> dict[str, Any]:
 
 
 def _loop(data: dict[str, Any], label: str, name: str | None) -> Loop:
+    """A loop from a table, with its place in an error."""
     try:
         return Loop(**data)
     except InputError as error:
@@ -240,11 +242,13 @@ def block(header: str, model: BaseModel, prefix: str = "") -> str:
 
 
 def _key(name: str) -> str:
+    """A key as TOML."""
     bare = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
     return name if bare else _value(name)
 
 
 def _value(value: object) -> str:
+    """A value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):

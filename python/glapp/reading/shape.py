@@ -229,6 +229,7 @@ def _each_leads(source: Source, stamped: Sequence[int]) -> bool:
 
 
 def _pairs(source: Source, stamped: Sequence[int]) -> list[tuple[int, int]]:
+    """Time column and value column of each signal."""
     pairs, time = [], stamped[0]
     for i, name in enumerate(source.names):
         if i in stamped:
@@ -255,6 +256,7 @@ def _on_own_rows(source: Source, time: int, loops: Sequence[Loop]) -> bool:
 
 
 def _alternate(source: Source, at: Mapping[str, int]) -> bool:
+    """Whether the rows of signals alternate, a signal a row."""
     if "pv" not in at or len(at) < 2:
         return False
     try:
@@ -304,6 +306,7 @@ class _Joined(Source):
         self.nameless = source.nameless
 
     def _join(self, date: pa.Array, time: pa.Array) -> pa.Array:
+        """Date and time of day, or milliseconds, as one text."""
         if self._fine:
             parts = pc.extract_regex(pc.utf8_trim_whitespace(_as_text(date)), rf"^(?P<to>.*?)(?P<half>{_HALF})?$")
             digits = pc.utf8_lpad(pc.utf8_trim_whitespace(_as_text(time)), 3, "0")
@@ -468,6 +471,7 @@ class _KeyedSource(Source):
 
     @property
     def _order(self) -> list[int]:
+        """Columns of the inner source, in the order of reading."""
         return [self._time, self._key, *self._signals]
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:

@@ -117,6 +117,7 @@ class Head:
         return [self._one(i) for i in columns]
 
     def _one(self, i: int) -> pa.Array:
+        """First rows of a column, kept; its error is raised each time."""
         if i not in self._read:
             try:
                 self._read[i] = self._first(i)

@@ -143,6 +143,7 @@ def moment(text: str, time_format: str | None) -> datetime | None:
 
 @lru_cache(maxsize=256)
 def _plan(layout: str) -> Plan | None:
+    """Layout of a time stamp; None where it is none."""
     found = _LAYOUT.fullmatch(layout)
     if found is None:
         return None
@@ -314,6 +315,7 @@ class Clock:
         return "seconds"
 
     def _note_time_unit(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
+        """Keep the finding on the assumed unit of the times."""
         date = _moment(round((first - _TO_1970[calendar]) * 86_400_000), 1000)
         finding = assumed_time(
             self.name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure
@@ -458,6 +460,7 @@ def _cast(column: pa.Array, kind: pa.DataType) -> pa.Array | None:
 
 
 def _finite(column: pa.Array) -> NDArray[np.float64]:
+    """Times as numbers; an error at the first that is none."""
     x: NDArray[np.float64] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
     finite = np.isfinite(x)
     if not finite.all():
@@ -534,6 +537,7 @@ def _day_first(texts: Sequence[str]) -> bool:
 
 
 def _hint(text: str) -> str | None:
+    """Advice for a time that cannot be read; None where there is none."""
     if re.search(r"\d [A-Z]{3,5}$", text):
         return "a zone's letters are not unique: write an offset such as +01:00, or leave it out and give time_zone"
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?([.,]\d+)?", text):
@@ -550,6 +554,7 @@ def _zone(name: str) -> ZoneInfo:
 
 
 def _moment(ticks: int, per_second: int) -> datetime:
+    """Date and time of ticks since 1970."""
     try:
         return datetime(1970, 1, 1) + timedelta(microseconds=ticks * 10**6 // per_second)
     except OverflowError:

@@ -214,6 +214,7 @@ def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits
 
 
 def _parse(column: pa.Array, bad_words: frozenset[str], digits: Digits) -> pa.Array:
+    """Numbers of a column of text."""
     column = pc.utf8_trim_whitespace(column)
     missing = pc.is_in(pc.utf8_lower(column), value_set=pa.array(bad_words, pa.string()))
     missing = pc.or_(missing, pc.fill_null(pc.match_substring_regex(column, _SYSTEM), False))

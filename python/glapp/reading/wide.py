@@ -220,6 +220,7 @@ class WideRecording(Recording):
                     yield batch[start : start + rows]
 
     def _pass(self) -> Iterator[Batch]:
+        """Batches of the recording, in one pass over the file."""
         reader = self._reader
         clock = reader.clock.reader() if reader.clock else None
         order = list(self._share.types)
@@ -308,6 +309,7 @@ class WideRecording(Recording):
         return [column.take(pa.array(rows)) for column in columns], rows
 
     def _fault(self, fault: CellFault, role: str, done: int) -> InputError:
+        """The error of a cell, with its row and column."""
         record = done + fault.index
         if self._from_last:
             record = self._last_row - record

@@ -459,6 +459,7 @@ def _interleave(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[
 
 
 def _zigzag_time(result: Result, trace: Trace) -> NDArray[np.float64]:
+    """Times for a line that goes from low to high of each bucket."""
     return np.repeat(_time(result, trace.t), 2)
 
 
@@ -549,6 +550,7 @@ def _half_period_text(result: Result, i: int) -> str:
 
 
 def _group_text(result: Result, first: np.intp, end: np.intp, found: Counter[int]) -> str:
+    """Text on half-periods that are drawn as one."""
     h = result.half_periods
     lines = [
         f"<b>{end - first} half-periods</b>",

@@ -292,6 +292,8 @@ class LoopView:
 
 
 def _evidence(evidence: Mapping[str, float | int | str]) -> str:
+    """Numbers of a finding, as text."""
+
     def shown(value: float | int | str) -> str:
         return value if isinstance(value, str) else str(value) if isinstance(value, int) else words.number(value, 4)
 

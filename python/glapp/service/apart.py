@@ -48,6 +48,7 @@ async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
 
 
 def _send(to: Connection, what: Callable[..., Any], words: tuple[Any, ...], longest: float) -> None:
+    """Send the result of a function, or its error, from the child."""
     with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - only the number of an open file is used
         faulthandler.dump_traceback_later(longest, exit=True, file=nowhere)
         try:

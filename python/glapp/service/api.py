@@ -490,6 +490,7 @@ def _user_routes(app: FastAPI, api: _Api) -> None:
 
 
 def _metrics_route(app: FastAPI, api: _Api, logins: _Logins) -> None:
+    """Route of the numbers for Prometheus."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Numbers(api.monitor, logins.refused))
 
@@ -509,6 +510,7 @@ class _Numbers(Collector):
         self._monitor, self._refused_logins = monitor, refused_logins
 
     def collect(self) -> list[Metric]:
+        """Numbers of the service and of every loop."""
         status = self._monitor.status()
         loops: dict[str, dict[str, Any]] = status["loops"]
         found: list[Metric] = [

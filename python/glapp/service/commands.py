@@ -217,12 +217,14 @@ class Commands:
         self._watchdog.begin_test(watched, source, person, role)
 
     def _compensator(self, watched: WatchedLoop) -> Compensator:
+        """The compensator of a loop; refused where it has none."""
         if watched.compensator is None:
             why = "its controller is not known" if watched.loop.controller is None else "no node for u_FF is named"
             raise InputError(f"cannot be compensated: {why}", loop=watched.loop.name)
         return watched.compensator
 
     def _plant(self, loop: str) -> Plant:
+        """The connected plant; refused without a connection."""
         if self._feedforward.source is None:
             raise InputError("there is no connection", loop=loop)
         return self._feedforward.source

@@ -259,6 +259,7 @@ class Compensator:
         return self.u_ff
 
     def _read(self, signal: Signal) -> float:
+        """Last good value of a signal, else not a number."""
         held = self._held.get(signal)
         return held.value if held is not None and held.good else math.nan
 

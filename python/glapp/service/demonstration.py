@@ -120,6 +120,7 @@ def _recorded(simulated: Sequence[SimLoop], today: datetime, now: float) -> dict
 
 
 def _rows(loop: SimLoop, start: float, scans: int) -> NDArray[np.float64]:
+    """Simulated samples of a loop."""
     sp, pv, op, _ = loop.record(scans)  # the valve's position is not among the tags
     none = np.zeros(scans)
     return np.column_stack([start + SCAN * np.arange(scans), sp, pv, op, none, np.full(scans, np.nan), none])

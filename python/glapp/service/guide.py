@@ -243,9 +243,11 @@ class _Guided:
     read: StepTest | None
 
     def goes_on(self, text: str, until: float | None = None) -> Guide:
+        """The next instruction of a running test."""
         return self._guide(text, until=until)
 
     def ended(self, outcome: Outcome, text: str, *, early: bool = False) -> Guide:
+        """The end of a test, with its outcome."""
         decided = None if self.read is None else self.read.asked
         found = None if decided is None else decided.early if early else decided.found
         back = f" Put OP back to {quantity(self.levels[0], self.loop.op_label, 4)} and the controller in automatic."

@@ -192,6 +192,7 @@ class Listener(uvicorn.Server):
     # Connections
 
     async def _accept(self, listening: socket.socket) -> None:
+        """Accept connections, until cancelled."""
         listening.setblocking(False)
         loop = asyncio.get_running_loop()
         while True:
@@ -208,6 +209,7 @@ class Listener(uvicorn.Server):
             await asyncio.sleep(0)  # who is connected has their turn before the next one is
 
     async def _make(self, connection: _Connection) -> None:
+        """Hand a connection to uvicorn's protocol."""
         state = {**self.lifespan.state, "connection": connection, "listener": self}
         loop = asyncio.get_running_loop()
 
@@ -300,6 +302,7 @@ class Listener(uvicorn.Server):
         return None
 
     async def _answered(self, scope: Any, receive: Any, send: Any) -> None:
+        """Answer a request within the limits."""
         connection: _Connection = scope["state"]["connection"]
         connection.requests += 1
         length = next((value for name, value in scope["headers"] if name == b"content-length"), b"0")
@@ -365,9 +368,11 @@ class Listener(uvicorn.Server):
                 connection.until = time.monotonic() + self.limits.rest
 
     def _last(self, connection: _Connection) -> bool:
+        """Whether a stranger's connection has had its last request."""
         return connection.requests >= self.limits.each and not connection.known
 
     def _opened(self, connection: _Connection, send: Any) -> Callable[[Any], Any]:
+        """Sender that ends the deadlines of a connection once it is a WebSocket."""
         connection.until = time.monotonic() + self.limits.header
 
         async def sent(message: Any) -> None:

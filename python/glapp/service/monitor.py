@@ -252,6 +252,7 @@ class Monitor:
             await self.save()
 
     async def _steps(self) -> None:
+        """Step, save and show in turns, until cancelled."""
         saved = shown = time.monotonic()
         while True:
             began = time.monotonic()
@@ -302,6 +303,7 @@ class Monitor:
         return {"seconds": now - clock, "left": left}
 
     def _loop_status(self, watched: WatchedLoop, *, answers_lost: bool) -> dict[str, Any]:
+        """Status of a loop, for display."""
         detector, name = watched.detector, watched.loop.name
         estimate = None if detector is None else detector.estimate
         pv, fit = watched.latest.get(Signal.PV), self.fits.status(name)

@@ -331,6 +331,7 @@ class OpcUa:
             self._events.often("slower", text)
 
     def _items(self, link: _Link, handles: Sequence[int], *, filtered: bool) -> ua.CreateMonitoredItemsParameters:
+        """Monitored items for these tags."""
         asked = ua.CreateMonitoredItemsParameters()
         asked.SubscriptionId = link.subscription
         asked.TimestampsToReturn = ua.TimestampsToReturn.Both
@@ -394,6 +395,7 @@ class OpcUa:
         return values
 
     def _value(self, handle: int, seen: ua.DataValue, ahead: float, live: bool) -> Value | None:
+        """A data value as a value of a signal; None where it cannot be used."""
         tag = self._tags[handle]
         stamp = seen.SourceTimestamp
         if stamp is None:
@@ -657,6 +659,7 @@ class _Link:
                 self.heard = max(self.heard, published - self._behind)
 
     def _queued(self, items: list[Any]) -> float:
+        """Queue values for the taker; too many end the connection."""
         if self.waiting + len(items) > self._most and self.queue:
             self.overflow = True
             self.end(f"more than {self._most} values wait to be taken; {len(items)} are thrown away")
@@ -696,6 +699,7 @@ def _clock_time(t: float) -> str:
 
 
 def _hand(take: Take, values: list[Value]) -> None:
+    """Hand values to the taker; its errors end the connection."""
     try:
         take(values)
     except Exception as error:
@@ -757,6 +761,7 @@ async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
 
 
 async def _variables_below(client: Client, uris: Sequence[str], most: int) -> Any:
+    """Paths and nodes of a server's variables."""
     seen: set[ua.NodeId] = set()
     waiting: deque[tuple[ua.NodeId, str]] = deque([(client.nodes.objects.nodeid, "")])
     while waiting and len(seen) < most:

@@ -127,6 +127,7 @@ class Plans:
             await self._asked.wait()
 
     async def _make(self, row: Mapping[str, Any]) -> None:
+        """Plan a test, and store the plan."""
         monitor, name = self._monitor, row["name"]
         plan, refused = None, None
         try:

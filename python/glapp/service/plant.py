@@ -92,6 +92,8 @@ class Kind:
 
 
 def _kinds(h: float) -> list[Kind]:
+    """Kinds of simulated loops."""
+
     def lags(gain: float, t1: float, t2: float, dead: float) -> Module:
         return ProcessSim(gain=gain, t1=t1 * h, t2=t2 * h, dead_time=dead * h, start=50.0)
 
@@ -295,6 +297,7 @@ class _Held(ua.DataValue):  # type: ignore[misc]
 
 
 def _data_value(t: float, value: float, kind: ua.VariantType, status: int = ua.StatusCodes.Good) -> ua.DataValue:
+    """A value in the form of OPC UA."""
     if math.isnan(value):
         status = ua.StatusCodes.BadSensorFailure
     bad = bool(status & 0x8000_0000)
@@ -522,6 +525,7 @@ class SimPlant:
                 one.Value = replace(one.Value, SourceTimestamp=at)
 
     async def _tags(self, server: Server, index: int, history: _History) -> None:
+        """Create the nodes of all loops."""
         self._ids = {}
         for loop in self._loops.values():
             folder = await server.nodes.objects.add_folder(ua.NodeId(loop.name, index), f"{index}:{loop.name}")
@@ -561,6 +565,7 @@ class SimPlant:
         )
 
     async def _run(self) -> None:
+        """Run the simulation in real time, until cancelled."""
         begun, waited = time.monotonic(), 0.0
         behind = time.time() - self._begin
         ahead = behind if self._now else 0.0

@@ -179,6 +179,7 @@ class SignalStore:
         return self._read(loop, within, days[0], days[1])
 
     def _read(self, loop: str, within: pc.Expression, first: date, last: date) -> pa.Table:
+        """Rows of a loop between two days."""
         through: dict[date, int] = {}
         pieces = []
         for day in self.days(loop):
@@ -226,6 +227,7 @@ class SignalStore:
         return self.folder / str(day) / _file(loop)
 
     def _parts(self) -> Iterator[tuple[date, int, Path]]:
+        """Open parts with their days and numbers."""
         for path in (self.folder / "open").glob("*.parquet"):
             if found := _PART.fullmatch(path.name):
                 yield date.fromisoformat(found[1]), int(found[2]), path
@@ -283,6 +285,8 @@ def _by_day(columns: Floats) -> Iterator[tuple[date, NDArray[np.bool_]]]:
 
 
 def _flags(table: pa.Table) -> NDArray[np.uint8]:
+    """Flags of the rows."""
+
     def where(column: str, value: object) -> NDArray[np.uint8]:
         found: NDArray[np.uint8] = pc.equal(table[column], value).to_numpy().astype(np.uint8)
         return found

@@ -69,6 +69,7 @@ def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
 
 
 def _side(answer: Mapping[str, Any] | None, rows: Batch | None) -> Side:
+    """One side of a repair, by an answer and its rows."""
     width = {} if answer is None else {name: answer[name] for name in ("verdict", "confidence", "d", "low", "high")}
     begin, end = (datetime.fromtimestamp(t, UTC) for t in repair.ends_of(rows)) if rows is not None else (None, None)
     return Side(begin, end, **width)

@@ -147,6 +147,7 @@ class Resampler:
         self.newest = max(self.newest, time)
 
     def _came_twice(self, signal: int, time: float, value: float, good: bool) -> None:
+        """Drop a repeated value; an event where it differs."""
         self.dropped += 1
         for at, kind, other, was_good in self._pending:
             if (at, kind) == (time, signal) and (other != value or good != was_good) and (good or was_good):
@@ -260,6 +261,7 @@ class Resampler:
             self._sample(time, out)
 
     def _sample(self, time: float, out: list[Sample]) -> None:
+        """Add the sample of the held values."""
         sp, pv, op, mode, low, high, position, u_ff = self._held
         flags = 0
         if sp is None or pv is None or sp != sp or pv != pv:
@@ -332,4 +334,5 @@ _NAMES = ("SP", "PV", "OP", "mode", "the low limit", "the high limit", "the posi
 
 
 def _order(value: tuple[float, int, float, bool]) -> tuple[float, bool, int]:
+    """Sort key of values: by time, PV last."""
     return value[0], value[1] == PV, value[1]

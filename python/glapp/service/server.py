@@ -290,6 +290,7 @@ class AnswerServer:
                 await aspace.write_attribute_value(self._ids[loop, name], ua.AttributeIds.Value, value)
 
     async def _build(self, server: Server) -> None:
+        """Create the nodes of all loops."""
         index = await server.register_namespace(NAMESPACE)
         di = await server.register_namespace(DI)
         health_type = ua.NodeId(_HEALTH_TYPE, di)

@@ -494,6 +494,7 @@ class Store(Reader):
             raise
 
     def _open(self, now: float) -> None:
+        """Open the database; a damaged one is set aside."""
         path = self.folder / NAME
         there, version = path.exists(), 0
         empty = there and path.stat().st_size == 0  # SQLite takes it for a new database
@@ -586,6 +587,7 @@ class Store(Reader):
             self._insert(halves, events)
 
     def _insert(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
+        """Insert half-periods and events."""
         self._db.executemany(_INSERT_HALF, halves)
         self._db.executemany(
             "INSERT INTO events (time, loop, kind, text) VALUES (?, ?, ?, ?)",

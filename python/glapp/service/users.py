@@ -203,6 +203,7 @@ class Tries:
 
 
 def _forget(times: deque[float], now: float) -> None:
+    """Drop tries that are too old to count."""
     while times and now - times[0] >= TRIES_WITHIN:
         times.popleft()
 
@@ -265,9 +266,11 @@ class Users:
                 self._tries.known.pop(name, None)
 
     def _end(self, name: str) -> None:
+        """End the logins of a user."""
         self._logins = {digest: login for digest, login in self._logins.items() if login[0].name != name}
 
     def _not_the_last(self, name: str) -> None:
+        """Refuse to remove the last engineer."""
         if [user["name"] for user in self._store.users() if user["role"] == "engineer"] == [name]:
             raise InputError("is the last engineer", parameter="name", value=name, hint="make another one first")
 

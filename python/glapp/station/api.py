@@ -199,6 +199,7 @@ def api_of(station: Station) -> FastAPI:
 
 
 def _overview(station: Station, since: int) -> bytes:
+    """Changes of the overview, as JSON."""
     listed, view = station.listed, station.view
     whole, rows, gone = listed.changes(since)
     head = {
@@ -213,6 +214,7 @@ def _overview(station: Station, since: int) -> bytes:
 
 
 def _detections(station: Station, name: str, begin: float, most: int) -> bytes:
+    """Detections of a loop, as JSON."""
     rows = station.view.read(lambda reader: reader.detections(name, begin, most))
     body = {
         "unit": station.view.unit(name),

@@ -75,6 +75,7 @@ class CompensationPage:
                 await self._show_log()
 
     async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
+        """Fill the dialog with settings and state."""
         made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
         self._tested, self._set = settings.get(WATCHDOG_SEEN), settings
@@ -112,6 +113,7 @@ class CompensationPage:
     # Before it is enabled
 
     def _offered(self) -> None:
+        """Show the widths that can be chosen."""
         unit, seen, status = self.op_unit, self._seen, self._status
         last = status["answer"]
         self._fit = None if last is None or last["compensable"] is None else last
@@ -190,6 +192,7 @@ class CompensationPage:
         self._describe()
 
     def _describe(self) -> None:
+        """Describe the effect of the chosen width."""
         chosen, seen = self._wanted(), self._seen
         used = not self._differs()
         found = plan(seen if used else chosen, self.op_unit)
@@ -245,6 +248,7 @@ class CompensationPage:
     # While it is in force
 
     async def _in_force(self, made: dict[str, Any]) -> None:
+        """Show the running compensation."""
         unit = self.op_unit
         ui.label(TEXT_OF_STATE[made["standing"]]).style("font-weight: 600")
         if made["over"]:
@@ -306,6 +310,7 @@ class CompensationPage:
             ui.echart(options).classes("chart low").props('role="img" aria-label="PV about SP, and u_FF"')
 
     async def _show_log(self) -> None:
+        """Show the commands on this compensation."""
         log = await asyncio.to_thread(self.station.view.read, lambda r: r.commands(self.loop, 200))
         log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
         self.log.clear()

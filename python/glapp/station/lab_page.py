@@ -36,6 +36,7 @@ WINDOWS = {60: "1 min", 600: "10 min", 3600: "1 h"}
 
 
 def _begun() -> Lab:
+    """A laboratory of the first loop that has run for a while."""
     lab = Lab(THESIS)
     lab.speed = BEGUN
     lab.advance(1.0)
@@ -88,6 +89,7 @@ class _Page:
         self.sent: dict[str, Any] = {}
 
     def build(self) -> None:
+        """Build the page."""
         with ui.element("div").classes("bar"):
             heading("Laboratory")
             ui.label("SIMULATION: no plant, no service").classes("mark")
@@ -255,6 +257,7 @@ class _Page:
         self.chart.update()
 
     def _edited(self, event: Any) -> None:
+        """Set a value that was typed into the table."""
         path, typed = event.args["data"]["path"], event.args["newValue"]
         text = str(typed if typed is not None else "").strip().replace("−", "-")
         try:
@@ -281,6 +284,7 @@ class _Page:
         return True
 
     def _show(self, lab: Lab) -> None:
+        """Show another laboratory."""
         self.lab = lab
         self.blocks.set_content(diagram(lab.project))
         self.chosen.set_options(self._labels(), value=list(lab.shown))
@@ -297,6 +301,7 @@ class _Page:
             rows = ui.element("div")
 
             def listed() -> None:
+                """Show the list of modules again."""
                 rows.clear()
                 with rows:
                     for i, part in enumerate(parts):

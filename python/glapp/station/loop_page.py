@@ -64,6 +64,7 @@ async def signals(station: Station, session: Session, loop: str, begin: float, e
 
 
 def _from_disk(station: Station, loop: str, begin: float, end: float) -> dict[str, Any]:
+    """Recorded signals, thinned."""
     table = SignalStore(station.view.folder).read(loop, begin, end)
     every = max(1, -(-len(table) // MOST))
     found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
@@ -126,6 +127,7 @@ class _Page:
     # The page
 
     def build(self) -> None:
+        """Build the page."""
         with ui.element("div").classes("bar"):
             heading(self.name)
             self.place = ui.label().classes("muted grow")
@@ -296,6 +298,7 @@ class _Page:
         return one
 
     def _show_under_way(self) -> None:
+        """Show the half-period under way."""
         if self.under_way is None:
             self.half.set_text("")
             return
@@ -399,6 +402,7 @@ class _Page:
         return "% of span" if self.station.view.percent(self.name, 1.0) is not None else self.op_unit
 
     def _show_answer(self, answer: dict[str, Any] | None, status: dict[str, Any]) -> None:
+        """Show the answer with its interval."""
         view = self.station.view
         first, _, rest = view.headline(self.name).partition(" (")
         self.one.set_text(first or view.verdict(self.name))
@@ -477,6 +481,7 @@ class _Page:
         return {NAMES[code]: n for code, n in found.items()}
 
     async def _count(self) -> None:
+        """Show the reasons of rejection with their counts."""
         counts = charts.reasons(await self._counts())
         total = sum(n for _, n, _, _ in counts)
         self.reasons.clear()
@@ -662,6 +667,7 @@ class _Page:
             self._log(log, command_text)
 
     def _log(self, rows: list[dict[str, Any]], text: Callable[[dict[str, Any]], str]) -> None:
+        """Table of commands with the persons."""
         if not rows:
             ui.label("Nobody yet.").classes("muted")
             return

@@ -64,6 +64,7 @@ class Station:
             await asyncio.sleep(1.0)
 
     def _look(self) -> None:
+        """Look at the database, and list the loops anew where it has changed."""
         self.view.refresh()
         now = time.monotonic()
         # The page's values grow older, too, and a fit goes on.

@@ -81,6 +81,7 @@ class ProofCards:
             self._show("repair", self.repair, (noted, self._fall()), self._repaired)
 
     def _show(self, name: str, card: ui.element, what: Any, fill: Callable[..., bool]) -> None:
+        """Fill a card again where its content has changed."""
         if name in self._shown and self._shown[name] == what:
             return
         self._shown[name] = what
@@ -93,6 +94,7 @@ class ProofCards:
         return None if answer is None else answer["confidence"]
 
     def _may(self, button: ui.button) -> ui.button:
+        """A button, disabled for persons below operator."""
         if not self.session.may("operator"):
             button.props("disable").tooltip("needs the role operator")
         return button
@@ -225,10 +227,12 @@ class ProofCards:
     # The repair
 
     def _fall(self) -> dict[str, Any] | None:
+        """A fall of the width in the loop's answer; None where there is none."""
         believed = self.station.view.believed(self.loop)
         return None if believed is None else repairs.fall_of(believed["recordings"])
 
     def _repaired(self, noted: list[dict[str, Any]], fall: dict[str, Any] | None) -> bool:
+        """Show repairs, and a fall of the width that nobody noted."""
         heading("Repair of the valve", 2)
         if fall is not None and not any(fall["t"][0] <= row["time"] <= fall["t"][1] + 86400.0 for row in noted):
             both = (fall["before"], fall["after"])
@@ -250,6 +254,7 @@ class ProofCards:
         return True
 
     async def _note(self) -> None:
+        """Dialog to note a repair."""
         with self.dialogs, dialog_of(f"{self.loop}: note a repair") as dialog:
             ui.label("From then on the loop is judged by what was recorded after the repair.").classes("small muted")
             now = datetime.fromtimestamp(self.station.view.now)
@@ -271,6 +276,7 @@ class ProofCards:
             ui.button("Note it", on_click=go).props("no-caps unelevated color=primary").style("align-self: start")
 
     async def _compare(self, row: dict[str, Any]) -> None:
+        """Dialog of a loop before and after a repair."""
         view = self.station.view
         settings = view.loops[self.loop].model_dump_json(exclude_unset=True)
         with self.dialogs, dialog_of(f"{self.loop}: before and after the repair of {moment(row['time'])[:10]}"):

@@ -251,6 +251,7 @@ class Guard:
             over.cancel()
 
     def _refusal(self, scope: Scope, session: Session | None) -> Response | None:
+        """Response that refuses a request; None where it may pass."""
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if _name(host) not in self._hosts:

@@ -81,6 +81,7 @@ class Wizard:
         ui.timer(5.0, look, immediate=False)
 
     def _here(self) -> None:
+        """Choice of the recorded time to read."""
         with ui.element("div").classes("bar"):
             ui.label("Read it from the last")
 
@@ -93,6 +94,7 @@ class Wizard:
         self.steps = ui.element("ol").classes("steps")
 
     def _file(self) -> None:
+        """Choice of a file to read."""
         with ui.element("div").classes("bar"):
             self.columns = {
                 role: ui.input(f"column of {text}").props("dense outlined").style("width: 150px")
@@ -121,6 +123,7 @@ class Wizard:
         self.picture.clear()
 
     async def _look(self) -> None:
+        """Read the recorded test, and show it."""
         values = await self.signals(self.window)
         found = await asyncio.to_thread(step_test.read, values, self.loop)
         at = step_test.next_step(found, bool(values["MODE"]) and values["MODE"][-1] == "MAN")

@@ -163,6 +163,7 @@ class View:
             return self._read(what)
 
     def _read(self, what: Callable[[Reader], Any]) -> Any:
+        """Result of a query; the database is opened again where it was replaced."""
         path = self.folder / "glapp.db"
         try:
             stat = path.stat()

@@ -174,6 +174,7 @@ def _narrow(pick: Callable[[Array], int], low: float, high: float) -> float:
 
 
 def _checked(kp: float, t63: float, l: float) -> Fotd:  # noqa: E741
+    """A model, checked for 0 ≤ L < T63."""
     if not (l >= -1e-9 * t63 and t63 > l):
         raise InputError(
             f"gives L = {l:.4g} s and T63 = {t63:.4g} s; a step response that is essentially monotone has 0 ≤ L < T63",

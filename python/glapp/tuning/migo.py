@@ -90,6 +90,7 @@ def migo(
 
 
 def _filtered(plant: Plant, tf: float) -> Plant:
+    """The process with the controller's filter."""
     return plant * Plant([1.0], [tf * tf, 2 * tf, 1.0]) if tf else plant
 
 

@@ -534,7 +534,7 @@ impl<R: Real> AutoTuner<R> {
         moves
     }
 
-    /// Four cycles alike under the balanced relay: the point of the process' frequency response that they stand at.
+    /// Takes the point of the process' frequency response from four equal cycles under the balanced relay.
     fn balanced(&self, s: &mut AutoTunerState<R>) {
         let sum = &s.sum;
         let re = sum.y_cos * sum.u_cos + sum.y_sin * sum.u_sin;

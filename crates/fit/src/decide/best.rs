@@ -47,7 +47,7 @@ impl<'r> Best<'r> {
 
     /// Whether the valve slips.
     pub(crate) fn slips(&self) -> bool {
-        self.lr_no_jump > JUMP
+        self.lr_no_jump > LR_JUMP
     }
 
     /// Settling time of PV [steps].
@@ -95,8 +95,8 @@ impl NoGap {
         let ([without, with], ratio, gap) = (costs, best.information_ratio, &profiles[0]);
         let Search { record, structure, sign } = best.search;
         // The gain of a gap over nothing is at least the gain of a slip jump over a gap.
-        let of_families =
-            profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (best.lr_no_jump - JUMP).max(0.0);
+        let of_families = profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min)
+            + (best.lr_no_jump - LR_JUMP).max(0.0);
         let asked = lr_asked(best.traversals).max(best.asked_of_changes());
         let of_aperiodic_loads = without - with;
         let lr_aperiodic = of_families.min(of_aperiodic_loads) * ratio;
@@ -109,7 +109,7 @@ impl NoGap {
         }
         let lr = of_families.min(lr_of_loads) * ratio;
         let mut needed = asked;
-        if bootstrap > 0 && lr > asked && lr < GAP_IF_CLEAR {
+        if bootstrap > 0 && lr > asked && lr < LR_IF_CLEAR {
             // Drawn innovations are alike everywhere: their ratio is to be held against the one before the information ratio.
             let threshold = bootstrap_threshold(&best.of(gap.structure), &gap.points[0], lr / ratio, bootstrap);
             needed = asked.max(threshold * ratio);

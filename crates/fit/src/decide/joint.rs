@@ -356,7 +356,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let mut lr_aperiodic = 0.0;
     for (curve, lr) in curves.iter().zip(&mut against) {
         let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
-        let jumps = (answer.lr_no_jump - JUMP).max(0.0);
+        let jumps = (answer.lr_no_jump - LR_JUMP).max(0.0);
         *lr += curve.worth * jumps;
         lr_aperiodic += lr.min(curve.worth / answer.information_ratio * answer.evidence.lr_aperiodic);
         *lr = lr.min(curve.worth * lr_of_loads);
@@ -371,8 +371,8 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let many =
         |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.answer.evidence)).count() > curves.len();
     let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
-    let asked = GAP_JOINT.max(lr_asked(traversals)).max(lr_asked_of_changes(traversals, marks));
-    let lr_needed = (dispersion * asked).max(most + dispersion * GAP);
+    let asked = LR_JOINT.max(lr_asked(traversals)).max(lr_asked_of_changes(traversals, marks));
+    let lr_needed = (dispersion * asked).max(most + dispersion * LR_MIN);
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
@@ -398,7 +398,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         at_once: many(|e| e.at_once),
         noisy_below: median(|e| e.noisy_below),
         misfit_at_turns: many(|e| e.misfit_at_turns),
-        slips: lr_no_jump > JUMP && 2 * jumping > curves.len(),
+        slips: lr_no_jump > LR_JUMP && 2 * jumping > curves.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: many(|e| e.even_swing),

@@ -245,7 +245,7 @@ impl View<'_> {
         let wide = 2.0 * self.best.point.lost.d;
         // No load follows OP so closely, unless most of each swing is lost.
         let dwells =
-            self.fast() && self.slowly() && self.no_gap.lr > GAP_IF_SELDOM && wide < self.best.search.record.range;
+            self.fast() && self.slowly() && self.no_gap.lr > LR_IF_SELDOM && wide < self.best.search.record.range;
         dwells || self.rows.is_led()
     }
 
@@ -298,7 +298,7 @@ impl View<'_> {
             misfit_at_turns: best.information_ratio < MISFIT_AT_TURNS,
             dissent: dissent || !limits.certain,
             periodic_load: no_gap.periodic_load,
-            even_swing: no_gap.lr < GAP_IF_EVEN_SWING && !self.explained() && even(),
+            even_swing: no_gap.lr < LR_IF_EVEN_SWING && !self.explained() && even(),
             hidden: hidden(settles, lag, record.count as f64, best.traversals, changes),
             unsampled_below,
             lined_below: LINED_BELOW * bow / kp,

@@ -122,7 +122,7 @@ impl Member<'_> {
         let lost = &fitted.profiles[0].near(d).lost;
         if coarse && !agreed {
             Some("coarse")
-        } else if lr_no_gap < GAP_IF_EVEN_SWING && !fitted.explained && swings_evenly(&fitted.record, d, fitted.lag) {
+        } else if lr_no_gap < LR_IF_EVEN_SWING && !fitted.explained && swings_evenly(&fitted.record, d, fitted.lag) {
             Some("swings")
         } else if d < lined_below {
             Some("lined")
@@ -303,13 +303,13 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         let record = &member.curve.fitted.record;
         let asked = lr_asked_of_changes(record.traversals(d / member.size), record.changes());
         if asked > 0.0 {
-            member.worth /= (asked / GAP).max(RISE_BESIDE_CHANGES);
+            member.worth /= (asked / LR_MIN).max(RISE_BESIDE_CHANGES);
         }
     }
     // A record that is not believed to exclude that there is none is not believed to exclude this width either.
     let off = |member: &Member, costs: &[f64]| {
         let off = member.worth * member.curve.off(costs);
-        if member.curve.fitted.answer.verdict == Verdict::CannotTell { off.min(GAP) } else { off }
+        if member.curve.fitted.answer.verdict == Verdict::CannotTell { off.min(LR_MIN) } else { off }
     };
     let off: f64 = members.iter().zip(here).map(|(member, costs)| off(member, costs)).sum();
     let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
@@ -370,7 +370,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         d,
         lr_no_gap,
         lr_aperiodic: lr_no_gap,
-        lr_needed: (dispersion * GAP_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * GAP),
+        lr_needed: (dispersion * LR_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * LR_MIN),
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,
         high,
@@ -382,7 +382,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         at_once: many(|e| e.at_once),
         noisy_below: median(|e| e.noisy_below),
         misfit_at_turns: many(|e| e.misfit_at_turns),
-        slips: lr_no_jump > JUMP && 2 * jumping > members.len(),
+        slips: lr_no_jump > LR_JUMP && 2 * jumping > members.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: false,
@@ -415,11 +415,11 @@ fn against(members: &mut [Member], d: f64, here: &[Vec<f64>], dispersion: f64) -
     let mut against = rises(members, here, &none);
     for (member, lr) in members.iter().zip(&mut against) {
         let fitted = &member.curve.fitted;
-        let jumps = (fitted.answer.lr_no_jump - JUMP).max(0.0);
+        let jumps = (fitted.answer.lr_no_jump - LR_JUMP).max(0.0);
         // A load without a gap takes from what a gap brings; what a gap would bring beside that load is not known.
         *lr = (*lr + member.worth * jumps).min(member.worth * fitted.lr_of_loads.max(0.0));
     }
-    if against.iter().sum::<f64>() > dispersion * GAP_JOINT {
+    if against.iter().sum::<f64>() > dispersion * LR_JOINT {
         against.par_iter_mut().zip(members).for_each(|(lr, member)| {
             let fitted = &member.curve.fitted;
             if fitted.cycle_known || *lr <= 0.0 {

@@ -141,12 +141,12 @@ impl Evidence {
     /// Likelihood ratio of no gap that a gap needs: more for a bound, and for an even swing. Some loads that swing,
     /// triangles above all, look like a gap whose cycle is the loop's own.
     pub(crate) fn needed(&self) -> f64 {
-        self.asked().max(if self.even_swing { GAP_IF_EVEN_SWING } else { 0.0 })
+        self.asked().max(if self.even_swing { LR_IF_EVEN_SWING } else { 0.0 })
     }
 
     /// Likelihood ratio that is asked of a gap, without the price of an even swing.
     fn asked(&self) -> f64 {
-        self.lr_needed.max(if self.bound() { GAP_IF_SELDOM } else { 0.0 })
+        self.lr_needed.max(if self.bound() { LR_IF_SELDOM } else { 0.0 })
     }
 
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
@@ -157,7 +157,7 @@ impl Evidence {
     /// Whether OP swings, or the load repeats itself, as the loop of process, gap and controller does by itself, and the gap explains clearly
     /// more than any load: of some saws the fitted loop makes the same period and swing.
     fn own_swing(&self) -> bool {
-        let clear = self.lr_no_gap > self.asked().max(GAP_IF_CLEAR);
+        let clear = self.lr_no_gap > self.asked().max(LR_IF_CLEAR);
         self.cycles() && self.swings() && self.crossed_twice() && clear && self.veto().is_none()
     }
 
@@ -177,7 +177,7 @@ impl Evidence {
     fn may_be_likely(&self) -> bool {
         let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
         let sided = !self.swings() || self.width_kind() != WidthKind::Unsure;
-        let asked = if self.even_swing { GAP_IF_EVEN_SWING } else { GAP };
+        let asked = if self.even_swing { LR_IF_EVEN_SWING } else { LR_MIN };
         self.lr_no_gap > asked && self.low > 0.0 && shows && sided
     }
 
@@ -192,7 +192,7 @@ impl Evidence {
     /// which what the model lacks brings a little in every window.
     pub(crate) fn shows_alone(&self) -> bool {
         let shows = judge(self).0.tells() || self.crossed_twice() && self.veto().is_none() && !self.swings();
-        shows && (self.cycles() || self.lr_no_gap > GAP.max(WINDOW_SHOWS * self.needed()))
+        shows && (self.cycles() || self.lr_no_gap > LR_MIN.max(WINDOW_SHOWS * self.needed()))
     }
 
     /// Kind of the width of a gap.
@@ -377,7 +377,7 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
 
 /// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
 pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
-    let least = if lr_no_gap > GAP_IF_CLEAR { CYCLES_IF_CLEAR } else { CYCLES };
+    let least = if lr_no_gap > LR_IF_CLEAR { CYCLES_IF_CLEAR } else { CYCLES };
     // At the most likely width the count may be one too many.
     low.iter().all(|n| *n >= least) && d.iter().all(|n| *n > least)
 }
@@ -398,18 +398,18 @@ pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2],
 
 /// Likelihood ratio of no gap that OP's traversals of a width demand.
 pub(crate) fn lr_asked([up, down]: [usize; 2]) -> f64 {
-    if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(GAP) } else { GAP_IF_SELDOM }
+    if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(LR_MIN) } else { LR_IF_SELDOM }
 }
 
 /// Likelihood ratio demanded where each pass adds a little.
 pub(crate) fn lr_asked_of_passes([up, down]: [usize; 2]) -> f64 {
-    GAP_EACH_PASS * (up + down) as f64
+    LR_EACH_PASS * (up + down) as f64
 }
 
 /// Likelihood ratio demanded by marked steps and bends of the load where there are as many of them as traversals of OP,
 /// else 0: they lie where they suit the best width, and make the others look worse than they are.
 pub(crate) fn lr_asked_of_changes([up, down]: [usize; 2], marks: usize) -> f64 {
-    if marks < up + down { 0.0 } else { GAP_EACH_CHANGE * marks as f64 }
+    if marks < up + down { 0.0 } else { LR_EACH_CHANGE * marks as f64 }
 }
 
 #[cfg(test)]
@@ -490,7 +490,7 @@ mod tests {
         assert_eq!(said(&of(61.0)), (Confidence::Found, Some(WidthKind::Interval)));
         assert_eq!(said(&of(59.0)), (Confidence::Likely, Some(WidthKind::Interval)));
         assert_eq!(verdict(&of(59.0)), Verdict::CannotTell);
-        assert_eq!(said(&of(GAP)), (Confidence::CannotTell, None));
+        assert_eq!(said(&of(LR_MIN)), (Confidence::CannotTell, None));
         // A record that looks like a gap for another reason is not likely either.
         assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
         assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
@@ -504,7 +504,7 @@ mod tests {
             passes: [2; 2],
             lr_no_gap: 30.0,
             lr_aperiodic: 30.0,
-            lr_needed: GAP_IF_SELDOM,
+            lr_needed: LR_IF_SELDOM,
             ..plain()
         };
         let weak = Evidence { noisy_below: 0.3, settles: 12.0, range: 2.0, ..twice };
@@ -532,7 +532,7 @@ mod tests {
         }
         let of_four = Evidence { agree: [4, 4], ..plain() };
         assert_eq!(of_four.limits(&judge(&of_four).0, Some(1.1)), (0.9, Some(1.1)));
-        let silent = Evidence { lr_no_gap: GAP, low: 0.0, ..plain() };
+        let silent = Evidence { lr_no_gap: LR_MIN, low: 0.0, ..plain() };
         assert_eq!(silent.limits(&judge(&silent).0, Some(1.1)), (0.0, Some(1.1)));
     }
 
@@ -553,14 +553,14 @@ mod tests {
         assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "repeats"));
         let plain_swings = Evidence { even_swing: true, oscillates: true, ..plain() };
         let of = |lr_no_gap| said(&Evidence { lr_no_gap, ..plain_swings.clone() }).0;
-        assert_eq!((of(GAP_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Found));
-        assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
+        assert_eq!((of(LR_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Found));
+        assert_eq!(swings.needed(), LR_IF_EVEN_SWING);
         let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
         let beside = |lr_no_gap| judge(&Evidence { lr_no_gap, ..own.clone() }).0;
-        let clear = beside(GAP_IF_CLEAR + 1.0);
+        let clear = beside(LR_IF_CLEAR + 1.0);
         assert_eq!((clear.confidence, clear.oscillates), (Confidence::Likely, true));
         // A saw may make the fitted loop swing as it was recorded, but no gap is clearly likelier.
-        assert_eq!(beside(GAP_IF_CLEAR).confidence, Confidence::CannotTell);
+        assert_eq!(beside(LR_IF_CLEAR).confidence, Confidence::CannotTell);
         // For a load that repeats itself no width is shared by all families.
         let unsure = Evidence { periodic_load: true, lr_no_gap: 600.0, low: 0.1, ..plain() };
         assert_eq!(judge(&unsure).0.confidence, Confidence::CannotTell);
@@ -611,9 +611,9 @@ mod tests {
     #[test]
     fn a_bound_asks_for_more_and_so_does_each_passage() {
         assert_eq!(plain().needed(), 15.0);
-        assert_eq!(Evidence { noisy_below: 1.1, ..plain() }.needed(), GAP_IF_SELDOM);
-        assert_eq!(lr_asked([10, 10]), GAP);
-        assert_eq!(lr_asked([100, 100]), 200.0 * GAP_EACH_PASS);
-        assert_eq!(lr_asked([100, CYCLES - 1]), GAP_IF_SELDOM);
+        assert_eq!(Evidence { noisy_below: 1.1, ..plain() }.needed(), LR_IF_SELDOM);
+        assert_eq!(lr_asked([10, 10]), LR_MIN);
+        assert_eq!(lr_asked([100, 100]), 200.0 * LR_EACH_PASS);
+        assert_eq!(lr_asked([100, CYCLES - 1]), LR_IF_SELDOM);
     }
 }

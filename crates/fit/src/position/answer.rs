@@ -2,7 +2,7 @@
 
 use crate::data::recorder::Recorder;
 use crate::decide::thresholds::{
-    CYCLES_IF_CLEAR, GAP, GAP_IF_SELDOM, JUMP, LEAST_LOW, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
+    CYCLES_IF_CLEAR, LEAST_LOW, LR_IF_SELDOM, LR_JUMP, LR_MIN, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
     RISE_OF_STICKING, SOUND_BELOW,
 };
 use crate::decide::verdict::Verdict;
@@ -58,7 +58,7 @@ impl Track {
             Recorder::Rounded(step) | Recorder::Kept(step) => step,
         };
         let per_op = gap.b.abs().max(1e-300);
-        let slips = lr_no_jump > JUMP && stuck.motion.d * stuck.motion.share > 2.0 * step / per_op;
+        let slips = lr_no_jump > LR_JUMP && stuck.motion.d * stuck.motion.share > 2.0 * step / per_op;
         let best = if slips { stuck } else { gap };
         let (information_ratio, traversals) = self.information_ratio(&best);
         let lr_no_gap = (none.cost - best.cost).max(0.0) * information_ratio;
@@ -91,7 +91,7 @@ impl Track {
         let high = high.map(|h| h + op + (1.5 * self.op_move).min(seen) + kept);
         // A position that stands still is explained by nothing.
         let explained = if best.b == 0.0 { 0.0 } else { 1.0 - best.left * self.rows as f64 / self.zz };
-        let lr_needed = if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { GAP } else { GAP_IF_SELDOM };
+        let lr_needed = if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { LR_MIN } else { LR_IF_SELDOM };
         let copy = none.b != 0.0 && none.left.sqrt() <= 1e-7 * self.range * none.b.abs() && none.motion.lag == 0.0;
         let (verdict, reason) = if copy {
             (Verdict::CannotTell, "copy")

@@ -17,7 +17,7 @@ from .ordinary.design import ROWS, half, names
 from .ordinary.records import record
 
 FOUND = {"none": "sound", "gap": "gap", "friction": "stiction", "both": "both", "driven": "other"}
-"""What a workshop would call each fault of the corpus."""
+"""Words of a workshop for each fault of the corpus."""
 
 
 def write(folder: Path, rows: list[str], which: str, numbers: int, seed: int) -> Path:

@@ -44,7 +44,7 @@ const Reading = (data) => {
     }
   }
 
-  /** What reads a text whole, by its beginning; undefined for a table of text. */
+  /** Reader for a text that is read whole, by its beginning; undefined for a table of text. */
   function wholly(beginning) {
     if (Points.isAnnotated(beginning)) return Points.annotated;
     if (Points.isLineProtocol(beginning)) return Points.lineProtocol;
@@ -79,7 +79,8 @@ const Reading = (data) => {
 
   // --- loops
 
-  /** Names, loops and guesses of a file: what is asked before it is read. `stem`: the file's name without its ending. */
+  /** Names, loops and guesses of a file: the questions before it is read. `stem`: the file's name without its
+   * ending. */
   async function open(bytes, stem) {
     const tables = (await sources(bytes)).map(shaped);
     const loops = tables.flatMap((source) => {
@@ -124,7 +125,7 @@ const Reading = (data) => {
     const called = Object.fromEntries(Object.entries(chosen).map(([role, at]) => [role, names[at]]));
     if (source.tags && source.dated) called.time = source.times;
     const units = Object.fromEntries(Object.keys(chosen).map((role) => [role, unit(role)]).filter(([, one]) => one));
-    return { columns: read.columns, told: read.told, t0: read.t0, chosen: called, units, loop: loop.name };
+    return { columns: read.columns, found: read.found, t0: read.t0, chosen: called, units, loop: loop.name };
   }
 
   function checkAlive({ pv }, where) {
@@ -148,7 +149,7 @@ const Reading = (data) => {
     const out = {};
     let role = "time";
     let bits = null;
-    let time = { t0: null, told: [] };
+    let time = { t0: null, found: [] };
     try {
       if (chosen.time !== undefined) {
         const at = chosen.time;
@@ -172,7 +173,7 @@ const Reading = (data) => {
       throw new InputError(fault.message, { row: line(rows[fault.index]), column: names[chosen[role]], hint: fault.hint });
     }
     checkAlive(out, { column: names[chosen.pv], hint: "is it the right column?" });
-    return { columns: finished(out, bits), t0: time.t0, told: time.told, unit: (at) => units[at] || ends.get(at) || null };
+    return { columns: finished(out, bits), t0: time.t0, found: time.found, unit: (at) => units[at] || ends.get(at) || null };
   }
 
   // --- tags with times of their own: long.py
@@ -272,7 +273,7 @@ const Reading = (data) => {
       }
     }
     const held = signals.map((role) => labels[role]).join(", ");
-    const told = own ? [{ code: "own_times", severity: "info", evidence: { held, pv_rows: count, rows: pv.t.length }, numbers: {} }] : [];
+    const found = own ? [{ code: "own_times", severity: "info", evidence: { held, pv_rows: count, rows: pv.t.length }, numbers: {} }] : [];
     const out = { t: pv.t, pv: pv.value };
     let bits = Uint8Array.from(pv.bad, (bad) => (bad ? BAD : 0));
     for (const [role, tag] of Object.entries(tags)) {
@@ -283,7 +284,7 @@ const Reading = (data) => {
         bits = bits.map((bit, i) => bit | (none(i) ? (role === "mode" ? NOT_AUTO : 0) : tag.value[at[i]]));
       } else out[role] = Float64Array.from(at, (k, i) => (none(i) ? NaN : tag.value[k]));
     }
-    return { columns: finished(out, bits), t0: time.t0, told: [...time.told, ...told], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
+    return { columns: finished(out, bits), t0: time.t0, found: [...time.found, ...found], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
   }
 
   /** The first cells of each of a loop's columns, as text. */

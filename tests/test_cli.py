@@ -1,4 +1,4 @@
-"""The command line as a person types it: what it prints, how it ends, and that one wrong loop stops no other."""
+"""The command line as a person types it: its output, its end, and that one wrong loop stops no other."""
 
 import csv
 import inspect
@@ -248,7 +248,7 @@ def test_step_test_takes_many_files(run, by_hand):
 @pytest.mark.parametrize("columns", [60, 80, 120])
 @pytest.mark.slow
 def test_no_header_is_left_out_on_any_screen(run, monkeypatch, columns, by_hand):
-    """It was that a narrow table had only some of them."""
+    """Regression: a narrow table had only some of the headers."""
     write("FIC101.csv", rows())
     write("a_recording_with_a_name_that_is_long.csv", rows())
     write("test.csv", by_hand)
@@ -293,7 +293,7 @@ def test_python_m_glapp_is_the_command():
 
 @pytest.mark.verify
 def test_mypy_finds_the_types_from_outside(tmp_path):
-    """It found none: a package without `py.typed` has the type Any for everything."""
+    """Regression: mypy found no types, since a package without `py.typed` has the type Any for everything."""
     (tmp_path / "mine.py").write_text(
         "import glapp\n"
         "loop = glapp.Loop(name='FIC101')\n"
@@ -397,7 +397,7 @@ def test_what_the_columns_were_taken_for_is_shown(run):
     write("plant.csv", rows(header="Zeit,Sollwert,Istwert,Stellgröße"))
     _, shown, _ = run("analyze", "plant.csv", "--no-fit")
     assert "SP = Sollwert, PV = Istwert, OP = Stellgröße" in " ".join(shown.split()) and "time = Zeit" in shown
-    # In a loops.toml somebody can see them and change them.
+    # A loops.toml shows them, and they can be changed there.
     run("init", "plant.csv", "-o", "loops.toml")
     assert "SP = Sollwert" not in run("analyze", "loops.toml", "--no-fit")[1]
 
@@ -751,7 +751,7 @@ def test_times_are_those_of_the_recording():
     assert _seconds("2026-03-29T01:00:05", t0.replace(tzinfo=None)) == 5
     with pytest.raises(CommandError, match="has a zone"):
         _seconds("2026-03-29T01:00:05Z", t0.replace(tzinfo=None))
-    # In any form that the reader knows.
+    # Any form that the reader knows.
     for at in ("29.03.2026 03:30", "29-Mar-26 03:30:00", "29/03/2026 3:30", "Mar 29, 2026 3:30 AM", "20260329T033000"):
         assert _seconds(at, t0) == 1800 + 3600, at
     assert _seconds("05/04/2026 01:00", t0, "day first") == 7 * 86400 - 3600

@@ -1,4 +1,4 @@
-"""What the command line writes: whole or not at all, and never over a recording."""
+"""Files of the command line are written whole or not at all, and never over a recording."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""The page's reader of files, held to the one of the package on the same files; it runs in node."""
+"""The page's reader of files, compared with the one of the package on the same files; it runs in node."""
 
 import json
 import shutil
@@ -193,7 +193,7 @@ UNAIDED = [name for name in MAKERS if name not in ASKED]
 
 @pytest.fixture(scope="module")
 def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    """What the page's reader makes of each text, and where that is."""
+    """Result of the page's reader for each text, and its place."""
     folder = tmp_path_factory.mktemp("page")
     (folder / "data.json").write_text(json.dumps(build.of_reading()), encoding="utf-8")
     scripts = json.dumps([str(path) for path in (PAPA, FORMATS, *(ROOT / "page" / f"{n}.js" for n in build.READER))])
@@ -258,7 +258,7 @@ def test_reads_the_same_numbers_after_the_same_answer(read: dict[str, dict[str, 
 
 
 def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
-    """Hold what the page read to the package's recording."""
+    """Compare the page's recording with the package's."""
     assert "wrong" not in found, found
     [recording] = recordings
     batch = joined(list(recording.batches()))
@@ -271,7 +271,7 @@ def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
     assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
     assert {labels[role]: unit for role, unit in found["units"].items()} == recording.units
     assert found["loop"] == recording.name
-    findings = [(one["code"], one["severity"], one["evidence"]) for one in found["told"]]
+    findings = [(one["code"], one["severity"], one["evidence"]) for one in found["found"]]
     assert findings == [(one.code, one.severity, one.evidence) for one in recording.found]
     if recording.t0 is None:
         assert found["t0"] is None

@@ -460,7 +460,7 @@ def test_a_recording_can_be_left_early_and_read_again(tmp_path, monkeypatch):
 
 
 def test_text_road_and_native_road_agree(tmp_path):
-    """Once a cell needs the text road, its block and no other is read that way; values stay the same."""
+    """The text reader reads the block of such a cell and no other; values stay the same."""
     rng = np.random.default_rng(1)
     rows = [
         f"2024-01-01 00:00:{i:02d}.{i:03d},{x!r},{y!r},1e{i % 9},1"

@@ -1,4 +1,4 @@
-"""The listener of the API and of the station: what is held open by strangers shuts nobody out, and does not last."""
+"""The listener of the API and of the station: connections held open by strangers shut nobody out, and do not last."""
 
 import asyncio
 import contextlib
@@ -21,7 +21,7 @@ __all__ = ["certificate"]
 
 QUICK = ListenerLimits(header=1.0, body=1.0, answer=1.0, slowest=100_000, idle=1.0, rest=0.3, address=8, strangers=16)
 LONGEST = 60.0
-"""Nothing that is waited for takes longer, on any machine [s]."""
+"""Longest wait, on any machine [s]."""
 
 PATIENT = ListenerLimits(
     header=LONGEST, body=LONGEST, answer=LONGEST, idle=LONGEST, address=8, strangers=12, logged_in=6
@@ -29,7 +29,7 @@ PATIENT = ListenerLimits(
 
 
 class App:
-    """An application that says of each request how it went."""
+    """An application that records how each request went."""
 
     def __init__(self) -> None:
         self.bodies: list[int] = []
@@ -96,7 +96,7 @@ class Stranger:
         return one
 
     async def ended(self) -> bytes:
-        """What came until it was closed."""
+        """Bytes until the connection was closed."""
         found = b""
         async with asyncio.timeout(LONGEST):
             with contextlib.suppress(ConnectionError):
@@ -137,7 +137,7 @@ def test_strangers_that_hold_connections_half_open_shut_nobody_out() -> None:
 
 @pytest.mark.slow
 def test_an_address_has_its_own_bound() -> None:
-    """Where strangers have all there is, who has most of them loses one."""
+    """With strangers on every connection, the one with most of them loses one."""
 
     async def go() -> None:
         async with served(App(), PATIENT) as api:
@@ -296,7 +296,7 @@ def test_a_stranger_sends_so_many_requests_by_a_connection() -> None:
 
 @pytest.mark.slow
 def test_a_body_in_chunks_passes_no_bound() -> None:
-    """Its length was believed, and as much read as came."""
+    """Regression: the stated length was believed, and as much read as came."""
 
     async def go() -> None:
         app = App()

@@ -1,4 +1,4 @@
-"""What is said under loads that swing where the setpoint moves: `python -m bench.loads.led`.
+"""Answers under loads that swing where the setpoint moves: `python -m bench.loads.led`.
 
 The loops are those rows of `bench.loads` in which OP swings evenly; the setpoint steps, or walks as in a cascade.
 """
@@ -51,7 +51,7 @@ def led(name: str) -> Record:
 
 
 def ask(name: str) -> LoadsAnswer:
-    """What is said."""
+    """Answers on a record."""
     return LoadsAnswer.to(led(name), SAMPLES)
 
 
@@ -76,7 +76,7 @@ def main() -> None:
         asked = track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty())
         answers = dict(zip(names, asked, strict=True))
     for name, answer in answers.items():
-        if answer.told == "wrong":
+        if answer.outcome == "wrong":
             print(name, answer)
     print(table(answers))
 

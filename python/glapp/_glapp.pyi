@@ -355,7 +355,7 @@ def random_walk(n: int, h: float, rate: float, seed: int) -> npt.NDArray[np.floa
 def reasons() -> list[str]: ...
 
 DETECTIONS: int
-GAP_STEPS: float
+DATA_GAP_STEPS: float
 
 def filter_time(ti: float, td: float) -> float: ...
 

@@ -34,11 +34,11 @@ TimeFormat = Literal[
     "matlab",
     "julian",
 ]
-"""How a time column is written where the data does not tell: the order of a date, or what its numbers count."""
+"""Layout of a time column where the data does not tell it: the order of a date, or the unit of its numbers."""
 
 
 class Columns(Checked):
-    """Column of each signal in a wide table, or its tag in a long one; what is not named is guessed.
+    """Column of each signal in a wide table, or its tag in a long one; the others are guessed.
 
     `time`, `tag`, `value` and `quality` always name columns; in a long table (one row per tag and time) the others name
     tags. `op_low_flag` and `op_high_flag` are the control system's own limit flags, `position` a measured valve
@@ -73,7 +73,7 @@ Node = Annotated[str, AfterValidator(_node)]
 
 
 class Tags(Checked):
-    """Nodes of an OPC UA server that are the loop's signals; what a loop has not stays out.
+    """Nodes of an OPC UA server that are the loop's signals; missing signals stay out.
 
     - `sp`, `pv`, `op`, `mode`, `low`, `high`, `position`: `low` and `high` are limit flags, `position` what the valve
       says of itself.
@@ -100,6 +100,7 @@ class Tags(Checked):
 
     @model_validator(mode="after")
     def _whole(self) -> Tags:
+        """Check that each node has one use, and that u_ff has its limits."""
         for name in ("u_ff_limit", "u_ff_rate"):
             if self.u_ff is not None and getattr(self, name) is None:
                 raise InputError("is required with u_ff: nothing is written without it", parameter=name)
@@ -114,7 +115,7 @@ _SIGNALS = ("sp", "pv", "op", "mode", "low", "high", "position", "u_ff")
 
 
 class Process(Checked):
-    """What is known about the process.
+    """Facts known of the process.
 
     - `type`: flow, pressure and temperature mostly regulate themselves; level mostly integrates.
     - `kp`: static gain Kp of a self-regulating process (not of the controller), not 0.
@@ -127,6 +128,7 @@ class Process(Checked):
 
     @model_validator(mode="after")
     def _gain(self) -> Process:
+        """Check the process gain."""
         if self.kp == 0.0:
             raise InputError("is 0, must not be 0", parameter="kp", value=0.0, bound="≠ 0")
         if self.kp is not None and self.type == "integrating":
@@ -219,7 +221,7 @@ class Loop(Checked):
     """
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What was given, and nothing that has its default."""
+        """The given values, without those that have their default."""
         return ((key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set)
 
     def op_range(self) -> tuple[float, float] | None:
@@ -227,7 +229,7 @@ class Loop(Checked):
         return (0.0, 100.0) if self.op_span is None and self.op_label == "%" else self.op_span
 
     def _repr_html_(self) -> str:
-        """What is known, for a notebook."""
+        """Table of the known values for a notebook."""
         return table(self.name, [(str(key), repr(value)) for key, value in self.__repr_args__() if key != "name"])
 
     name: Annotated[str, Field(min_length=1)]

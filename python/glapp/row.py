@@ -80,6 +80,7 @@ def _of_field(name: str, kind: Any, given: Columns | None, of: Callable[[dict[st
 
 
 def _count(of: Callable[[dict[str, Any]], Any], reason: str) -> Callable[[dict[str, Any]], int]:
+    """Column that counts one reason of rejection."""
     return lambda answer: int(of(answer).get(reason, 0))
 
 

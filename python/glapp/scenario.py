@@ -628,7 +628,7 @@ class Scenario(Checked):
             raise InputError(str(error)) from None
 
     def to_toml(self) -> str:
-        """The scenario as TOML, without what stands at its default."""
+        """The scenario as TOML, without the values that are defaults."""
         lines = []
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)

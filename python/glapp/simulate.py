@@ -88,7 +88,7 @@ Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[n
 array with one value a sample."""
 
 COMPENSATION_STATES = tuple(_glapp.compensation_states())
-"""What the numbers in `Simulation.standing` mean."""
+"""Meanings of the numbers in `Simulation.standing`."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)

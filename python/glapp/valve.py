@@ -1,4 +1,4 @@
-"""Several recordings of one valve: what they must share, their order in time, and what one adds to the whole."""
+"""Several recordings of one valve: the shared width, their order in time, and the contribution of each."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def in_order(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def since(recordings: Sequence[Recording]) -> list[float]:
-    """When the time of each is 0 [s], counted from the earliest; NaN where one has no date."""
+    """Time 0 of each recording [s], counted from the earliest; NaN where one has no date."""
     if not _dated(recordings):
         return [float("nan")] * len(recordings)
     first = min(map(_moment, recordings))

@@ -1,4 +1,4 @@
-//! From samples to an answer: what is wrong with a recording, what its controller does, and what may be said of its valve.
+//! From samples to an answer: findings on a recording, its controller's law, and the verdict on its valve.
 //!
 //! Nothing here reads a file or asks a clock: arrays come in, numbers and names go out, and [`words`] puts them into sentences
 //! for whatever shows an answer.

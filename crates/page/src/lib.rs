@@ -16,13 +16,13 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::HashMap;
 
-/// What can be asked.
+/// A request.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Request {
     /// Begins the analysis of the recording whose columns are in memory.
     Begin {
-        /// What is known of its loop.
+        /// Facts known of its loop.
         task: glapp_analysis::Task,
     },
     /// Goes on with so many rows.
@@ -32,42 +32,42 @@ enum Request {
         /// The row after the last.
         to: usize,
     },
-    /// Cuts what is to be fitted into windows, and gives them; none where nothing is.
+    /// Cuts the problem into windows, and gives them; none where there is no problem.
     Windows,
-    /// Fits a window by itself, and gives what it says; needs no recording.
+    /// Fits a window by itself, and gives the result; needs no recording.
     Alone {
         /// One of those of [`Request::Windows`].
         window: Vec<u8>,
     },
     /// Fits, and gives the answer.
     Finish {
-        /// Who reads it.
+        /// Reader of the texts.
         reader: Reader,
     },
     /// Gives the answer, with what each of the windows says; what those say that are fitted so far, where some are not.
     Join {
         /// The answers of [`Request::Alone`], in the order of the windows; none of one that is not fitted yet.
         alone: Vec<Option<Vec<u8>>>,
-        /// Who reads it.
+        /// Reader of the texts.
         reader: Reader,
     },
     /// Puts something into words.
     Words(words::Asked),
     /// Reads the step test in the recording whose columns are in memory.
     StepTest {
-        /// Which rows were made in manual.
+        /// Rows made in manual.
         manual: Manual,
-        /// What is known of its loop.
+        /// Facts known of its loop.
         #[serde(default)]
         settings: StepTestSettings,
     },
     /// Begins a laboratory.
     Laboratory(laboratory::Project),
-    /// Makes scans, and gives what is recorded in each.
+    /// Makes scans, and gives the recorded values of each.
     Run {
-        /// How many.
+        /// Number of scans.
         scans: usize,
-        /// `module.name` of what is recorded.
+        /// `module.name` of the recorded values.
         record: Vec<String>,
     },
     /// The value of every variable of the laboratory, in the order of their names.
@@ -76,7 +76,7 @@ enum Request {
     Set {
         /// `module.name`.
         path: String,
-        /// Its value; none: as where it is not given.
+        /// Value; none: the default.
         value: Option<f64>,
     },
 }
@@ -150,7 +150,7 @@ pub fn answer(request: &str) -> String {
 
 thread_local! {
     static MEMORY: RefCell<Memory> = RefCell::default();
-    /// What is handed over: a request, a name, an answer.
+    /// Exchanged text: a request, a name, an answer.
     static TEXT: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 

@@ -18,7 +18,7 @@ pub(crate) struct Recording {
     analysis: Analysis,
     /// Width of OP's span, where it is known [OP unit].
     span: Option<f64>,
-    /// What is to be fitted, where it was asked for.
+    /// Problem to fit, where it was asked for.
     divided: Option<Divided>,
 }
 
@@ -59,6 +59,7 @@ impl Columns {
     }
 }
 
+/// A range of a column, where the column is there.
 fn part<'a>(column: &'a Option<Vec<f64>>, rows: &Range<usize>) -> Option<&'a [f64]> {
     column.as_deref().map(|column| &column[rows.clone()])
 }
@@ -112,7 +113,7 @@ fn to_json(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, Stri
         }))
     });
     let mut shown = shown(done);
-    shown["told"] = texts.map_err(|error| error.to_string())?;
+    shown["texts"] = texts.map_err(|error| error.to_string())?;
     Ok(shown)
 }
 
@@ -134,7 +135,7 @@ pub(crate) fn step_test(
     Ok(json!(rows.read(settings)))
 }
 
-/// What a window says by itself.
+/// Fit of a window alone.
 pub(crate) fn alone(window: &[u8]) -> Result<Value, String> {
     bytes(&read::<Window>(window)?.fit())
 }
@@ -174,7 +175,7 @@ fn half_periods(crossings: &Crossings) -> Value {
     })
 }
 
-/// What PV said, with the record that shows it best.
+/// Result of PV, with the record that shows it best.
 fn of_pv(joint: JointAnswer) -> Value {
     let JointAnswer { whole, mut records, shown } = joint;
     let SegmentAnswer { starts, h, answer, .. } = records.swap_remove(shown);
@@ -217,7 +218,7 @@ fn of_pv(joint: JointAnswer) -> Value {
     Value::Object(document)
 }
 
-/// What the valve's own position said, with the record that shows it best.
+/// Result of the valve's own position, with the record that shows it best.
 fn of_position(joint: PositionAnswer) -> Value {
     let PositionAnswer { mut records, shown, .. } = joint;
     let SegmentAnswer { starts, h, answer, .. } = records.swap_remove(shown);

@@ -1,4 +1,4 @@
-//! What is wrong with a recording: rows and counts in, findings out.
+//! Findings on a recording: rows and counts in, findings out.
 
 use glapp_analysis::quality::{Interval, Known, Law, Scale};
 use numpy::PyReadonlyArray1;
@@ -8,7 +8,7 @@ use crate::columns::{Signal, rows_of};
 use crate::data_statistics::Counts;
 use crate::plain::plain;
 
-/// `glapp.Identification`, as far as a recording is held against it.
+/// `glapp.Identification`, the part that a recording is compared with.
 #[derive(FromPyObject)]
 pub struct Identification {
     usable: bool,
@@ -37,7 +37,7 @@ impl Identification {
     }
 }
 
-/// What is wrong with a recording, without sentences.
+/// Findings on a recording, without sentences.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "the arguments of Python")]
 pub fn inspect<'py>(
@@ -61,7 +61,7 @@ pub fn inspect<'py>(
     plain(py, &found)
 }
 
-/// What the numbers of a time column were taken for.
+/// Finding on the assumed unit of a time column.
 #[pyfunction]
 pub fn assumed_time<'py>(
     py: Python<'py>,
@@ -74,7 +74,7 @@ pub fn assumed_time<'py>(
     plain(py, &glapp_analysis::quality::assumed_time(column, first, step, calendar, sure))
 }
 
-/// How signals with times of their own were brought to common rows.
+/// Finding on signals with times of their own that were brought to common rows.
 #[pyfunction]
 pub fn own_times<'py>(py: Python<'py>, held: &str, pv_rows: u64, rows: u64) -> PyResult<Bound<'py, PyAny>> {
     plain(py, &glapp_analysis::quality::own_times(held, pv_rows, rows))

@@ -63,7 +63,7 @@ def identify(
 
 
 def _settings(recording: Recording, found: Identification) -> Loop:
-    """The loop with what was found, as a loops.toml has it."""
+    """The loop with the identified settings, as a loops.toml has it."""
     assert found.k is not None and found.ti is not None
     controller: dict[str, Any] = {"k": _rounded(abs(found.k)), "gain_unit": "OP/PV", "ti": _rounded(found.ti)}
     if found.td:

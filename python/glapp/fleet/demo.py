@@ -59,7 +59,7 @@ Record = Literal["good", "no_op", "compressed", "coarse", "manual"]
 
 _AREAS = ("Wood yard", "Digester", "Bleaching", "Recovery", "Paper machine 1", "Paper machine 2")
 _LETTERS = ("FIC", "PIC", "TIC", "QIC")
-# How many of a hundred valves are of each kind, by how well they are built.
+# Number of valves of each kind in a hundred, by how well they are built.
 _KINDS: dict[str, dict[Kind, int]] = {
     "globe": dict(sound=34, restless=16, swinging=8, tight=4, gap=12, small=14, wear=6, sticking=4, both=2),
     "segment": dict(sound=28, restless=14, swinging=8, tight=4, gap=18, small=10, wear=10, sticking=4, both=4),
@@ -102,7 +102,7 @@ class _Loop:
 
     @property
     def dead_band(self) -> float:
-        """What OP must move after it turned before the valve does, on the last day [%]."""
+        """Move of OP after a turn before the valve moves, on the last day [%]."""
         return self.d[1] + self.friction[0]
 
     def scenario(self, day: int, days: int, seed: int) -> Scenario:
@@ -315,7 +315,7 @@ _OPC = pa.schema(
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """What a historian kept of a day: rows of the simulation, values, and which of PV are bad."""
+    """A historian's data of a day: rows of the simulation, values, and which of PV are bad."""
 
     k: NDArray[np.int64]
     pv: NDArray[np.float64]
@@ -336,7 +336,7 @@ def _recorded_day(loop: _Loop, s: Simulation, day: int, seed: int) -> _Kept:
 
 
 def _drawn_as_lines(x: NDArray[np.float64], band: float) -> NDArray[np.float64]:
-    """What is read back from a historian that keeps a value when it has moved by a band, and draws lines between."""
+    """Signal read back from a historian that keeps a value when it has moved by a band, and draws lines between."""
     kept = [0]
     for i in range(1, len(x)):
         if abs(x[i] - x[kept[-1]]) > band:
@@ -387,6 +387,7 @@ def _wide(loop: _Loop, simulation: Simulation, day: int, seed: int) -> pa.Table:
 
 
 def _changes(x: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether each value differs from the one before."""
     changed: NDArray[np.bool_] = np.r_[True, x[1:] != x[:-1]]
     return changed
 

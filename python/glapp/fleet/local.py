@@ -107,7 +107,7 @@ def _chained(pool: ProcessPoolExecutor, plan: Plan, paths: Sequence[Path], stage
 def _run_tasks(
     pool: ProcessPoolExecutor, work: Callable[..., Any], tasks: Sequence[Any], name: str, total: int, stage: Stage
 ) -> list[Any]:
-    """Have all tasks done; what they gave, in their order."""
+    """Run all tasks; their results, in their order."""
     done = total - len(tasks)
     stage(name, total, done)
     futures: list[Future[Any]] = [pool.submit(work, *task) for task in tasks]

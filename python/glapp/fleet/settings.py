@@ -1,4 +1,4 @@
-"""What is known of a lake's loops: a loops.toml, or a table with a row a loop."""
+"""Settings of a lake's loops: a loops.toml, or a table with a row a loop."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def _sheets(path: str, label: str) -> list[Source]:
 
 
 def _check(path: str, label: str) -> None:
-    """Refuse a workbook that asks for more than `bounds` allows, by what is in it and not by what it says.
+    """Refuse a workbook that exceeds `bounds`, by its content and not by its own statements.
 
     Raises InputError where it does.
     """
@@ -119,7 +119,7 @@ def _from(file: IO[bytes]) -> Iterator[bytes]:
 
 
 class Reach:
-    """How far apart the cells of a sheet are that hold something, from its text piece by piece.
+    """Extent of the filled cells of a sheet, from its text piece by piece.
 
     - `cells`: rows by columns, from the first to the last.
     - `last`: the last of both.

@@ -1,4 +1,4 @@
-"""The layout of the International Stiction Data Base, for who has its file; the data are not part of glapp.
+"""The layout of the International Stiction Data Base, for a person who has its file; the data are not part of glapp.
 
 The file `isdb10.mat` goes with the book of Jelali & Huang (eds.), *Detection and Diagnosis of Stiction in Control
 Loops*, Springer 2010. It holds a struct `cdata` with a struct for each industry (`buildings`, `chemicals`,

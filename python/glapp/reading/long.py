@@ -47,7 +47,7 @@ _WORDS = ("mode", "op_low_flag", "op_high_flag")
 _COMMON = 0.5
 """A signal that has a sample at less than this share of PV's has times of its own."""
 _MORE = 2
-"""So many times as many samples of OP as of PV, and OP's times are rows as well."""
+"""Ratio of OP's samples to PV's from which OP's times are rows as well."""
 
 
 @dataclass
@@ -153,6 +153,7 @@ class _Store:
         return self._tags
 
     def _read(self) -> dict[str, _Tag]:
+        """Samples of each tag in memory."""
         wanted = pa.array(list(self.readers), pa.string())
         parts: dict[str, list[_Tag]] = {tag: [] for tag in self.readers}
         clock = self.clock.reader()
@@ -245,7 +246,7 @@ class LongRecording(Recording):
 
     @property
     def found(self) -> Sequence[Finding]:  # type: ignore[override]
-        """What was noticed when it was opened and read."""
+        """Findings of opening and reading."""
         return [*self._store.clock.found, *self._found_here]
 
     def fraction_read(self) -> float | None:
@@ -282,7 +283,7 @@ class LongRecording(Recording):
 
 
 def _rows(pv: _Tag, others: Mapping[str, _Tag]) -> tuple[_Tag, list[Finding]]:
-    """The rows, as samples of PV, and what was done where the signals have times of their own."""
+    """The rows, as samples of PV, and the finding where the signals have times of their own."""
     signals = [role for role in ("sp", "op") if role in others]
     own = any(np.isin(pv.t, others[role].t).mean() < _COMMON for role in signals)
     op, count = others.get("op"), len(pv.t)

@@ -49,7 +49,7 @@ def _names(schema: pa.Schema) -> list[str]:
 
 
 def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
-    """The batch, every column of which holds what it says."""
+    """The batch, with every column checked against its stated length."""
     batch.validate(full=True)
     return batch
 

@@ -43,7 +43,7 @@ class _Held:
 
 
 class Share:
-    """What one loop wants of a file: made by `Passes.share`."""
+    """Request of one loop to a file: made by `Passes.share`."""
 
     def __init__(self, passes: Passes, types: Mapping[int, pa.DataType], bad_words: frozenset[str], place: int) -> None:
         self.types, self.bad_words, self.place = dict(types), bad_words, place
@@ -53,7 +53,7 @@ class Share:
         self._passes = passes
 
     def stream(self) -> Iterator[tuple[list[pa.Array], float]]:
-        """The rows of this loop's columns (`Source.stream`): what a pass has read already, else a pass."""
+        """The rows of this loop's columns (`Source.stream`): those that a pass has read already, else a pass."""
         held = self._passes.held(self)
         if held is None:
             yield from self._passes.source.stream(self.types, self.bad_words)
@@ -74,7 +74,7 @@ class Share:
             raise copy.copy(held.error)
 
     def release(self) -> None:
-        """Let go of what is held; it is read again if it is asked for again."""
+        """Free the held data; they are read again if they are asked for again."""
         self.held = None
 
 
@@ -95,7 +95,7 @@ class Passes:
         return share
 
     def held(self, share: Share) -> _Held | None:
-        """What is held for this loop, after a pass where it has to be read; None where it is to be streamed."""
+        """Data held for this loop, after a pass where it has to be read; None where it is to be streamed."""
         held = share.held
         if held is None:
             with self._reading:  # where several ask at once, one reads and the others wait
@@ -137,7 +137,7 @@ class Passes:
             if not isinstance(fault, InputError):
                 raise
             error = fault
-        # What fitted now will fit again; what was halved for a fault may grow again.
+        # A part that fitted now will fit again; one that was halved for a fault may grow again.
         self._most = len(group) if len(group) < asked else 2 * asked
         for one in group:
             one.held = _Held([[block[i] for i in one.types] for block in blocks], error)

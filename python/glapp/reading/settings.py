@@ -1,4 +1,4 @@
-"""loops.toml: what is known about many loops, in one file that people write by hand."""
+"""loops.toml: settings of many loops, in one file that people write by hand."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def read_each(path: str | Path) -> list[Loop | InputError]:
 
 
 def read_table(path: str | Path, name: str) -> dict[str, Any] | None:
-    """One table of a loops.toml that is not about loops, as it stands there; None where it has none.
+    """A table of a loops.toml that is not about loops, unchanged; None where it has none.
 
     Raises InputError for a file that cannot be read, is no TOML or has something else of that name.
     """
@@ -174,7 +174,7 @@ def _merged(defaults: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, An
 
 
 def _rivals(table: str, defaults: Mapping[str, Any], own: Mapping[str, Any]) -> set[str]:
-    """Keys of the defaults that say in another way what the loop says itself."""
+    """Keys of the defaults that contradict a setting of the loop."""
     if table == "process":
         return {"kp", "kp_unit"} if own.get("type") == "integrating" else set()
     if table != "controller":

@@ -35,9 +35,9 @@ _OWN = ("sp", "pv", "op", "mode")
 _ROWS = 8
 """Fewer rows than this show nothing."""
 _GROUPS = 20
-"""So many loops are looked at."""
+"""Number of loops that are looked at."""
 _WIDEST = 200
-"""Of wider tables only columns without a name are looked at for times: each may be a page of a file."""
+"""Number of columns above which only those without a name are looked at for times: each may be a page of a file."""
 _DAYS, _DAY_STEP = (29221.0, 54789.0), 0.05
 """Days of a spreadsheet from 1980 to 2050, and the longest step between two rows [days]."""
 _HALF = r"(?i: ?[AP]\.?M\.?)"
@@ -101,6 +101,7 @@ def tagged(source: Source) -> bool:
 
 
 def _kind(texts: Sequence[str]) -> str:
+    """Kind of a column by its texts: values, tags, or neither."""
     if all(map(is_number, texts)):
         return "value"
     roles = {understand(text).role for text in texts if not is_number(text)}
@@ -319,6 +320,7 @@ class _Joined(Source):
         return [*inner, self._date, self._time] if self.at in columns else inner
 
     def _made(self, columns: Sequence[int], arrays: Sequence[pa.Array]) -> list[pa.Array]:
+        """The columns asked for, with date and time joined."""
         rest = iter(arrays)
         return [self._join(*arrays[-2:]) if i == self.at else next(rest) for i in columns]
 

@@ -1,4 +1,4 @@
-"""What a CSV, Parquet or Arrow file and a table in memory have in common: columns, in record batches."""
+"""Common base of a CSV, Parquet or Arrow file and a table in memory: columns, in record batches."""
 
 from __future__ import annotations
 

@@ -77,6 +77,7 @@ def table_of(data: Any, label: str) -> Source:
 
 
 def _table(data: Any, label: str) -> tuple[list[str], list[list[Any]]]:
+    """Names and rows of a table in JSON."""
     if isinstance(data, list):
         return _of_list(data, label)
     if isinstance(data, dict):

@@ -35,7 +35,7 @@ _OF_DAY = re.compile(
 )
 _NUMERIC = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 
-# In a layout every digit is written 0.
+# Every digit of a layout is written 0.
 _LAYOUT = re.compile(
     r"(?:(?P<y1>0000)(?P<s1>[-/.])(?P<m1>00?)(?P=s1)(?P<d1>00?)"  # 2024-01-31
     r"|(?P<a>00?)(?P<s2>[-/.])(?P<b>00?)(?P=s2)(?P<y2>0000|00)"  # 31/01/2024 or 01/31/2024
@@ -77,7 +77,7 @@ _STATE_COUNT = (
 
 @dataclass(frozen=True)
 class Plan:
-    """Where in a stamp of one layout its parts are: name to (first, last + 1); constants of the layout."""
+    """Layout of a stamp: each part's name with (first, last + 1) of its characters; constants of the layout."""
 
     parts: dict[str, tuple[int, int]]
     month: int | None
@@ -250,6 +250,7 @@ class Clock:
     # --- numbers
 
     def _numbers(self, head: NDArray[np.float64], text: str, first: pa.Array) -> None:
+        """Settle the unit of numeric times from the first values."""
         if not np.isfinite(head[0]):
             raise CellFault(0, f"'{text}' is not a time", value=text)
         form = self._format or self._form_of(head, text)
@@ -281,7 +282,7 @@ class Clock:
         self.t0 = _moment(self._origin, self._per_second).replace(tzinfo=UTC).astimezone(zone)
 
     def _form_of(self, head: NDArray[np.float64], text: str) -> str:
-        """What numbers count, from their range, their steps, the column's name and its unit."""
+        """Unit of a time column's numbers, from their range, their steps, the column's name and its unit."""
         low, high = float(np.nanmin(head)), float(np.nanmax(head))
         for exponent, name in ((0, "epoch s"), (3, "epoch ms"), (6, "epoch us"), (9, "epoch ns")):
             if 0.67e9 * 10**exponent <= low and high <= 4.2e9 * 10**exponent:  # years 1991 to 2103
@@ -357,6 +358,7 @@ class Clock:
     # --- stamps
 
     def _stamps(self, head: pa.Array, texts: Sequence[str], tail: pa.Array | None) -> None:
+        """Settle the layout of time stamps from the first and last texts."""
         if self._format in ("day first", "month first"):
             self._day_first = self._format == "day first"
         elif self._format is not None:
@@ -377,6 +379,7 @@ class Clock:
         self._start(head)
 
     def _start(self, head: pa.Array) -> None:
+        """Take the first time as the beginning of the recording."""
         first = self._ticks(head.slice(0, 1))
         if self.zone is not None and not self._zoned:
             first = _Fold(self.zone)(first, self._per_second)
@@ -539,7 +542,7 @@ def _hint(text: str) -> str | None:
 
 
 def _zone(name: str) -> ZoneInfo:
-    """Zone by IANA name; an Arrow offset such as +01:00 has no such name and is told in UTC."""
+    """Zone by IANA name; an Arrow offset such as +01:00 has no such name and is shown in UTC."""
     try:
         return ZoneInfo(name)
     except (ValueError, OSError, KeyError):
@@ -555,7 +558,7 @@ def _moment(ticks: int, per_second: int) -> datetime:
 
 @lru_cache(maxsize=4096)
 def _changes(zone: str, year: int) -> tuple[tuple[int, int], ...]:
-    """When a zone's clocks are set in a year of UTC, and its first moment: (s since 1970, s ahead of UTC since then).
+    """Changes of a zone's clocks in a year of UTC, its first moment too: (s since 1970, s ahead of UTC since then).
 
     Asked of zoneinfo and not of Arrow, which finds no database of zones on Windows and in bare containers.
     """
@@ -616,7 +619,7 @@ class _Fold:
         return out
 
     def _clock(self, ticks: NDArray[np.int64], per_second: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """How the clock is set from two years before these times to a year after: since when, how far ahead of UTC."""
+        """Changes of the clock from two years before these times to a year after: since when, how far ahead of UTC."""
         years = []
         for at in (int(np.argmin(ticks)), int(np.argmax(ticks))):
             years.append(int(ticks[at]) // per_second // 31556952 + 1970)

@@ -50,7 +50,7 @@ class Reader:
     quality: Quality
 
     def number(self, column: pa.Array) -> NDArray[np.float64]:
-        """Numbers, with NaN for everything that stands for missing."""
+        """Numbers, with NaN for everything that means missing."""
         x = numbers(column, words_for_bad(self.loop.bad_values), self.digits)
         for bad in self.loop.bad_values:
             if not isinstance(bad, str):
@@ -216,6 +216,7 @@ class WideRecording(Recording):
         return ends.pop() if len(ends) == 1 else None
 
     def _without_unit(self, role: str, column: pa.Array) -> pa.Array:
+        """A column without the units written in its cells."""
         if role not in self._ends:
             return column
         return pc.replace_substring_regex(plain(column), rf" ?{re.escape(self._ends[role])}\s*$", "")
@@ -250,7 +251,7 @@ class WideRecording(Recording):
 
 
 def _empty(column: pa.Array) -> NDArray[np.bool_] | None:
-    """Which cells are empty, None where none is."""
+    """Whether each cell is empty, None where none is."""
     if pa.types.is_dictionary(column.type):
         column = plain(column)
     if pa.types.is_string(column.type):

@@ -407,7 +407,7 @@ def _empty(text: str, height: int = 220) -> go.Figure:
 
 
 def _time(result: Result | StepTest, seconds: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """Turn seconds since t0 into what the axis counts: milliseconds of local wall-clock time, or seconds.
+    """Times on the axis for seconds since t0: milliseconds of local wall-clock time, or seconds.
 
     Plotly's dates know no zone, so the wall clock of the first row is given to it as if it were UTC.
     """
@@ -435,11 +435,13 @@ def _has_values(trace: Trace, column: str) -> bool:
 
 
 def _band(trace: Trace, column: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper ends of a thinned column."""
     band = getattr(trace, column)
     return band.low, band.high
 
 
 def _middle(trace: Trace, column: str) -> NDArray[np.float32]:
+    """Mean of the ends of a thinned column."""
     low, high = _band(trace, column)
     return np.asarray((low + high) / 2, dtype=np.float32)
 

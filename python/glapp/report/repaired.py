@@ -1,4 +1,4 @@
-"""Before and after a repair in words: what is told of it, and the table."""
+"""Before and after a repair: text and table."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOTE = (
 
 
 def text(repair: Repair, unit: str) -> str:
-    """What is told of it: a repair that was noted, or a fall of the width and what to do about it."""
+    """Text on a repair that was noted, or on a fall of the width and what to do about it."""
     before, after = repair.before, repair.after
     if repair.noted is not None:
         noted = f"The valve was repaired on {repair.noted:%Y-%m-%d at %H:%M}. The answer is that of the time since."

@@ -19,7 +19,7 @@ _SPAWN = get_context("spawn")
 
 
 async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
-    """What a function gives, in a process of its own that ends with us.
+    """Result of a function, computed in a process of its own that ends with us.
 
     - `what`: a function of a module.
     - `*words`: what it is given; must be picklable, as what it gives.

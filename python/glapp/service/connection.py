@@ -1,4 +1,4 @@
-"""How a plant's OPC UA server is reached: the table [opcua] of a loops.toml."""
+"""Connection to a plant's OPC UA server: the table [opcua] of a loops.toml."""
 
 from __future__ import annotations
 

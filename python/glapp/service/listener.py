@@ -29,7 +29,7 @@ LONGEST_HEADER = 32_768
 """A request's header may be no longer [bytes]."""
 
 RESERVED = ("/login", "/api/login")
-"""Asked for by POST, these are answered however much else is asked for; so is every path that ends in `/disable`."""
+"""Paths that are answered by POST however many other requests there are; so is every path that ends in `/disable`."""
 
 
 def _most() -> int:
@@ -44,7 +44,7 @@ def _most() -> int:
 
 @dataclass(frozen=True, slots=True)
 class ListenerLimits:
-    """How much one listener takes.
+    """Limits of one listener.
 
     - `header`: a header is whole so soon after the connection was made or TLS was agreed on [s].
     - `body`: a body is whole so soon after its header [s], and one second later for each `slowest` bytes of it.
@@ -112,7 +112,7 @@ def logged_in(scope: Any) -> None:
 
 
 def network(host: str) -> str:
-    """What one who has an address can easily have all of.
+    """Network that an owner of an address can easily have all of.
 
     Examples
     --------
@@ -229,6 +229,7 @@ class Listener(uvicorn.Server):
         connection.until = max(connection.until, connection.taken + self.limits.header * (tls is not None))
 
     def _make_room(self, address: str) -> None:
+        """Close the connection that may go, for a new one."""
         strangers = [one for one in self._open if not one.known and not one.gone]
         own = [one for one in strangers if one.address == address]
         if len(own) >= self.limits.address:
@@ -261,7 +262,7 @@ class Listener(uvicorn.Server):
                     one.end()
 
     def _stuck(self, one: _Connection, transport: asyncio.Transport, now: float) -> bool:
-        """Whether too little is taken of what is sent."""
+        """Whether the other side takes too little of the sent data."""
         left = transport.get_write_buffer_size()
         if left == 0 or left <= one.left - self.limits.slowest:
             one.left, one.taken = left, now
@@ -291,6 +292,7 @@ class Listener(uvicorn.Server):
                 self._requests -= 1
 
     def _refusal(self, scope: Any) -> tuple[int, str] | None:
+        """Status and text of a refusal; None where the request may pass."""
         if any(name == b"transfer-encoding" for name, _ in scope["headers"]):
             return 411, "a request says by Content-Length how many bytes it has"
         if self._requests >= self.limits.requests and not _reserved(scope):
@@ -309,6 +311,7 @@ class Listener(uvicorn.Server):
         held = False
 
         async def begin() -> None:
+            """Wait for a turn, where one is needed."""
             nonlocal turn, held
             if not turn:
                 turn = True

@@ -67,7 +67,7 @@ class _TakerError(Exception):
 
 
 class _Tag:
-    """One tag: what it is, and how far it was told."""
+    """One tag: its meaning, and the time of its last value handed on."""
 
     __slots__ = ("first", "good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
 
@@ -128,7 +128,7 @@ class OpcUa:
         self._was_connected = False
         self._quiet = -math.inf  # until then live values may be some that the history has given already
 
-    # ----------------------------------------------------------------- what a Source does
+    # ----------------------------------------------------------------- functions of a Source
 
     async def run(self, take: Take, tell: Tell) -> None:
         """Hand over values and events until cancelled; a lost connection is taken up again for ever."""
@@ -262,7 +262,7 @@ class OpcUa:
                     link.heartbeat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
 
     async def _limits(self, link: _Link) -> None:
-        """How many tags the server takes in one request."""
+        """Number of tags that the server takes in one request."""
         asked = [ua.NodeId(i) for i in _LIMITS]
         for seen, name in zip(
             await link.client.uaclient.read_attributes(asked, ua.AttributeIds.Value), _LIMITS.values(), strict=True
@@ -352,7 +352,7 @@ class OpcUa:
         return asked
 
     async def _hand_on(self, link: _Link, take: Take) -> None:
-        """Hand on what comes, until the connection is lost."""
+        """Hand on the incoming values, until the connection is lost."""
         checked = time.monotonic()
         while True:
             with contextlib.suppress(TimeoutError):
@@ -387,7 +387,7 @@ class OpcUa:
     # ----------------------------------------------------------------- values
 
     def _values(self, items: Sequence[Any], *, live: bool) -> list[Value]:
-        """Values of one message, in the order of their times; what cannot be handed on is told."""
+        """Values of one message, in the order of their times; values that cannot be handed on are reported."""
         ahead = self._clock.now() + self._connection.ahead
         values = [v for item in items if (v := self._value(item.ClientHandle, item.Value, ahead, live)) is not None]
         values.sort(key=_time_of)
@@ -460,6 +460,7 @@ class OpcUa:
             self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
 
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
+        """Report that a tag's type has changed."""
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
             self._events.once("type_changed", tag.loop, text)
@@ -468,7 +469,7 @@ class OpcUa:
     # ----------------------------------------------------------------- history
 
     async def _catch_up(self, link: _Link, take: Take) -> None:
-        """Read the history until little is left: what comes live meanwhile need not wait for hours of it."""
+        """Read the history until little is left, so that live values need not wait for hours of it."""
         before = math.inf
         while not link.no_history:
             begun = time.monotonic()
@@ -479,7 +480,7 @@ class OpcUa:
             before = took
 
     async def _backfill(self, link: _Link, take: Take, until: float) -> None:
-        """Hand on what the history has after the last values, up to `until`, in the order of time.
+        """Hand on the history after the last values, up to `until`, in the order of time.
 
         Of a short break many loops are asked together: a server that answers slowly is asked less often.
         """
@@ -509,7 +510,7 @@ class OpcUa:
             await self._read(link, take, asked, begin, until)
 
     async def _read(self, link: _Link, take: Take, handles: Sequence[int], begin: float, until: float) -> None:
-        """Hand on what the history has of some tags, slice by slice."""
+        """Hand on the history of some tags, slice by slice."""
         newest = {self._tags[handle].loop: self._newest[self._tags[handle].loop] for handle in handles}
         while begin < until and not link.no_history:
             end = min(begin + _SLICE, until)
@@ -581,17 +582,19 @@ class OpcUa:
             self._events.often("no_history", text, tag=self._tags[handle])
 
     def _no_history(self, link: _Link, why: str) -> None:
+        """Report once that the server's history cannot be read."""
         link.no_history = True
         self._events.event("no_history", None, f"the server has no history ({why}): the break stays a gap")
 
     def _summary(self, link: _Link) -> None:
+        """Report the values that were filled from the server's history."""
         if link.filled:
             between = f"from {_clock_time(link.filled_from)} to {_clock_time(link.filled_to)}"
             self._events.event("backfilled", None, f"{link.filled} values {between} were read from the history")
 
 
 class _Link:
-    """One connection, and what came over it."""
+    """One connection, and its values."""
 
     def __init__(self, client: Client, connection: Connection) -> None:
         self.client = client

@@ -40,7 +40,7 @@ _PART = re.compile(r"(\d{4}-\d\d-\d\d)\.(\d+)\.parquet")
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _THROUGH = b"glapp.through"
 _AT_ONCE = 10
-"""So many loops of a day are put into their files at once."""
+"""Loops of a day that are written to their files at once."""
 
 _FIELDS = pa.schema(
     [
@@ -118,6 +118,7 @@ class SignalStore:
         return sorted(over)
 
     def _close(self, day: date, parts: Sequence[tuple[int, Path]]) -> None:
+        """Join the parts of a day into one file for each loop."""
         names: set[str] = set()
         for _, path in parts:
             names.update(pc.unique(pq.read_table(path, columns=["loop"])["loop"]).to_pylist())
@@ -237,7 +238,7 @@ def _file(loop: str) -> str:
 
 
 def loop_of(file: str) -> str:
-    """The loop that a file's name stands for.
+    """The loop of a file's name.
 
     Examples
     --------

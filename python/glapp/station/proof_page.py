@@ -1,4 +1,4 @@
-"""What proves a gap, on a loop's page: the test that would decide, the guided test, before and after the repair."""
+"""Proof of a gap on a loop's page: the test that would decide, the guided test, before and after the repair."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .sessions import Session
 __all__ = ["ProofCards"]
 
 OPEN = ("likely", "cannot_tell")
-"""Of these answers it is told what would decide."""
+"""Confidences for which the page shows a test that would decide."""
 
 MINUTES = 60.0
 
@@ -37,7 +37,7 @@ ENDED = {
     "stopped": "Stopped",
     "silent": "Ended: no values",
 }
-"""How a guided test ended."""
+"""Texts on the end of a guided test."""
 
 RANGE = 7200.0
 """Beside the limits stands where OP and PV were in so many seconds."""
@@ -69,7 +69,7 @@ class ProofCards:
         self.dialogs = ui.element("div").style("display: contents")
 
     async def refresh(self) -> None:
-        """What the database has of them now; what has not changed stays as it is."""
+        """Show the database's present state of them; unchanged parts stay."""
         with suppress(InputError):  # the frame tells it
             plan, test, noted = await asyncio.to_thread(
                 self.station.view.read,
@@ -98,6 +98,7 @@ class ProofCards:
         return button
 
     async def _go(self, what: str, body: Any, done: str) -> bool:
+        """Send a command, and show its result."""
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
         found = await command(self.station, self.session, asking, done) is not None
@@ -107,6 +108,7 @@ class ProofCards:
     # The test that would decide
 
     def _planned(self, row: dict[str, Any] | None, goes_on: bool, confidence: str | None) -> bool:
+        """Show the plan of a test; whether there is one to show."""
         if confidence not in OPEN and row is None:
             return False
         heading("Which test would decide", 2)
@@ -186,6 +188,7 @@ class ProofCards:
         return None if until is None else max(0, round(until - self.station.view.now))
 
     def _guided(self, test: dict[str, Any] | None, left: int | None) -> bool:
+        """Show the running or last guided test."""
         if test is None:
             return False
         state, asked = test["state"], Asked.of(test["asked"])
@@ -256,6 +259,7 @@ class ProofCards:
             note.style("width: 100%; max-width: 420px")
 
             async def go() -> None:
+                """Note the repair with the time and the text of the dialog."""
                 try:
                     moment_of = datetime.strptime(at.value.strip(), "%Y-%m-%d %H:%M").timestamp()
                 except ValueError:

@@ -1,4 +1,4 @@
-"""The dialog of a step test: what to do next, and what it tells, as it goes on, later, or from a file."""
+"""The dialog of a step test: its next step and its result, as it goes on, later, or from a file."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from .sessions import LARGEST_FILE
 __all__ = ["Wizard"]
 
 LARGEST = LARGEST_FILE - 1_000_000
-"""So long a file may be [bytes]; what is sent around it is less than the rest."""
+"""Largest file [bytes]; the rest of the request is smaller than the difference."""
 
 _ONE = asyncio.Semaphore(1)
-"""Of all windows one reads a file at a time: each may take the memory that `glapp.reading.bounds` allows."""
+"""One window at a time reads a file: each may take the memory that `glapp.reading.bounds` allows."""
 
 COLUMNS = {"time": "time", "pv": "PV", "op": "OP", "mode": "mode"}
 """Columns that may be named, by their roles."""
@@ -123,7 +123,7 @@ class Wizard:
     async def _look(self) -> None:
         values = await self.signals(self.window)
         found = await asyncio.to_thread(step_test.read, values, self.loop)
-        at = step_test.place(found, bool(values["MODE"]) and values["MODE"][-1] == "MAN")
+        at = step_test.next_step(found, bool(values["MODE"]) and values["MODE"][-1] == "MAN")
         if at != self._at:
             self._at = at
             self.steps.clear()
@@ -136,6 +136,7 @@ class Wizard:
         self._tell(found, "The controller was in automatic all the time.")
 
     async def _came(self, event: UploadEventArguments) -> None:
+        """Read an uploaded file."""
         assert isinstance(event.sender, ui.upload)
         columns = {role: one.value for role, one in self.columns.items()}
         event.sender.reset()  # the same file may come again, with other columns
@@ -155,6 +156,7 @@ class Wizard:
         self._tell(found, "")
 
     def _tell(self, found: StepTest | None, nothing: str) -> None:
+        """Show the result of a test, or why there is none."""
         if found is not None and found == self._seen:
             return
         self._seen = found

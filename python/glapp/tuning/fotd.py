@@ -15,7 +15,7 @@ from ..plant import Plant
 from .process import Array, Process
 
 Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
-"""What limits the control of a process (thesis 4.1)."""
+"""Limit of a process's control (thesis 4.1)."""
 
 _LAG_DOMINATED, _DELAY_DOMINATED = 0.3, 0.5
 
@@ -78,7 +78,7 @@ def fotd(plant: Process) -> Fotd:
 
 
 def character(process: Process) -> Character:
-    """What limits the control of a process (thesis 4.1), by τ = L/(L + T) of its FOTD model.
+    """Limit of a process's control (thesis 4.1), by τ = L/(L + T) of its FOTD model.
 
     Delay-dominated where L > T, τ > 0.5, as the thesis has it. Lag-dominated is what has "a much larger" T than L. The
     thesis leaves open how much, and calls P2 (τ = 0.33, T = 2.1 L) balanced. Here it is τ < 0.3, T > 2.3 L; any border

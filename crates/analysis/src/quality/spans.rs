@@ -17,7 +17,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// What OP looks like: no value of it is beyond the ends of that scale. A valve works in the lowest hundredth of its
+    /// The scale that OP's values fit: none of them beyond its ends. A valve works in the lowest hundredth of its
     /// travel hardly ever; between 4 and 20 % of it some do.
     ///
     /// ```
@@ -48,6 +48,7 @@ impl Scale {
     }
 }
 
+/// Findings on signals beyond their spans.
 pub(super) fn spans(look: &Look<'_>, found: &mut Vec<Finding>) {
     let (c, known) = (look.statistics, look.known);
     let mut tell = |severity, signal: &'static str, range: (f64, f64), span: (f64, f64), is: &'static str| {
@@ -64,7 +65,7 @@ pub(super) fn spans(look: &Look<'_>, found: &mut Vec<Finding>) {
             tell(severity, signal, (values.low, values.high), (low, high), "outside");
         }
     }
-    // Where OP has a span, only a fraction contradicts it: between 4 and 20 % of their travel many valves work.
+    // A given span of OP is contradicted only by a fraction: many valves use between 4 and 20 % of their travel.
     let percent = known.op_span == Some((0.0, 100.0));
     match Scale::between(c.op.low, c.op.high) {
         Some(scale @ Scale::Fraction) if percent || known.op_span.is_none() => {

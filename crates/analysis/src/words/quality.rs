@@ -1,4 +1,4 @@
-//! What is wrong with a recording: `quality.` and the name of a finding.
+//! Texts of the findings on a recording: `quality.` and the name of a finding.
 
 use super::{Numbers, Subject};
 

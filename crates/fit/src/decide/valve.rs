@@ -24,7 +24,7 @@ use std::cmp::Ordering;
 /// One answer of all recordings of a valve.
 #[derive(Clone, Debug)]
 pub struct ValveAnswer {
-    /// What all say.
+    /// Result of all recordings.
     pub whole: Together,
     /// The recordings, in the order given.
     pub recordings: Vec<RecordingAnswer>,
@@ -34,10 +34,10 @@ pub struct ValveAnswer {
     pub shared: bool,
 }
 
-/// What one recording says, and what it adds to the whole.
+/// Result of one recording, and its contribution to the whole.
 #[derive(Clone, Debug)]
 pub struct RecordingAnswer {
-    /// What it says alone; why it cannot be fitted.
+    /// Result of the recording alone; the reason where it cannot be fitted.
     pub own: Result<JointAnswer, Unfit>,
     /// Share of its rows that stand in an earlier recording; their PV counts there.
     pub repeated: f64,
@@ -51,7 +51,7 @@ pub struct RecordingAnswer {
 pub(crate) struct Recording {
     own: Result<JointAnswer, Unfit>,
     repeated: f64,
-    /// When its time is 0 [s].
+    /// Time 0 of the recording [s].
     since: f64,
     curves: Vec<Curve>,
     /// A width of its curves is so much [OP unit].
@@ -76,10 +76,12 @@ impl Recording {
         }
     }
 
+    /// Curves of the windows whose fit can be believed.
     fn usable(&self) -> impl Iterator<Item = &Curve> {
         self.curves.iter().filter(|curve| curve.fitted.answer.usable())
     }
 
+    /// The width with its limits and its time, for the trend.
     fn reading(&self) -> Option<Reading> {
         let own = self.own.as_ref().ok()?;
         let (first, last) = (own.records.first()?, own.records.last()?);
@@ -94,16 +96,17 @@ struct Member<'a> {
     curve: &'a mut Curve,
     size: f64,
     recording: usize,
-    /// What a unit of its likelihood is worth.
+    /// Weight of a unit of its likelihood.
     worth: f64,
 }
 
 impl Member<'_> {
+    /// Cost of the width `d` in each family.
     fn costs(&mut self, d: f64) -> Vec<f64> {
         self.curve.costs(d / self.size)
     }
 
-    /// The same from the widths that were looked at.
+    /// Cost at a width, on a line between the computed widths.
     fn interpolated_cost(&self, d: f64) -> Vec<f64> {
         self.curve.interpolated_cost(d / self.size)
     }
@@ -144,7 +147,7 @@ fn total_cost(members: &[Member], costs: &[Vec<f64>]) -> f64 {
     members.iter().zip(costs).map(|(member, costs)| member.worth * member.curve.least(costs)).sum()
 }
 
-/// How far the likelihood rises in each from costs to others.
+/// Rise of the likelihood in each from costs to others.
 fn rises(members: &[Member], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
     members.iter().zip(from).zip(to).map(|((member, from), to)| member.worth * member.curve.rise(from, to)).collect()
 }
@@ -174,8 +177,8 @@ fn widths(members: &[Member]) -> Vec<f64> {
 fn most_likely(members: &mut [Member]) -> (f64, Vec<Vec<f64>>) {
     let range = range(members);
     let least = |members: &[Member]| {
-        let foreseen = widths(members).into_iter().map(|d| (total_cost(members, &interpolated_costs(members, d)), d));
-        foreseen.min_by(|a, b| a.0.total_cmp(&b.0)).expect("0 at least").1
+        let predicted = widths(members).into_iter().map(|d| (total_cost(members, &interpolated_costs(members, d)), d));
+        predicted.min_by(|a, b| a.0.total_cmp(&b.0)).expect("0 at least").1
     };
     let exactly = |members: &mut [Member], d: f64| {
         let costs = costs_at(members, d);
@@ -205,7 +208,7 @@ fn most_likely(members: &mut [Member]) -> (f64, Vec<Vec<f64>>) {
     (best.1, best.2)
 }
 
-/// How many have that width by themselves.
+/// Number of members whose own width is that.
 fn agreeing(members: &[Member], d: f64) -> usize {
     members.iter().filter(|m| (m.curve.fitted.answer.d * m.size - d).abs() <= AGREES_WITH * d).count()
 }
@@ -219,9 +222,9 @@ fn range(members: &[Member]) -> f64 {
 const DISAGREES: &str = "recordings_disagree";
 /// Widths that are looked at because they promise more.
 const LOOKS: usize = 8;
-/// How near the most likely width is found, part of itself.
+/// Relative accuracy of the most likely width.
 const NEAR: f64 = 0.01;
-/// How near the rise at a limit of the interval is to what it should be, part of it.
+/// Relative accuracy of the rise at a limit of the interval.
 const NEAR_LIMIT: f64 = 0.03;
 
 /// One answer from the recordings; the error is why the first of them cannot be fitted, where none can.
@@ -238,7 +241,7 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     let shared = (counted >= FEWEST_RECORDINGS).then(|| shared_width(&mut members, d, &here, &mut adds));
     let each: Vec<Reading> = readings.iter().map(|(_, reading)| *reading).collect();
     let trend = if each.iter().all(|r| r.t.is_finite()) { Trend::of_readings(&each) } else { None };
-    // Where the width changes plainly, the newest is today's.
+    // A width that plainly changes: the newest is today's.
     let silent = |whole: &Together| whole.verdict == Verdict::CannotTell && whole.reason != DISAGREES;
     let alone = match (newest(trend, &each), &shared) {
         (Some(newest), _) => Some((readings[newest].0, false)),
@@ -266,8 +269,8 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     Ok(ValveAnswer { whole, recordings, shown, shared: alone.is_none() })
 }
 
-/// The records that may speak for a gap, the most likely width of all and what it costs in each. Who may speak hangs on the width,
-/// and the width on who speaks. `left_out` is told of recordings of which none may.
+/// Records that count for a gap, the most likely width of all, and its cost in each. The choice of records depends on the width,
+/// and the width on the choice: both are repeated until they agree. `left_out` gets the reason of recordings without one.
 fn who_counts<'a>(
     recordings: &'a mut [Recording],
     left_out: &mut [Option<&'static str>],
@@ -330,9 +333,9 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         let each: Vec<f64> = above(members, costs).iter().zip(&least).map(|(there, here)| there - here).collect();
         total_rise(&each)
     };
-    let foreseen = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
+    let predicted = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
     let widths: Vec<f64> = widths(members);
-    let inside: Vec<bool> = widths.iter().map(|w| *w == d || foreseen(members, *w) <= limit).collect();
+    let inside: Vec<bool> = widths.iter().map(|w| *w == d || predicted(members, *w) <= limit).collect();
     let (first, last) = (inside.iter().position(|i| *i), inside.iter().rposition(|i| *i));
     let (first, last) = (first.expect("the best is inside"), last.expect("the best is inside"));
     let mut border = |mut within: f64, mut beyond: f64| {
@@ -340,7 +343,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
             let (mut low, mut high) = (within, beyond);
             for _ in 0..20 {
                 let middle = 0.5 * (low + high);
-                *(if foreseen(members, middle) <= limit { &mut low } else { &mut high }) = middle;
+                *(if predicted(members, middle) <= limit { &mut low } else { &mut high }) = middle;
             }
             let middle = 0.5 * (low + high);
             let costs = costs_at(members, middle);
@@ -424,8 +427,8 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     Together::judged(evidence)
 }
 
-/// What each member leaves of the likelihood ratio of no gap, the loads that were looked for counted in. Where all of it would
-/// show a gap, a load that repeats itself is looked for as well.
+/// Likelihood ratio of no gap that each member leaves, with the loads that were looked for. Where all of it would show
+/// a gap, a load that repeats itself is looked for as well.
 fn against(members: &mut [Member], d: f64, here: &[Vec<f64>], dispersion: f64) -> Vec<f64> {
     let none = interpolated_costs(members, 0.0);
     let mut against = rises(members, here, &none);
@@ -458,7 +461,7 @@ fn own_claim(recording: &Recording) -> bool {
     recording.own.as_ref().is_ok_and(found)
 }
 
-/// Where all together show no width: that which tells most alone, and whether another excludes what it says.
+/// The most informative recording, where all together show no width, and whether another excludes its result.
 fn best_alone(
     recordings: &[Recording],
     readings: &[(usize, Reading)],

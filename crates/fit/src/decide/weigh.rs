@@ -29,20 +29,20 @@ pub const USUAL_PRIOR: f64 = 0.25;
 /// No probability that is shown is nearer to 0 or to 1 than this.
 pub const LEAST_DOUBT: f64 = 0.02;
 
-/// What each kind of evidence adds to the log-odds of a dead band: above 0 it speaks for one.
+/// Contribution of each kind of evidence to the log-odds of a dead band: above 0 it speaks for one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
     /// Likelihood ratio of no gap, no load that repeats itself beside it.
     pub likelihood: f64,
     /// The same beside the load that rivals the gap most.
     pub rival_load: f64,
-    /// How often OP went through the width.
+    /// Number of traversals of the width by OP.
     pub traversals: f64,
     /// The width against OP's range.
     pub width: f64,
-    /// What the gap makes of PV against PV's noise.
+    /// Effect of the gap on PV compared with PV's noise.
     pub noise: f64,
-    /// How far rows are apart against how fast process and OP are.
+    /// Interval of the rows compared with the speed of process and OP.
     pub sampling: f64,
     /// Whether OP swings evenly, or the load repeats itself.
     pub evenness: f64,
@@ -59,9 +59,9 @@ pub struct Terms {
     pub plateau: f64,
     /// Whether the loop's own cycle is the recorded one.
     pub cycle: f64,
-    /// How well the process is known, and whether a load undoes what the valve does.
+    /// Accuracy of the process, and whether a load undoes the valve's effect.
     pub process: f64,
-    /// What the rules of the ladder make of all that.
+    /// Judgement by the rules of the ladder.
     pub rules: f64,
 }
 
@@ -70,7 +70,7 @@ pub struct Terms {
 pub struct Weighed {
     /// Logarithm of the Bayes factor: how many times likelier the evidence is with a dead band than without.
     pub log_bayes_factor: f64,
-    /// What each kind of evidence adds to it.
+    /// Contribution of each kind of evidence.
     pub terms: Terms,
     /// Widths [OP unit], and the probability that the dead band is wider, if there is one.
     pub wider: Vec<(f64, f64)>,
@@ -78,7 +78,7 @@ pub struct Weighed {
 
 /// A quantity of the evidence.
 pub(super) struct Quantity {
-    /// Its name in the table of weights.
+    /// Name in the table of weights.
     pub(super) name: &'static str,
     /// Whether a greater one speaks for a dead band.
     rises: bool,
@@ -123,7 +123,7 @@ quantities! {
     "rung" true rules: rung;
 }
 
-/// What is less is as much: logarithms stay finite.
+/// Lower limit of a number before its logarithm, which stays finite.
 const LEAST: f64 = 1e-3;
 
 fn flag(is: bool) -> f64 {

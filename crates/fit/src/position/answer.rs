@@ -1,4 +1,4 @@
-//! What the best motions allow to be said.
+//! Verdict and interval from the best motions.
 
 use crate::data::recorder::Recorder;
 use crate::decide::thresholds::{
@@ -78,7 +78,7 @@ impl Track {
                 hold(self.limits(&stuck, gap.cost.min(stuck.cost) + RISE / information_ratio));
             }
         }
-        // What the recorder hides, never more than what is left shows where rows do not fit.
+        // Width that the recorder hides, at most the residual where rows do not fit.
         let seen = 4.0 * sigma / per_op;
         let rounding = match self.recorder {
             Recorder::Rounded(step) => 0.5 * step / per_op,
@@ -142,7 +142,7 @@ impl Track {
         }
     }
 
-    /// At the width of `at`, with the lag (and share of jump) that is best from there on.
+    /// The best candidate with the width of `at`, and the lag (and share of jump) that is best from there on.
     fn beside(&self, best: &Tried, at: Tried) -> Tried {
         if best.motion.share > 0.0 {
             return self.descend(at, |m, i, j| Motion {
@@ -181,7 +181,7 @@ impl Track {
                 by *= 16.0;
                 continue;
             }
-            // What is outside with this lag may be inside with another.
+            // A width outside with this lag may be inside with another.
             let outer = self.beside(best, tried[inside]);
             if outer.cost <= limit {
                 inner = outer.motion;
@@ -208,6 +208,7 @@ impl Track {
         points.into_iter().map(|(d, cost)| (d, ((cost - best.cost) * information_ratio).max(0.0))).collect()
     }
 
+    /// Recorded and predicted positions of some rows, for display.
     fn shown(&self, best: &Tried) -> Vec<Shown> {
         let every = self.rows.div_ceil(SHOWN);
         let mut n = 0;

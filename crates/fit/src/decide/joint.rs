@@ -153,12 +153,17 @@ impl Curve {
         sticking.first().map_or(0.0, |p| profiles[0].penalised() - p.penalised())
     }
 
-    /// How much each of the [`Curve::costs`] counts, its parameters' price, and its least.
+    /// How much each of the [`Curve::costs`] counts, its parameters' price, and the cost from which it rises: the least; of a valve that
+    /// sticks the one at which it is as likely as a gap, as for the record's own limits.
     fn weights(&self) -> Vec<(f64, f64, f64)> {
         let Fitted { profiles, sticking, sticks_in, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
-        let sticks = 2.0 * sticks_in.parameters() as f64 + JUMP_PRICE;
-        gaps.chain(sticking.iter().map(|p| (RISE / RISE_OF_STICKING, sticks, p.least()))).collect()
+        let free = 2.0 * sticks_in.parameters() as f64;
+        let as_likely = match sticking.first() {
+            Some(stuck) if self.jumps() > JUMP_PRICE => stuck.least(),
+            _ => profiles[0].penalised() - free,
+        };
+        gaps.chain(sticking.iter().map(|_| (RISE / RISE_OF_STICKING, free + JUMP_PRICE, as_likely))).collect()
     }
 
     /// The least of costs with the parameters' price.
@@ -174,10 +179,15 @@ impl Curve {
         known.map(|((from, to), (weight, ..))| weight * (to - from)).fold(f64::INFINITY, f64::min)
     }
 
-    /// How far costs lie above the best of their own family, in that where they do least.
+    /// How far costs lie above those from which each family rises, in that where they do least.
     pub(crate) fn off(&self, costs: &[f64]) -> f64 {
         let above = costs.iter().zip(self.weights()).map(|(cost, (weight, _, least))| weight * (cost - least));
         above.fold(f64::INFINITY, f64::min).max(0.0)
+    }
+
+    /// The same in units of which the record's own limits allow [`RISE`].
+    pub(crate) fn off_within_limits(&self, costs: &[f64]) -> f64 {
+        RISE / self.fitted.answer.rise * self.off(costs)
     }
 }
 

@@ -152,6 +152,18 @@ fn rises(members: &[Member], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
     members.iter().zip(from).zip(to).map(|((member, from), to)| member.worth * member.curve.rise(from, to)).collect()
 }
 
+/// What all records together make of how far the likelihood rises in each.
+///
+/// The models of all days lack the same, so part of the error of their widths is common to them ([`SHARED_ERROR`], ρ). The variance
+/// of the mean of n such widths is that of one times (1 + (n - 1)·ρ)/n (Kish's design effect), n = (Σ|r|)²/Σr² the number of records
+/// that rise by as much. A record that says nothing does not count.
+fn total_rise(each: &[f64]) -> f64 {
+    let size: f64 = each.iter().map(|rise| rise.abs()).sum();
+    let squares: f64 = each.iter().map(|rise| rise * rise).sum();
+    let records = if squares > 0.0 { size * size / squares } else { 1.0 };
+    each.iter().sum::<f64>() / (1.0 + SHARED_ERROR * (records - 1.0))
+}
+
 /// Every width that was looked at in one of them, in rising order [OP unit].
 fn widths(members: &[Member]) -> Vec<f64> {
     let mut all: Vec<f64> =
@@ -306,15 +318,21 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
             member.worth /= (asked / LR_MIN).max(RISE_BESIDE_CHANGES);
         }
     }
-    // A record that is not believed to exclude that there is none is not believed to exclude this width either.
-    let off = |member: &Member, costs: &[f64]| {
-        let off = member.worth * member.curve.off(costs);
-        if member.curve.fitted.answer.verdict == Verdict::CannotTell { off.min(LR_MIN) } else { off }
+    // How far each lies above its own best, as for its own limits.
+    let above = |members: &[Member], costs: &[Vec<f64>]| -> Vec<f64> {
+        members.iter().zip(costs).map(|(member, costs)| member.curve.off_within_limits(costs)).collect()
     };
-    let off: f64 = members.iter().zip(here).map(|(member, costs)| off(member, costs)).sum();
-    let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
+    let least = above(members, here);
+    // A record that is not believed to exclude that there is none is not believed to exclude this width either.
+    let off = members.iter().zip(&least).map(|(member, off)| {
+        if member.curve.fitted.answer.verdict == Verdict::CannotTell { off.min(LR_MIN) } else { *off }
+    });
+    let dispersion = (off.sum::<f64>() / (n - 1.0) / AGREES).max(1.0);
     let limit = RISE * dispersion;
-    let rise = |members: &[Member], costs: &[Vec<f64>]| rises(members, here, costs).iter().sum::<f64>();
+    let rise = |members: &[Member], costs: &[Vec<f64>]| {
+        let each: Vec<f64> = above(members, costs).iter().zip(&least).map(|(there, here)| there - here).collect();
+        total_rise(&each)
+    };
     let predicted = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
     let widths: Vec<f64> = widths(members);
     let inside: Vec<bool> = widths.iter().map(|w| *w == d || predicted(members, *w) <= limit).collect();
@@ -340,12 +358,13 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let low = if first == 0 { 0.0 } else { border(widths[first], widths[first - 1]) };
     let high = (last + 1 < widths.len()).then(|| border(widths[last], widths[last + 1]));
     let resolution = members.iter().map(|m| m.curve.fitted.record.resolution() * m.size).sum::<f64>() / n;
-    let low = (low - resolution).max(0.0);
     let against = against(members, d, here, dispersion);
     for (member, lr) in members.iter().zip(&against) {
         gives[member.recording] += lr;
     }
     let lr_no_gap: f64 = gives.iter().sum();
+    // No gap is heard in the family that believes least: where that does not exclude it, neither does the interval.
+    let low = if lr_no_gap > limit { (low - resolution).max(0.0) } else { 0.0 };
     let most = gives.iter().copied().fold(0.0, f64::max);
     let times = |d: f64| {
         let each = members.iter().map(|m| m.curve.fitted.record.traversals(d / m.size));
@@ -473,4 +492,22 @@ fn best_alone(
     };
     let others = recordings.iter().enumerate().filter(|(i, _)| *i != best && left_out[*i].is_none());
     (best, others.into_iter().any(|(_, recording)| off(recording) > RISE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_records_tell_more_but_share_an_error() {
+        // One record counts whole, and so it does beside seven that say nothing.
+        assert_eq!(total_rise(&[3.0]), 3.0);
+        assert!((total_rise(&[3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) - 3.0).abs() < 1e-12);
+        // Eight alike tell less than eight times as much, and no number more than one over the shared part.
+        assert!((total_rise(&[1.0; 8]) - 8.0 / (1.0 + 7.0 * SHARED_ERROR)).abs() < 1e-12);
+        assert!(total_rise(&[1.0; 10_000]) < 1.0 / SHARED_ERROR);
+        // What one takes another gives back.
+        assert_eq!(total_rise(&[2.0, -2.0]), 0.0);
+        assert_eq!(total_rise(&[0.0; 3]), 0.0);
+    }
 }

@@ -210,19 +210,12 @@ impl Evidence {
         self.weighed().map_or(0.0, |(factor, _)| probability(factor, USUAL_PRIOR))
     }
 
-    /// Whether several recordings share the width. What their models lack differs from day to day, and each is heard in the family that believes
-    /// least.
-    fn of_recordings(&self) -> bool {
-        self.shows.is_none() && self.agree[1] >= FEWEST_RECORDINGS
-    }
-
     /// Both limits for display; `high`: the upper one with what the samples may hide.
     pub(crate) fn limits(&self, judgement: &Judgement, high: Option<f64>) -> (f64, Option<f64>) {
-        let off = if self.of_recordings() { 1.0 } else { WIDTH_OFF };
         match (judgement.confidence, judgement.width_kind) {
-            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / off, None),
+            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / WIDTH_OFF, None),
             (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
-            (Confidence::Found | Confidence::Likely, _) => (self.low / off, high.map(|high| high * off)),
+            (Confidence::Found | Confidence::Likely, _) => (self.low / WIDTH_OFF, high.map(|high| high * WIDTH_OFF)),
             _ => (self.low, high),
         }
     }

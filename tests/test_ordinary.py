@@ -9,7 +9,7 @@ import pytest
 from bench.ordinary import design, oracle
 from bench.ordinary.__main__ import answers, tasks
 from bench.ordinary.answers import Claim, Line, ask, done
-from bench.ordinary.design import FAULTS, JUDGES, ROWS, draw, fractional_lag, half, names, sensitivity
+from bench.ordinary.design import FAULTS, ROWS, SEEDS, draw, fractional_lag, half, names, sensitivity
 from bench.ordinary.records import record, reversals, swept
 from bench.ordinary.score import tables
 
@@ -47,7 +47,7 @@ def test_halves_do_not_overlap_and_lie_in_and_out_of_the_family_alike():
     numbers = range(40)
     halves = {which: {n for n in numbers if half(n) == which} for which in "AB"}
     assert not halves["A"] & halves["B"] and halves["A"] | halves["B"] == set(numbers)
-    assert {half(n, JUDGES) for n in numbers} == {"C"}
+    assert [{half(n, SEEDS[part]) for n in numbers} for part in "CD"] == [{"C"}, {"D"}]
     outside = {n for n in range(16) if draw(f"drift/none/{n}/1").outside}
     assert len(outside & halves["A"]) == len(outside & halves["B"]) == 4
 
@@ -211,8 +211,13 @@ def test_what_is_asked_keeps_to_its_half():
     asked = list(tasks(["steps", "perstorp"], "A", 3, 1, several=False))
     assert {int(name.split("/")[2]) for name, _ in asked} == {0, 2, 4}
     assert len(asked) == 3 * (2 + 3) and {count for _, count in asked} == {1}
-    judges = list(tasks(["steps"], "C", 2, JUDGES, several=False))
-    assert judges == [(f"steps/{fault}/{n}/{JUDGES}", 1) for n in (0, 1) for fault in ("none", "gap")]
+    judges = list(tasks(["steps"], "C", 2, SEEDS["C"], several=False))
+    assert judges == [(f"steps/{fault}/{n}/{SEEDS['C']}", 1) for n in (0, 1) for fault in ("none", "gap")]
+    last = [name.split("/") for name, _ in tasks(["steps", "perstorp"], "D", 16, SEEDS["D"], several=False)]
+    # All numbers have a sound valve, four of sixteen one with a gap; the first numbers of all rows come first.
+    assert [int(n) for row, fault, n, _ in last if (row, fault) == ("steps", "gap")] == [0, 6, 8, 14]
+    assert sum(fault in ("none", "driven") for _, fault, *_ in last) == 16 * 3
+    assert [int(n) for _, _, n, _ in last] == sorted(int(n) for _, _, n, _ in last)
     days = list(tasks(["steps", "perstorp"], "B", 1, 1, several=True))
     assert days == [("steps/gap/1/1", n) for n in (1, 2, 4, 8)]
 

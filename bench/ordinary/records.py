@@ -57,7 +57,7 @@ class Truth:
     fault : Fault
     number, seed : int
     half : str
-        "A", "B" or "C".
+        "A", "B", "C" or "D".
     service, kind : str
         As in `design.Drawn`.
     outside : list of str

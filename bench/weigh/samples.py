@@ -22,7 +22,7 @@ from ..ordinary.answers import read as read_answers
 from ..truth import design as truth_design
 from ..truth import records as truth
 
-Half = Literal["A", "B", "C"]
+Half = Literal["A", "B", "C", "D"]
 Fault = Literal["none", "gap", "friction", "both"]
 
 SEED = 40
@@ -60,7 +60,7 @@ class Sample:
     name : str
         Source and name: "ordinary steps/gap/2/40" is `bench.ordinary.records.record("steps/gap/2/40")`.
     half : str
-        "A", "B": the weights are learned from it; "C": they are judged by it.
+        "A", "B", "C": the weights are learned from it; "D": they are judged by it.
     row : str
         Records of one row are weighed so that half of their weight has a gap.
     load, process, recorder : str

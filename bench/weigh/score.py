@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ..truth.score import markdown
-from .model import Bools, Floats, Lines, Names, auc, balanced, calibrated, left_out, log_loss
+from .model import Bools, Floats, Lines, Names, auc, balanced, learned, left_out, log_loss
 from .samples import Sample
 
 PRIORS = (0.1, 0.25, 0.5)
@@ -61,9 +61,9 @@ class Data(NamedTuple):
         found: Floats = self.quantities[:, self.names.index(name)]
         return found
 
-    def calibrated(self) -> Lines:
+    def lines(self) -> Lines:
         """Lines for other records."""
-        return calibrated(self.quantities, self.rises, self.gap, self.weight, self.group(lambda s: s.twin))
+        return learned(self.quantities, self.rises, self.gap, self.weight)
 
     def learned(self, out: Names | None = None) -> Floats:
         """Log-odds by lines learned without each record's group, by default without the record and its twins."""
@@ -90,14 +90,14 @@ def at(prior: float, data: Data) -> Floats:
 
 
 def tables(data: Data) -> str:
-    """All tables; part C judges the weights of parts A and B, where there are records of it."""
+    """All tables; part D judges the weights of parts A to C, where there are records of it."""
     parts_of = data.group(lambda s: s.half)
-    ours, judge = data.of(parts_of != "C"), data.of(parts_of == "C")
-    odds = ours.calibrated().log_odds(judge.quantities)
+    ours, judge = data.of(parts_of != "D"), data.of(parts_of == "D")
+    odds = ours.lines().log_odds(judge.quantities)
     judged = [
-        ("Log loss, learned from parts A and B", losses(ours, judge, odds)),
-        ("Frequency against stated probability, part C", calibration(judge, odds)),
-        ("Rungs by probability, compared with the ladder, part C", rungs(judge, odds)),
+        ("Log loss, learned from parts A to C", losses(ours, judge, odds)),
+        ("Frequency against stated probability, part D", calibration(judge, odds)),
+        ("Rungs by probability, compared with the ladder, part D", rungs(judge, odds)),
     ]
     parts = [
         ("", counts(data)),
@@ -105,7 +105,7 @@ def tables(data: Data) -> str:
         ("Each kind left out in turn", kinds(data)),
         ("A dead band beyond 1 % of span, twins left out", beyond(data, data.learned())),
         ("What must not be learned", nuisances(data)),
-        ("The terms, learned from parts A and B", terms(ours)),
+        ("The terms, learned from parts A to C", terms(ours)),
     ]
     return "\n\n".join((f"### {title}\n\n" if title else "") + text for title, text in parts)
 
@@ -114,25 +114,28 @@ def counts(data: Data) -> str:
     """Numbers of records of each kind."""
     sources = sorted({s.name.split(" ")[0] for s in data.samples})
     fits = ", ".join(sorted({s.fit for s in data.samples}))
-    of = {part: sum(s.half == part for s in data.samples) for part in ("A", "B", "C")}
+    of = {part: sum(s.half == part for s in data.samples) for part in ("A", "B", "C", "D")}
     return (
         f"{len(data.samples)} records of {', '.join(sources)}, {int(data.gap.sum())} with a gap; "
-        f"{of['A']} of part A, {of['B']} of part B, {of['C']} of part C; fit {fits}."
+        f"{', '.join(f'{n} of part {part}' for part, n in of.items())}; fit {fits}."
     )
 
 
 def losses(ours: Data, judge: Data, odds: Floats) -> str:
     """Against the likelihood ratio alone: as a chi-square has it, and by the best line through it."""
-    pick = [ours.names.index("lr_no_gap")]
-    alone = ours._replace(quantities=ours.quantities[:, pick], rises=ours.rises[pick])
-    line = alone.calibrated()
+
+    def of_ratio(data: Data) -> Floats:
+        return np.array([[np.log1p(max(s.evidence["lr_no_gap"], 0.0))] for s in data.samples])
+
+    alone = ours._replace(quantities=of_ratio(ours), rises=np.array([True]))
+    line = alone.lines()
 
     def raw(data: Data) -> Floats:
         return np.clip([0.5 * s.evidence["lr_no_gap"] for s in data.samples], -4.0, 4.0)
 
     of = {
         "half the likelihood ratio, at most ±4": (raw(ours), raw(judge)),
-        "a line through the likelihood ratio": (alone.learned(), line.log_odds(judge.quantities[:, pick])),
+        "a line through the likelihood ratio": (alone.learned(), line.log_odds(of_ratio(judge))),
         "all weights": (ours.learned(), odds),
     }
     body = []
@@ -142,7 +145,7 @@ def losses(ours: Data, judge: Data, odds: Floats) -> str:
             loss, least = (log_loss(x, data.gap, data.weight) for x in (z, best))
             row += [f"{loss:.3f}", f"{100 * (1 - least / loss):.0f} %", f"{auc(z, data.gap, data.weight):.3f}"]
         body.append(row)
-    head = ["parts A and B, twins left out", "weights better by", "AUC", "part C", "weights better by", "AUC"]
+    head = ["parts A to C, twins left out", "weights better by", "AUC", "part D", "weights better by", "AUC"]
     return markdown(["log-odds", *head], body)
 
 
@@ -192,7 +195,7 @@ def kinds(data: Data) -> str:
 def _without(data: Data, out: Bools) -> Floats:
     """Log-odds of all by lines that were learned without some."""
     rest = data.of(~out)
-    return rest.calibrated().log_odds(data.quantities)
+    return rest.lines().log_odds(data.quantities)
 
 
 def rungs(data: Data, odds: Floats) -> str:
@@ -258,7 +261,7 @@ def nuisances(data: Data) -> str:
 
 def terms(data: Data) -> str:
     """The lines: which way each speaks, and how much it can."""
-    lines = data.calibrated()
+    lines = data.lines()
     body = []
     for name, up, x, y in zip(data.names, data.rises, lines.x, lines.y, strict=True):
         body.append([name, "for" if up else "against", f"{x[0]:.3g} to {x[-1]:.3g}", f"{y[0]:+.2f} to {y[-1]:+.2f}"])

@@ -291,33 +291,19 @@ class Terms(_Part):
     """Contribution of each kind of evidence to the log-odds of a dead band, compared with a usual record."""
 
     likelihood: float
-    """Likelihood ratio of no gap."""
-    rival_load: float
-    """Likelihood ratio beside the load that rivals the gap most."""
+    """The gap's part of what OP explains of PV."""
     traversals: float
     """Number of traversals of the width by OP."""
     width: float
     """The width against OP's range."""
+    limit: float
+    """Nearness of the upper limit to the width."""
     noise: float
     """Effect of the gap on PV compared with PV's noise."""
-    sampling: float
-    """Interval of the rows."""
-    evenness: float
-    """Whether OP swings evenly, or the load repeats itself."""
-    load_changes: float
-    """Whether the load changes as often as OP goes through the gap."""
-    model: float
-    """Fit of the model to PV."""
-    families: float
-    """Whether all families of models see the gap."""
-    agreement: float
-    """Whether windows or recordings agree."""
     plateau: float
     """Whether PV stands while OP goes through the gap."""
-    cycle: float
-    """Whether the loop's own cycle is the recorded one."""
     process: float
-    """Accuracy of the process, and whether a load undoes the valve's effect."""
+    """Part of the valve's effect that a load undoes."""
     rules: float
     """Judgement by the rules of the ladder."""
 

@@ -13,19 +13,12 @@ pub(super) const TERM: Subject = Subject { name: "term", sentences: TERMS, varia
 /// Names of the evidence for a dead band or against it.
 const TERMS: &[(&str, &str)] = sentences! {
     "likelihood": "how much better a gap explains PV than none";
-    "rival_load": "how much better a gap explains PV than a load that looks like one";
     "traversals": "how often OP crossed the gap";
     "width": "how wide the gap is beside OP's moves";
     "noise": "how far the gap moves PV beside its noise";
-    "sampling": "how often rows are recorded";
-    "evenness": "how evenly OP swings";
-    "load_changes": "how often the load changes";
-    "model": "how well the model explains PV";
-    "families": "whether all models see the gap";
-    "agreement": "whether parts of the recording agree";
+    "limit": "how closely the width is known";
     "plateau": "whether PV stands still while OP crosses the gap";
-    "cycle": "whether the loop with such a gap would swing as recorded";
-    "process": "how well the process is known";
+    "process": "how far a load undoes what the valve does";
     "rules": "the fixed tests of the fit";
 };
 

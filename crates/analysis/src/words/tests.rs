@@ -116,7 +116,7 @@ fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
     use serde_json::json;
     let weighed = json!({
         "p_gap": 0.84, "p_beyond": 0.6, "prior": 0.25, "limit": {"percent_span": 1.0, "origin": "nominal"},
-        "terms": {"noise": 0.69, "likelihood": 1.4, "model": 0.01, "plateau": -0.7},
+        "terms": {"noise": 0.69, "likelihood": 1.4, "limit": 0.01, "plateau": -0.7},
     });
     let likely = texts_for(with(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})), weighed.clone()));
     assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%; gap: 84\u{a0}% likely.");

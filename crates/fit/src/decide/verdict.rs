@@ -138,15 +138,10 @@ impl Evidence {
         self.high.is_none() || !self.traversed || self.noisy()
     }
 
-    /// Likelihood ratio of no gap that a gap needs: more for a bound, and for an even swing. Some loads that swing,
-    /// triangles above all, look like a gap whose cycle is the loop's own.
+    /// Likelihood ratio of no gap that a found gap must exceed: more for an even swing. Some loads that swing, triangles above
+    /// all, look like a gap whose cycle is the loop's own.
     pub(crate) fn needed(&self) -> f64 {
-        self.asked().max(if self.even_swing { LR_IF_EVEN_SWING } else { 0.0 })
-    }
-
-    /// Likelihood ratio that is asked of a gap, without the price of an even swing.
-    fn asked(&self) -> f64 {
-        self.lr_needed.max(if self.bound() { LR_IF_SELDOM } else { 0.0 })
+        self.lr_needed.max(if self.even_swing { LR_IF_EVEN_SWING } else { 0.0 })
     }
 
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
@@ -155,10 +150,15 @@ impl Evidence {
     }
 
     /// Whether OP swings, or the load repeats itself, as the loop of process, gap and controller does by itself, and the gap explains clearly
-    /// more than any load: of some saws the fitted loop makes the same period and swing.
+    /// more than any load: of some loads that swing the fitted loop makes the same period and swing.
     fn own_swing(&self) -> bool {
-        let clear = self.lr_no_gap > self.asked().max(LR_IF_CLEAR);
+        let clear = self.lr_no_gap > self.lr_needed.max(LR_IF_CLEAR) && self.low_is_near();
         self.cycles() && self.swings() && self.crossed_twice() && clear && self.veto().is_none()
+    }
+
+    /// Whether the lower limit is no small part of the width.
+    fn low_is_near(&self) -> bool {
+        self.low > NEAR_LOW * self.d
     }
 
     /// Whether OP went through the width both ways as often as a gap that is plain needs.
@@ -185,7 +185,7 @@ impl Evidence {
     /// swings looks like it, and its lower limit is near.
     fn is_plain(&self) -> bool {
         let clear = self.width_kind() != WidthKind::Unsure && !self.noisy() && !self.swings();
-        self.crossed_twice() && clear && self.low > NEAR_LOW * self.d
+        self.crossed_twice() && clear && self.low_is_near()
     }
 
     /// Whether a window shows a gap by itself: it is told there, or nothing looks like it, and its ratio is no small part of what is needed, of
@@ -264,6 +264,7 @@ impl Evidence {
             ((self.coarse || self.at_once) && !self.all_agree(), "coarse"),
             (self.d < self.lined_below, "lined"),
             (self.one_way, "once"),
+            (self.cancels > CANCELS, "cancelled"),
             (self.low < LEAST_LOW * self.d, "families_disagree"),
         ];
         vetoes.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
@@ -295,8 +296,8 @@ impl Evidence {
 /// Judgement on the valve, and a code of the reason why it says no more.
 ///
 /// The [`rules`] say which gap may be found, and which valve shows none. All evidence, weighed, must then make a gap more probable than
-/// [`PROBABLE`]: what the rules find is *found*, what they leave open is *likely*. Where the record is plain it is enough for *likely* that the
-/// evidence speaks for a gap at all.
+/// [`PROBABLE`]: what the rules find is *found*, what they call likely or leave open is *likely*. Where the record is plain it is enough for
+/// *likely* that the evidence speaks for a gap at all.
 pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     let (by_rules, why) = rules(e);
     let p = e.usual_probability();
@@ -308,7 +309,7 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
     match by_rules {
         Confidence::NoneSeen => (Judgement::without(by_rules, e.oscillates), why),
-        Confidence::Found if p < PROBABLE => (silent, "outweighed"),
+        Confidence::Found | Confidence::Likely if p < PROBABLE => (silent, "outweighed"),
         Confidence::Found | Confidence::Likely => (gap(by_rules), why),
         Confidence::CannotTell if p >= least && e.may_be_likely() => (gap(Confidence::Likely), why),
         Confidence::CannotTell => (silent, why),
@@ -492,18 +493,11 @@ mod tests {
     #[test]
     fn in_a_plain_record_any_evidence_for_a_gap_makes_it_likely() {
         // OP went through it twice each way, and a load of which nothing is known may do that.
-        let twice = Evidence {
-            traversed: false,
-            passes: [2; 2],
-            lr_no_gap: 30.0,
-            lr_aperiodic: 30.0,
-            lr_needed: LR_IF_SELDOM,
-            ..plain()
-        };
-        let weak = Evidence { noisy_below: 0.3, settles: 12.0, range: 2.0, ..twice };
+        let twice = Evidence { passes: [2; 2], lr_no_gap: 30.0, lr_needed: LR_IF_SELDOM, ..plain() };
+        let weak = Evidence { noisy_below: 0.3, range: 4.0, ..twice };
         let p = weak.usual_probability();
         assert!(USUAL_PRIOR < p && p < PROBABLE, "{p}");
-        assert_eq!(said(&weak), (Confidence::Likely, Some(WidthKind::Bound)));
+        assert_eq!(said(&weak), (Confidence::Likely, Some(WidthKind::Interval)));
         for hidden in [
             Evidence { even_swing: true, ..weak.clone() },
             Evidence { coarse: true, ..weak.clone() },
@@ -552,6 +546,7 @@ mod tests {
         let beside = |lr_no_gap| judge(&Evidence { lr_no_gap, ..own.clone() }).0;
         let clear = beside(LR_IF_CLEAR + 1.0);
         assert_eq!((clear.confidence, clear.oscillates), (Confidence::Likely, true));
+        assert_eq!(judge(&Evidence { lr_no_gap: 200.0, low: 0.4, ..own.clone() }).0.confidence, Confidence::CannotTell);
         // A saw may make the fitted loop swing as it was recorded, but no gap is clearly likelier.
         assert_eq!(beside(LR_IF_CLEAR).confidence, Confidence::CannotTell);
         // For a load that repeats itself no width is shared by all families.
@@ -564,8 +559,8 @@ mod tests {
     fn rows_far_apart_leave_the_width_unsure() {
         let coarse = Evidence { coarse: true, ..plain() };
         assert_eq!((said(&coarse), judge(&coarse).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "coarse"));
-        // A plateau and windows that agree make it more probable.
-        let stands = Plateau { ways: [8; 2], stands: [7; 2], rows: 20.0, ..Plateau::default() };
+        // A PV that stands within the gap and windows that agree make it more probable.
+        let stands = Plateau { ways: [8; 2], within: -0.5, rows: 20.0, ..Plateau::default() };
         assert!(Evidence { plateau: stands, ..coarse.clone() }.usual_probability() > coarse.usual_probability());
         assert!(Evidence { agree: [4, 4], ..coarse.clone() }.usual_probability() > coarse.usual_probability());
         assert_eq!(said(&Evidence { agree: [4, 4], ..coarse }), (Confidence::Found, Some(WidthKind::Interval)));
@@ -602,9 +597,15 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_asks_for_more_and_so_does_each_passage() {
+    fn a_load_that_undoes_the_valve_may_be_the_gap() {
+        let undone = Evidence { cancels: CANCELS + 1.0, ..plain() };
+        assert_eq!(rules(&undone), (Confidence::CannotTell, "cancelled"));
+        assert_ne!(judge(&undone).0.confidence, Confidence::Found);
+    }
+
+    #[test]
+    fn each_passage_asks_for_more_and_so_do_few() {
         assert_eq!(plain().needed(), 15.0);
-        assert_eq!(Evidence { noisy_below: 1.1, ..plain() }.needed(), LR_IF_SELDOM);
         assert_eq!(lr_asked([10, 10]), LR_MIN);
         assert_eq!(lr_asked([100, 100]), 200.0 * LR_EACH_PASS);
         assert_eq!(lr_asked([100, CYCLES - 1]), LR_IF_SELDOM);

@@ -17,10 +17,9 @@
 
 use crate::decide::judgement::Confidence;
 use crate::decide::segment::SegmentFit;
-use crate::decide::thresholds::{ANSWERS, LAW, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
-use crate::decide::verdict::{Evidence, Hidden, rules};
+use crate::decide::thresholds::{ANSWERS, CYCLES_IF_CLEAR, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
+use crate::decide::verdict::{Evidence, rules};
 use crate::decide::weights::{BASE, CURVES};
-use crate::decide::witness::cycle::Cycle;
 use serde::{Deserialize, Serialize};
 
 /// Share of valves with a dead band where nobody said another: surveys of plants find a fifth to a third of valves worn.
@@ -32,34 +31,19 @@ pub const LEAST_DOUBT: f64 = 0.02;
 /// Contribution of each kind of evidence to the log-odds of a dead band: above 0 it speaks for one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
-    /// Likelihood ratio of no gap, no load that repeats itself beside it.
+    /// The gap's part of what OP explains of PV: a model that is off looks like a gap by a small part of it.
     pub likelihood: f64,
-    /// The same beside the load that rivals the gap most.
-    pub rival_load: f64,
     /// Number of traversals of the width by OP.
     pub traversals: f64,
     /// The width against OP's range.
     pub width: f64,
+    /// Nearness of the upper limit to the width.
+    pub limit: f64,
     /// Effect of the gap on PV compared with PV's noise.
     pub noise: f64,
-    /// Interval of the rows compared with the speed of process and OP.
-    pub sampling: f64,
-    /// Whether OP swings evenly, or the load repeats itself.
-    pub evenness: f64,
-    /// Whether the load changes as often as OP goes through the gap.
-    pub load_changes: f64,
-    /// How well the model explains PV, and how much of what OP explains of it the gap does: a model that is off by a part of PV looks like a gap
-    /// by as small a part.
-    pub model: f64,
-    /// Whether all families of models see the gap.
-    pub families: f64,
-    /// Whether windows or recordings agree.
-    pub agreement: f64,
     /// Whether PV stands while OP goes through the gap.
     pub plateau: f64,
-    /// Whether the loop's own cycle is the recorded one.
-    pub cycle: f64,
-    /// Accuracy of the process, and whether a load undoes the valve's effect.
+    /// Part of the valve's effect that a load undoes.
     pub process: f64,
     /// Judgement by the rules of the ladder.
     pub rules: f64,
@@ -95,67 +79,39 @@ macro_rules! quantities {
 }
 
 quantities! {
-    "lr_aperiodic" true likelihood: |e| e.lr_aperiodic.max(0.0).ln_1p();
-    "lr_no_gap" true rival_load: |e| e.lr_no_gap.max(0.0).ln_1p();
-    "lr_of_needed" true rival_load: |e| e.lr_no_gap.max(0.0).ln_1p() - e.lr_needed.ln_1p();
-    "lr_a_pass" true traversals: |e| e.lr_no_gap.max(0.0).ln_1p() - ((e.passes[0] + e.passes[1]) as f64).ln_1p();
+    "share" true likelihood: share;
     "passes" true traversals: |e| (e.passes[0].min(e.passes[1]) as f64).ln_1p();
-    "d_of_range" true width: |e| ratio(e.d, e.range).ln();
-    "most_of_range" false width: |e| ratio(e.d, e.range);
-    "none_above" false width: none_above;
-    "d_of_noise" true noise: |e| ratio(e.d, e.noisy_below).ln();
-    "settles" true sampling: |e| e.settles.max(LEAST).ln();
-    "rows_in_gap" true sampling: |e| ratio(e.d, e.unsampled_below).ln();
-    "lined_below" false sampling: |e| ratio(e.lined_below, e.d).ln();
-    "even_swing" false evenness: |e| flag(e.even_swing);
-    "periodic_load" false evenness: |e| flag(e.periodic_load);
-    "hidden_by_changes" false load_changes: |e| flag(matches!(e.hidden, Some(Hidden::Changes)));
-    "autocorrelation" false model: |e| e.autocorrelation.abs();
-    "lr_of_answer" true model: |e| e.lr_no_gap.max(0.0).ln_1p() - e.lr_no_answer.max(0.0).ln_1p();
-    "low_of_d" true families: |e| if e.d > 0.0 { e.low / e.d } else { 0.0 };
-    "agree" true agreement: agree;
-    "dispersion" false agreement: |e| e.dispersion.max(1.0).ln();
-    "stands" true plateau: stands;
-    "follows_behind" true plateau: follows_behind;
-    "own_cycle" true cycle: |e| if follows_law(e) { e.cycle.as_ref().map_or(0.0, Cycle::nearness) } else { 0.0 };
+    "off_usual" false width: |e| ratio(e.d, USUAL_PART * e.range).ln().abs();
+    "of_range" false width: |e| ratio(e.d, e.range);
+    "high_of_d" false limit: |e| e.high.map_or(-LEAST.ln(), |high| ratio(high, e.d).ln());
+    "of_noise" true noise: |e| if e.oscillates { 0.0 } else { ratio(e.d, e.noisy_below).ln() };
+    "within" false plateau: within;
     "cancels" false process: |e| e.cancels.max(LEAST).ln();
-    "lag_error" false process: |e| e.lag_error.max(LEAST).ln();
     "rung" true rules: rung;
 }
 
 /// Lower limit of a number before its logarithm, which stays finite.
 const LEAST: f64 = 1e-3;
 
-fn flag(is: bool) -> f64 {
-    f64::from(u8::from(is))
-}
+/// Part of OP's range that a dead band mostly is where it shows: of a narrower one a model that is off may be the cause, of a wider one a slow
+/// load.
+const USUAL_PART: f64 = 0.25;
 
 /// One over the other, between [`LEAST`] and its inverse.
 fn ratio(one: f64, other: f64) -> f64 {
     (one.max(0.0) / other.max(1e-300)).clamp(LEAST, 1.0 / LEAST)
 }
 
-/// How far below OP's range a gap is excluded, where none is one of the widths that are not; 0 where none is excluded.
-fn none_above(e: &Evidence) -> f64 {
-    e.high.filter(|_| e.low <= 0.0).map_or(0.0, |high| ratio(e.range, high).ln().max(0.0))
+/// The logarithm of the part of an answer's ratio that the gap's is, times Kp·sd(OP)/sd(PV): the more a load undoes of what the valve does, the
+/// more OP explains, whether there is a gap or not. Behind an integrator that is not known, and taken as 1.
+fn share(e: &Evidence) -> f64 {
+    let undone = if e.cancels > 0.0 { ratio(e.cancels, 1.0) } else { 1.0 };
+    e.lr_no_gap.max(0.0).ln_1p() - e.lr_no_answer.max(0.0).ln_1p() + undone.ln()
 }
 
-/// Share of records with the width of all; half where there are too few.
-fn agree(e: &Evidence) -> f64 {
-    let [agree, all] = e.agree;
-    if all > 2 { agree as f64 / all as f64 } else { 0.5 }
-}
-
-/// Share of OP's ways through the gap in which PV stands, as if there had been three more without.
-fn stands(e: &Evidence) -> f64 {
-    let [ways, stands] = [e.plateau.ways, e.plateau.stands].map(|[up, down]| (up + down) as f64);
-    stands / (ways + 3.0)
-}
-
-/// By how much more PV follows OP behind the gap than within it, less where few ways show it.
-fn follows_behind(e: &Evidence) -> f64 {
-    let ways = (e.plateau.ways[0] + e.plateau.ways[1]) as f64;
-    (e.plateau.behind - e.plateau.within).clamp(-1.0, 2.0) * ways / (ways + 5.0)
+/// How far PV follows OP within the gap; half where OP seldom went through it slowly.
+fn within(e: &Evidence) -> f64 {
+    if e.plateau.ways.iter().all(|ways| *ways >= CYCLES_IF_CLEAR) { e.plateau.within } else { 0.5 }
 }
 
 /// What the rules say before the evidence is weighed, from none seen to found: they know of evidence that counts for nothing where something
@@ -167,10 +123,6 @@ fn rung(e: &Evidence) -> f64 {
         Confidence::Likely => 2.0,
         Confidence::Found => 3.0,
     }
-}
-
-fn follows_law(e: &Evidence) -> bool {
-    e.cycle.as_ref().is_some_and(|cycle| cycle.law > LAW)
 }
 
 /// The height of a broken line of (x, y) in rising order of x; beyond its ends that of the end.

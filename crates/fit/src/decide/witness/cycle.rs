@@ -53,12 +53,6 @@ impl Cycle {
         let near = |part: f64| part <= 1.0 + OWN_CYCLE && part * (1.0 + OWN_CYCLE) >= 1.0;
         self.law > LAW && near(self.period) && near(self.swing)
     }
-
-    /// Nearness of the two: 1 where they are equal, 0 where period or swing are off by twice the tolerance, or further.
-    pub(crate) fn nearness(&self) -> f64 {
-        let off = |part: f64| if part > 0.0 { part.ln().abs() / (2.0 * OWN_CYCLE.ln_1p()) } else { 1.0 };
-        1.0 - off(self.period).max(off(self.swing)).min(1.0)
-    }
 }
 
 /// The law of a PI controller, a step at a time [OP unit/PV unit].

@@ -1,4 +1,4 @@
-"""What the autotuner finds on the test batch, beside the truth: `python -m bench.auto_tuner` writes it into the docs.
+"""Results of the autotuner on the test batch, beside the truth: `python -m bench.auto_tuner` writes it into the docs.
 
 Also other processes than those on which the slopes of its correction were chosen, and the picture of one experiment.
 """
@@ -71,7 +71,7 @@ def run(plant: Plant, condition: Condition, seed: int) -> RelayExperiment:
 
 
 class Errors(NamedTuple):
-    """Of one experiment, as shares of the truth; None: not found."""
+    """Errors of one experiment, as shares of the truth; None: not found."""
 
     ku: float | None
     tu: float | None
@@ -79,7 +79,7 @@ class Errors(NamedTuple):
     integrating: bool
     duration: float
     describing: float | None
-    """Of Ku = 4d/(πA), A half of PV's range over the second half of the balanced phase."""
+    """Error of Ku = 4d/(πA), A half of PV's range over the second half of the balanced phase."""
 
 
 def errors(job: tuple[Plant, Condition, int]) -> Errors:

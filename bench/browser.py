@@ -1,4 +1,4 @@
-"""The page in the browser: when an answer stands there, and the pictures a second of the laboratory.
+"""Times of the page in the browser: until an answer, and pictures a second of the laboratory.
 
 The fit is timed with a worker for each processor, and with one worker.
 
@@ -24,7 +24,7 @@ from . import page as document
 PAGE = Path(__file__).parents[1] / "dist" / "page" / "index.html"
 ROWS = 20_000
 WATCHED = 10_000
-"""So long the pictures of the laboratory are counted [ms]."""
+"""Time for which the pictures of the laboratory are counted [ms]."""
 
 COUNT = """async (watched) => {
     const began = await new Promise(requestAnimationFrame);

@@ -1,4 +1,4 @@
-"""What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
+"""Benefit of compensation, its false warnings, and its possible harm: `python -m bench.compensation`.
 
 Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes
 the tables into bench/results/compensation.md. Everything is simulated, so that the gap is known; the module
@@ -72,7 +72,7 @@ def turns(x: Floats, band: float) -> list[int]:
 
 
 def reversals(x: Floats, band: float) -> int:
-    """How often x turns back by more than `band`."""
+    """Number of times that x turns back by more than `band`."""
     return len(turns(x, band))
 
 
@@ -83,7 +83,7 @@ def scenario(**fields: Any) -> Scenario:
     return Scenario(**fields, filter_in_loop=True)
 
 
-# --- What it brings -------------------------------------------------------------------------------------------------
+# --- Benefit -------------------------------------------------------------------------------------------------------
 
 LOOPS = {
     "P2, Ms 2.0": ("P2", (0.775, 2.05)),
@@ -136,7 +136,7 @@ def half_periods(s: Simulation, of: Scenario) -> Iterator[tuple[float, float, fl
 
 @dataclass(frozen=True)
 class Case:
-    """A compensated loop, and what is true of it."""
+    """A compensated loop, and its truth."""
 
     plant: str
     noise: float
@@ -193,7 +193,7 @@ def warned(case: Case) -> tuple[Case, float, float] | None:
     assert s.over is not None
     ends = [round(end / of.h) for end, _, _ in half_periods(s, of) if end > 50 * unit]
     compensated = ends[-max(1, round(len(ends) / 2)) :]
-    # What a half-period means is worked off in the scan after it.
+    # The block acts on a half-period in the scan after it.
     over = s.over[np.minimum(np.array(compensated, dtype=int) + 1, s.over.size - 1)].astype(int)
     return case, float(np.mean(over & 1 != 0)), float(np.mean(over & 2 != 0))
 
@@ -268,7 +268,7 @@ def _tuned(random: np.random.Generator) -> tuple[str, Plant, tuple[float, float,
 
 
 def random_loop(number: int, way: Any) -> Scenario:
-    """A loop of which everything is drawn: process, tuning, gap, noise, load, setpoint, what is lost or wrong."""
+    """A random loop: process, tuning, gap, noise, load, setpoint, lost values and errors are drawn."""
     drawn = _drawn(number)
     assert drawn.compensation is not None
     return drawn.model_copy(update={"compensation": drawn.compensation.model_copy(update={"way": way})})
@@ -347,7 +347,9 @@ class Harm:
     since_shown: int | None = None
     """Half-periods from the first harm to the withdrawal; 0: withdrawn before; None: no withdrawal or no harm."""
     kept: float | None = None
-    """Where it was withdrawn though it would have stayed within the bounds: `pv` had it not been."""
+    """The result had it not been withdrawn, where it was withdrawn though it would have stayed within the bounds: `pv`
+    had it not been.
+    """
     absent: bool = False
     """u_FF is 0 in all of the last third: what is compared there is the loop without compensation, twice."""
 
@@ -373,12 +375,12 @@ class Harm:
 
     @property
     def badness(self) -> float:
-        """How far beyond the bounds."""
+        """Ratio by which the bounds are exceeded."""
         return max(self.pv / 1.1, self.turns / (1.5 * self.turns_without + 2))
 
 
 def harm(number: int, way: str) -> Harm | None:
-    """The runs of a loop; None where it cannot begin at rest within its limits."""
+    """A loop with compensation and without, run alike; None where it cannot begin at rest within its limits."""
     with_it = random_loop(number, way)
     given = with_it.compensation
     assert given is not None
@@ -396,7 +398,7 @@ def harm(number: int, way: str) -> Harm | None:
 
 
 def _harm(with_it: Scenario, compensated: Simulation, without: Simulation) -> Harm:
-    """What the compensated loop did, beside the one without."""
+    """Comparison of the compensated loop with the one without."""
     given = with_it.compensation
     assert given is not None and compensated.u_ff is not None and compensated.standing is not None
     band = given.size / 10
@@ -435,7 +437,7 @@ def _beside(s: Simulation, without: Simulation, rows: npt.NDArray[Any], band: fl
 
 
 def _in_time(s: Simulation, without: Simulation, of: Scenario, withdrawn: int) -> dict[str, int | None]:
-    """How many half-periods of the filtered error it took to withdraw it, at row `withdrawn`.
+    """Number of half-periods of the filtered error until its withdrawal, at row `withdrawn`.
 
     Harm begins to show with the first half-period, from the tenth on, at whose end the bounds are exceeded from where
     the compensation came in force to there.
@@ -467,11 +469,11 @@ def _so_far(s: Simulation, first: int, ends: npt.NDArray[Any], band: float) -> t
 def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
     """The first promise that u_FF breaks."""
     assert s.u_ff is not None and of.compensation is not None
-    # In manual, and while PV is lost, the controller holds OP, and uses nothing of what it is handed.
+    # The controller holds OP in manual, and while PV is lost, and uses nothing of the feed-forward.
     held = (s.flags & (NOT_AUTO | BAD)) != 0
     if np.diff(s.op)[held[1:]].any():
         return "held"
-    # What comes late is held to what was known when it was made.
+    # A value that comes late is compared with the state when it was made.
     late = (of.compensation.delay or 1) - 1
     u, held = s.u_ff[late:], held[: held.size - late]
     if np.abs(u).max() > size / 2 * (1 + 1e-9):
@@ -480,14 +482,14 @@ def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
         return "rate"
     if of.limits is not None and (s.op.min() < of.limits[0] or s.op.max() > of.limits[1]):
         return "limits"
-    # What is handed over was made by the scan before.
+    # The value handed over was made by the scan before.
     return "taken away" if u[1:][held[1:] & held[:-1]].any() else ""
 
 
 def in_every_way(
     pool: ProcessPoolExecutor, what: Callable[[int, str], Any], numbers: Sequence[int], name: str
 ) -> Iterator[tuple[str, list[Any]]]:
-    """What comes of every loop in each way."""
+    """Results of every loop in each way."""
     pairs = list(product(numbers, WAYS))
     asked = pool.map(what, *zip(*pairs, strict=True), chunksize=4 * len(WAYS))
     done = list(track(asked, name, total=len(pairs), transient=True))
@@ -582,7 +584,7 @@ def beside(number: int, way: str) -> Beside | None:
 
 
 def besides(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
-    """The fourth table."""
+    """Table of harm and withdrawal next to a load, way by way."""
     yield (
         "| way | loops | a hundredth of the size: beyond the bounds | loops that it helps | "
         "withdrawn within 120 Ti | enabled on a load step | on a setpoint step |"
@@ -612,7 +614,7 @@ class Late:
     share: float
     """A scan as a share of Ti."""
     settled: tuple[bool, ...]
-    """Of each delay: within both bounds, withdrawn in time or gone."""
+    """Whether, for each delay, it was within both bounds, withdrawn in time or gone."""
     broken: str
     """The first promise that was broken."""
 

@@ -1,4 +1,4 @@
-"""How long a fit takes, and the same likelihood maximised with SciPy: `python -m bench.fit`.
+"""Time of a fit, and of the same likelihood maximised with SciPy: `python -m bench.fit`.
 
 On all processors; `RAYON_NUM_THREADS=1 python -m bench.fit` on one. The least of three fits counts.
 
@@ -31,7 +31,7 @@ from .lengths import made
 Floats = NDArray[np.float64]
 H, D = 0.3, 0.05
 DAYS = [f"{load}/PI/{gap}/0" for load in ("steps", "day", "walk", "setpoint") for gap in ("none", "gap")]
-"""Of `bench.lengths`."""
+"""Records of `bench.lengths`."""
 FIRST = 20
 """Innovations that are left out: the filter begins at rest."""
 

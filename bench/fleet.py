@@ -45,7 +45,7 @@ if __name__ == "__main__":
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure the cases of the command line."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--loops", type=int, default=200)
     asked.add_argument("--days", type=int, nargs="+", default=[1, 7, 30])
@@ -118,8 +118,8 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
         "bad": len(bad),
         "bad_shown": len(shown),
         "gaps": len(scored),
-        "told": len(called),
-        "told_bad": sum(truth[name]["dead_band"] >= BAD for name in named),
+        "called": len(called),
+        "called_bad": sum(truth[name]["dead_band"] >= BAD for name in named),
         "told_sound": sum(truth[name]["dead_band"] == 0 for name in named),
         "found": sum(name in named for name in bad),
         "found_shown": sum(name in named for name in shown),
@@ -146,7 +146,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
 
 
 def planted(lake: Path, out: Path) -> tuple[int, int, list[dict[str, Any]]]:
-    """How many of the planted problems are in the results, of how many, and which are not."""
+    """Number of the planted problems that are in the results, of how many, and the missing ones."""
     found = fleet.read(out, "problems").to_pylist()
     truth = pq.read_table(lake / "_truth" / "problems.parquet").to_pylist()
 
@@ -171,8 +171,8 @@ def _page(rows: list[dict[str, Any]], loops: int, longest: int, size: int) -> st
         "",
         "| days of history | " + " | ".join(str(row["days"]) for row in rows) + " |",
         "|---|" + "---|" * len(rows),
-        line("called wider than acceptable", lambda r: r["told"]),
-        line("of them bad in truth (precision)", lambda r: _share(r["told_bad"], r["told"])),
+        line("called wider than acceptable", lambda r: r["called"]),
+        line("of them bad in truth (precision)", lambda r: _share(r["called_bad"], r["called"])),
         line("of them sound in truth", lambda r: r["told_sound"]),
         line("bad valves found (recall), all", lambda r: _share(r["found"], r["bad"])),
         line("the same, where the recording can show it", lambda r: _share(r["found_shown"], r["bad_shown"])),
@@ -209,7 +209,7 @@ def _share(some: int, of: int) -> str:
 
 
 def kills(lake: Path, times: int) -> None:
-    """Kill a run again and again, and compare what it ends in with a run that nobody kills.
+    """Kill a run again and again, and compare its result with that of a run without a kill.
 
     Of four kills three wait until a piece or two are there, so that they fall within the work and not before it.
     """

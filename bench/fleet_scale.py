@@ -47,8 +47,8 @@ if __name__ == "__main__":
     made = fleet.analyze(sys.argv[1], sys.argv[2], fits=int(sys.argv[3]), stage=stage)
     known = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cpu = sum(one.ru_utime + one.ru_stime for one in known)
-    told = dict(folder=made["folder"], cpu=cpu, memory=max(one.ru_maxrss for one in known) / 1024, parts=parts)
-    print(json.dumps(told | {"seconds": made["seconds"]}))
+    usage = dict(folder=made["folder"], cpu=cpu, memory=max(one.ru_maxrss for one in known) / 1024, parts=parts)
+    print(json.dumps(usage | {"seconds": made["seconds"]}))
 """
 
 _SPARK = """
@@ -70,7 +70,7 @@ spark.stop()
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure the cases of the command line."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("what", choices=("giant", "ladder", "month", "spark"))
     asked.add_argument("--rows", type=int, default=10_000_000)
@@ -92,7 +92,7 @@ def main() -> None:
 
 
 def run(lake: Path, out: Path, fits: int = 1, anew: bool = True) -> dict[str, Any]:
-    """A run in a process of its own, from its beginning where it is to be made `anew`: what it took."""
+    """A run in a separate process, from its beginning where it is to be made `anew`: its cost."""
     if anew:
         shutil.rmtree(out, ignore_errors=True)
     script = OUT / "scale.py"
@@ -282,7 +282,7 @@ def _below(root: int) -> list[int]:
 
 
 def _of(pid: int, name: str) -> bytes:
-    """What is told of a process; nothing where it is gone."""
+    """Usage of a process; nothing where it is gone."""
     try:
         return Path(f"/proc/{pid}/{name}").read_bytes()
     except OSError:

@@ -1,4 +1,4 @@
-"""How fast a fleet's crossings are: `python -m bench.fleet_speed`.
+"""Speed of a fleet's crossings: `python -m bench.fleet_speed`.
 
 - *In memory*: many loops of a day at one sample a second, one loop after the other, and side by side with every
   instruction set of this processor; beside them how fast memory is read.
@@ -61,7 +61,7 @@ def best(run: Callable[[], object], repetitions: int) -> float:
 
 
 def keep_memory() -> None:
-    """Memory that was let go of stays with this process: pages for a gigabyte of half-periods are not cleared anew."""
+    """Keep freed memory in this process, so that pages for a gigabyte of half-periods are not cleared anew."""
     with suppress(AttributeError, OSError):  # not with every C library
         libc = ctypes.CDLL(None)
         for threshold, size in ((-1, (1 << 31) - 1), (-3, 1 << 25)):  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
@@ -69,7 +69,7 @@ def keep_memory() -> None:
 
 
 def detectors(count: int) -> list[_glapp.Detector]:
-    """So many detectors, at their beginning."""
+    """The given number of detectors, at their beginning."""
     settings = {"k": signals.K, "ti": signals.TI, "kp": signals.KP, "tf": signals.TF, "n": N, "op_span": 100.0}
     return [_glapp.Detector({**settings, "h": 1.0, "max_h": 5.0}) for _ in range(count)]
 
@@ -129,7 +129,7 @@ def write_day(folder: Path, loops: int, day: int) -> list[Path]:
 
 
 def estimators(loops: int) -> dict[str, glapp.Estimator]:
-    """So many estimators, each by the name of its loop, at their beginning."""
+    """The given number of estimators, each by the name of its loop, at their beginning."""
     loop = signals.loop(tf=signals.TF)
     return {f"FIC{i:04}": glapp.Estimator(loop, 1.0) for i in range(loops)}
 
@@ -259,7 +259,7 @@ def spark(folder: Path) -> float:
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure the cases of the command line."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--loops", type=int, default=1000, help="in memory")
     asked.add_argument("--files", type=int, default=200, help="loops of a day, from Parquet")

@@ -32,7 +32,7 @@ TERMS = ("Dead band", "Resolution", "Step response time T86", "Overshoot", "Gain
 
 @dataclass(frozen=True)
 class Tested:
-    """A valve and its process, and what is true of the test."""
+    """A valve, its process, and the truth of the test."""
 
     name: str
     d: float
@@ -65,7 +65,7 @@ class Tested:
 
 
 def t86(plant: Any) -> float:
-    """When 86.5 % of the way are gone for good in a step response of the process [s]."""
+    """Time from which a step response of the process stays beyond 86.5 % of its way [s]."""
     t, y = Plant.of(plant).step(np.arange(0.0, 100.0, 0.01))
     return float(t[np.flatnonzero(y / y[-1] < 1 - math.exp(-2))[-1] + 1])
 
@@ -85,7 +85,7 @@ VALVES = (
 
 
 def terms_of(page: str) -> dict[str, str]:
-    """Each term of a page as it stands there, of the travel where that is recorded."""
+    """Terms of a page, of the travel where that is recorded."""
     found = {}
     for term in TERMS:
         row = re.search(rf"<td>{re.escape(term)}</td>(.*?)</tr>", page, re.S)

@@ -1,4 +1,4 @@
-"""How often `glapp.identify` is right: `python -m bench.identify [records]`, 300 of each kind by default.
+"""Success of `glapp.identify`: `python -m bench.identify [records]`, 300 of each kind by default.
 
 Every record is a simulated loop whose K, Ti and Td are known: P1 to P8 under a PI or PID by one of five rules, with or
 without a filter before the controller, a gap, noise, steps of the setpoint; h is Ti/100 to Ti. The four ways to record
@@ -33,12 +33,12 @@ Floats = NDArray[np.float64]
 RULES = ("ZN frequency", "Lambda 3T", "AMIGO step", "SIMC", "MIGO 1.4")
 KINDS = ("PI", "PID")
 SEEN = ("every scan", "OP rounded", "between scans", "between, OP rounded")
-"""How the recorder saw the controller: each of its scans; or one of many, OP as old as one scan."""
+"""Ways in which the recorder saw the controller: each of its scans; or one of many, OP as old as one scan."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """Signals, and what is true of them; the filter's time constant is 0 where there is none."""
+    """Signals and their truth; the filter's time constant is 0 where there is no filter."""
 
     name: str
     t: Floats
@@ -127,7 +127,7 @@ def _steps(random: Random, t_end: float, apart: float, size: float, rest: float)
 
 @dataclass(frozen=True)
 class IdentifyAnswer:
-    """What was said of a record; the errors are relative to the truth, the width is that of the interval."""
+    """Answer on a record; the errors are relative to the truth, the width is that of the interval."""
 
     kind: str
     seen: str
@@ -152,7 +152,7 @@ def answer(made: Record) -> IdentifyAnswer:
 
 
 def compared(made: Record, found: Identification) -> IdentifyAnswer:
-    """Hold an identification against what is true."""
+    """Comparison of an identification with the truth."""
     kind, seen, _ = made.name.split("/")
     ratio = made.h / made.ti
     if found.k is None or found.ti is None:
@@ -196,7 +196,7 @@ HEAD = (
 
 
 def row(name: str, answers: list[IdentifyAnswer]) -> str:
-    """A line of the table: shares, and the medians over what was used."""
+    """A line of the table: shares, and medians over the usable ones."""
     used = [a for a in answers if a.usable]
     right = sum(a.right for a in answers)
 

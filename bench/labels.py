@@ -17,7 +17,7 @@ from .ordinary.design import ROWS, half, names
 from .ordinary.records import record
 
 FOUND = {"none": "sound", "gap": "gap", "friction": "stiction", "both": "both", "driven": "other"}
-"""What a workshop would call each fault of the corpus."""
+"""Words of a workshop for each fault of the corpus."""
 
 
 def write(folder: Path, rows: list[str], which: str, numbers: int, seed: int) -> Path:
@@ -41,7 +41,7 @@ def write(folder: Path, rows: list[str], which: str, numbers: int, seed: int) ->
 
 
 def main() -> None:
-    """Write a folder."""
+    """Write recordings and their list of labels into a folder."""
     parser = argparse.ArgumentParser(prog="python -m bench.labels", description=__doc__.split("\n\n")[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--rows", help=f"some of: {', '.join(ROWS)}; all where not given, separated by commas")

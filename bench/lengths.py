@@ -54,7 +54,7 @@ the load about every half an hour; ramps of two hours; day and night, with a sma
 steps of the setpoint about every half an hour, with a small walk of the load."""
 
 RULES = ("Lambda T", "Lambda 3T", "AMIGO step", "SIMC", "MIGO 1.4")
-"""Of `bench.truth`; without those that leave little margin."""
+"""Rules of `bench.truth`, without those that leave little margin."""
 
 HALF_HOUR, TWO_HOURS, DAY = 1800.0, 7200.0, 86_400.0
 
@@ -200,7 +200,7 @@ def _ramps(random: Random, size: float, t: Floats) -> Floats:
 
 
 def asked(name: str, lengths: Sequence[int]) -> list[LoadsAnswer]:
-    """What is said of the beginnings of one record, the shortest first."""
+    """Answers for the beginnings of one record, the shortest first."""
     whole = made(name, max(lengths))
     return [LoadsAnswer.to(whole, samples) for samples in sorted(lengths)]
 
@@ -210,7 +210,7 @@ def lost(answers: Iterable[LoadsAnswer]) -> Iterator[tuple[LoadsAnswer, LoadsAns
 
     They are in ascending length.
     """
-    return ((before, now) for before, now in pairwise(answers) if before.told == "right" != now.told)
+    return ((before, now) for before, now in pairwise(answers) if before.outcome == "right" != now.outcome)
 
 
 class Length(NamedTuple):
@@ -253,7 +253,7 @@ def table(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnswe
         return [
             title,
             *(f"{len(gap)}", f"{len(sided)}", f"{sum(a.verdict == 'at_least' for a in gap)}"),
-            f"{sum(a.told == 'silent' for a in gap)}",
+            f"{sum(a.outcome == 'silent' for a in gap)}",
             f"{sum(a.holds for a in claims)} of {len(claims)}",
             _median([(a.d or 0.0) / a.truth.d - 1 for a in sided], "{:+.1%}"),
             _median([_width(a) / a.truth.d for a in sided], "{:.2g}"),
@@ -280,8 +280,8 @@ def longer(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnsw
     head = ["from", "to", "records", "right", "then", "wrong", "then", "better", "worse", "p"]
     body = []
     for short, long in pairwise(lengths(answers)):
-        then = {a.truth.name: a.told for a in short.answers}
-        both = [(then[a.truth.name], a.told) for a in long.answers if a.truth.name in then]
+        then = {a.truth.name: a.outcome for a in short.answers}
+        both = [(then[a.truth.name], a.outcome) for a in long.answers if a.truth.name in then]
         if not both:
             continue
         changes = [rank[now] - rank[was] for was, now in both]

@@ -61,8 +61,8 @@ class Shown:
     kp_defaulted: bool
 
 
-def show(case: Case, c: Ideal, **told: float) -> Shown:
-    """What a `PidAdvanced` that is told so much shows after 1000 Ti."""
+def show(case: Case, c: Ideal, **known: float) -> Shown:
+    """Outputs of a `PidAdvanced` with this much known, after 1000 Ti."""
     plant = Process.of(case.plant)
     h = c.ti / 20
     loop = Graph(
@@ -70,7 +70,7 @@ def show(case: Case, c: Ideal, **told: float) -> Shown:
         {
             "sp": Input(),
             "load": Input(),
-            "pid": PidAdvanced(k=c.k / case.gain, ti=c.ti, td=c.td, b=c.b, tf=c.td / 5 if c.td else c.ti / 10, **told),
+            "pid": PidAdvanced(k=c.k / case.gain, ti=c.ti, td=c.td, b=c.b, tf=c.td / 5 if c.td else c.ti / 10, **known),
             "gap": Backlash(case.d, start=0.0),
             "plant": Plant(Process([case.gain * x for x in plant.num], plant.den, plant.dead_time)),
             "noise": Noise(case.noise * case.gain, seed=case.seed),
@@ -86,7 +86,7 @@ def show(case: Case, c: Ideal, **told: float) -> Shown:
 
 
 def shows(case: Case) -> dict[str, Shown]:
-    """What a loop shows with much and with little known; an integrating process has no Kp, and is set so."""
+    """Outputs of a loop with much and with little known; an integrating process has no Kp, and is set so."""
     c = RULES[case.rule](case.plant)
     integrates = PLANTS[case.plant].gain is None
     kp = {"integrating": 1.0} if integrates else {"kp": case.gain}
@@ -99,7 +99,7 @@ def shows(case: Case) -> dict[str, Shown]:
 
 
 def answered(widths: Sequence[float], d: float) -> str:
-    """How many, and their median and range over d."""
+    """Number of answers, and their median and range over d."""
     seen = sorted(width / d if d else width for width in widths if not math.isnan(width))
     if not seen:
         return "0"

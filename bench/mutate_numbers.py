@@ -1,4 +1,4 @@
-"""Which deciding numbers no test holds: `python -m bench.mutate_numbers FILE:NAME[:PLACE]... -- COMMAND`.
+"""Deciding numbers that no test holds: `python -m bench.mutate_numbers FILE:NAME[:PLACE]... -- COMMAND`.
 
 Each number is changed by a factor (`--factor`, 1.5), one at a time; COMMAND is run, and the file is put back. A number
 whose change the command passes is not held. NAME is a constant of Rust or Python (`const NAME: f64 = 1.5;`,
@@ -20,7 +20,7 @@ from pathlib import Path
 NUMBER = re.compile(r"(?<![\w.])(\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?)")
 
 END = re.compile(r';|"|\n\s*\n|\n\w+ = ')
-"""What ends a definition."""
+"""End of a definition."""
 
 
 @dataclass(frozen=True)

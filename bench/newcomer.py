@@ -36,7 +36,7 @@ def step(what: str) -> Iterator[None]:
 
 
 def found(text: str) -> str:
-    """The answer of the loop in what was printed.
+    """Answer of the loop in the printed text.
 
     Raises SystemExit where it is no gap of about the true width.
     """
@@ -49,7 +49,7 @@ def found(text: str) -> str:
 def by_pip(wheel: Path, room: Path) -> str:
     """Install a wheel, and analyse the demonstration."""
     command = room / "empty" / ("Scripts" if os.name == "nt" else "bin")
-    # Nothing of what stands beside this file may be imported in place of the wheel.
+    # No file beside this one may be imported in place of the wheel.
     alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     with step("an empty environment"):
         subprocess.run([sys.executable, "-m", "venv", room / "empty"], check=True)

@@ -1,4 +1,4 @@
-"""What a bench measured, written into its page in bench/results."""
+"""Writer of a bench's figures into its page in bench/results."""
 
 from __future__ import annotations
 

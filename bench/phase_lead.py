@@ -1,4 +1,4 @@
-"""What a phase lead does to loops with a gap: `python -m bench.phase_lead`, seconds.
+"""Effect of a phase lead on loops with a gap: `python -m bench.phase_lead`, seconds.
 
 `--docs` writes bench/results/nonlinear.md.
 
@@ -71,7 +71,7 @@ def loops() -> list[Loop]:
 
 
 def _run(loop: Loop, lead: PhaseLead | None, *, d: float, noise: float, t: float, h: float) -> np.ndarray:
-    """What the gap gets, after a step of the setpoint and, at a third of the time, one of the load."""
+    """Signals at the gap, after a step of the setpoint and, at a third of the time, one of the load."""
     way = "pid -> lead -> gap" if lead else "pid -> gap"
     modules = {
         "sp": Input(),
@@ -90,7 +90,7 @@ def _run(loop: Loop, lead: PhaseLead | None, *, d: float, noise: float, t: float
 
 
 def _cycle(u: np.ndarray, h: float) -> str:
-    """Period and amplitude of what is left in the last third; a dash where it is at rest."""
+    """Period and amplitude of the rest in the last third; a dash where the loop is at rest."""
     last = u[-u.size // 3 :]
     amplitude = float(np.ptp(last)) / 2
     middle = (last.max() + last.min()) / 2
@@ -101,7 +101,7 @@ def _cycle(u: np.ndarray, h: float) -> str:
 
 
 def _row(loop: Loop) -> tuple[str, list[str]]:
-    """What came of it, and the row of the table."""
+    """Result, and the row of the table."""
     cycles = [one for one in backlash_cycles(loop.open, D) if one.stable]
     period = max((one.period for one in cycles), default=10 * min(loop.ti, 10.0))
     h = period / 400

@@ -125,7 +125,7 @@ def drawn(number: int) -> Drawn:
 
 
 def recorded(loop: Drawn, made: Simulation) -> glapp.Recording:
-    """What a historian has of a simulated day."""
+    """A historian's data of a simulated day."""
     table = made.to_arrow().drop_columns(["POSITION", "LOAD"])
     return glapp.recording_from(table, glapp.Loop(name=f"L{loop.number}", op_unit="%", op_span=(-50, 50)))
 
@@ -137,17 +137,17 @@ def ask_hours(number: int) -> dict[str, Any]:
     [made] = run_many([loop.scenario("gap", number, short)], progress=False)
     recording = recorded(loop, made)
     result = glapp.analyze(recording)
-    told: dict[str, Any] = {"number": number, "from": "gap", "confidence": result.answer.confidence}
+    row: dict[str, Any] = {"number": number, "from": "gap", "confidence": result.answer.confidence}
     if result.answer.confidence not in ("likely", "cannot_tell"):
-        return told | {"refused": "the answer is not open"}
+        return row | {"refused": "the answer is not open"}
     try:
         test = plan_test(recording, result, width=loop.d, kinds=("more_hours",))["more_hours"]
     except glapp.InputError as error:
-        return told | {"refused": str(error)}
+        return row | {"refused": str(error)}
     if test.power is None or test.minutes is None:
-        return told | {"refused": test.reason}
+        return row | {"refused": test.reason}
     if 60 * test.minutes > LONGEST * short:
-        return told | {"refused": f"{test.minutes:.0f} min are too long to be recorded here"}
+        return row | {"refused": f"{test.minutes:.0f} min are too long to be recorded here"}
     more = loop.h * math.ceil(60 * test.minutes / loop.h)
     steps = sum(t < short for t, _ in loop.setpoint)
     seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS["more_hours"])
@@ -155,7 +155,7 @@ def ask_hours(number: int) -> dict[str, Any]:
         [_goes_on(loop, seed, steps, short, more).scenario("gap", seed, more) for seed in seeds], progress=False
     )
     found = [analyze_recordings([recording, recorded(loop, day)]).answer for day in days]
-    return told | {
+    return row | {
         "minutes": test.minutes,
         "promised": [test.power],
         "simulated": [float(np.mean([one.confidence == "found" for one in found]))],
@@ -178,7 +178,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     [made] = run_many([loop.scenario(of, number, loop.t_end)], progress=False)
     recording = recorded(loop, made)
     result = glapp.analyze(recording)
-    told: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
+    row: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
     op, pv = (float(np.median(x[-planning.LATE :])) for x in (made.op, made.pv))
     began = monotonic()
     try:
@@ -192,11 +192,11 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
             kinds=(kind,),
         )
     except glapp.InputError as error:
-        return told | {"refused": str(error)}
+        return row | {"refused": str(error)}
     test = plan[kind]
-    told["seconds"] = monotonic() - began
+    row["seconds"] = monotonic() - began
     if test.power is None or test.hold is None or test.pv is None:
-        return told | {"refused": test.reason}
+        return row | {"refused": test.reason}
     moves = np.array(test.moves) - test.moves[0]
     begin = loop.h * round(30 * loop.lag / loop.h)
     t_end = begin + test.hold * len(moves)
@@ -204,7 +204,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     for fault in ("gap", "none"):
         seeds = range(1000 * number + 1, 1000 * number + 1 + DAYS[kind])
         if kind == "by_hand":
-            # Until the person begins, the loop runs in automatic; then OP goes on from where it stands.
+            # The loop runs in automatic until the person begins; then OP goes on from where it stands.
             before = run_many([loop.scenario(fault, seed, begin) for seed in seeds], progress=False)
             days = [
                 loop.scenario(fault, seed, t_end, _by_hand(begin, test.hold, float(day.op[-1]) + moves, loop.h))
@@ -228,11 +228,11 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
             else:
                 answer = glapp.fit(**signals, sp=one.sp[rows], loop=recording.loop)
                 found.append(fit_decides(answer, loop.d))
-        gaps, none = (sum(said == word for said in found) for word in ("gap", "no_gap"))
+        gaps, none = (sum(decision == word for decision in found) for word in ("gap", "no_gap"))
         share[fault] = (gaps if fault == "gap" else none) / DAYS[kind]
         wrong += none if fault == "gap" else gaps
         decided += [seconds / 60 for word, seconds in zip(found, took, strict=False) if word is not None]
-    return told | {
+    return row | {
         "kind": kind,
         "minutes": test.minutes,
         "three_moves": len(moves) == THREE_MOVES + 1,
@@ -246,7 +246,7 @@ def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
 
 
 def _guided(signals: dict[str, Any], hold: float, loop: Drawn) -> tuple[str | None, float]:
-    """What a test decides that is looked at `LOOKS` times in each hold, and when [s since its first row]."""
+    """Decision of a test that is looked at `LOOKS` times in each hold, and its time [s since its first row]."""
     t = signals["t"] - signals["t"][0]
     for at in np.arange(3 * hold, t[-1], hold / LOOKS):  # no reversal comes before
         rows = slice(0, int(np.searchsorted(t, at)))
@@ -266,7 +266,7 @@ def _by_hand(begin: float, hold: float, levels: Any, h: float) -> tuple[Manual, 
 
 
 def table(lines: list[dict[str, Any]]) -> str:
-    """What is counted."""
+    """Table of the counts."""
     made = [one for one in lines if "promised" in one]
     text = [f"{len(lines)} loops, {len(made)} planned, {len(lines) - len(made)} refused"]
     if not made:
@@ -310,7 +310,7 @@ def table(lines: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Ask, and print what is counted."""
+    """Run all tests, and print the counts."""
     parser = argparse.ArgumentParser(prog="python -m bench.plan", description=__doc__.split("\n\n")[0])
     parser.add_argument("--half", choices=("A", "B"), default="B")
     parser.add_argument("--loops", type=int, default=40)

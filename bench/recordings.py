@@ -1,4 +1,4 @@
-"""What more recordings of one valve are worth: `python -m bench.recordings`.
+"""Value of more recordings of one valve: `python -m bench.recordings`.
 
 One loop of `bench.loads`, recorded on several days: the same dynamics, controller and valve, another load and noise, a
 process gain up to a quarter off. `glapp.fit` is asked about one day, three, and so on. Every answer goes
@@ -26,7 +26,7 @@ from rich.progress import track
 
 import glapp
 
-from .loads.answer import Told, told
+from .loads.answer import Outcome, outcome_of
 from .loads.records import ROWS, record
 from .page import write
 from .truth.score import markdown
@@ -42,7 +42,7 @@ SAMPLES = 750
 
 @dataclass(frozen=True)
 class RecordingAnswer:
-    """What `glapp.fit` said of so many days of a loop.
+    """Answer of `glapp.fit` on so many days of a loop.
 
     - `name`: that of `bench.loads` without the day.
     - `d_true`: width of the gap [% of OP]; 0 for none.
@@ -67,18 +67,18 @@ class RecordingAnswer:
     seconds: float
 
     @property
-    def told(self) -> Told:
+    def outcome(self) -> Outcome:
         """The outcome, by the rules of `bench.loads`."""
-        return told(self.verdict, self.d_true, self.low, self.high)
+        return outcome_of(self.verdict, self.d_true, self.low, self.high)
 
     @property
     def sided(self) -> bool:
-        """Whether it is a width."""
+        """Whether the verdict has a width with two limits."""
         return self.verdict in ("backlash", "stiction", "both")
 
     @property
     def row(self) -> str:
-        """What the load or the recorder does."""
+        """The load or the recorder of a row."""
         return self.name.split("/")[0]
 
     @classmethod
@@ -132,13 +132,13 @@ def table(answers: Sequence[RecordingAnswer]) -> str:
             numbers = [days, len(none), sum(a.sided for a in none), sum(a.verdict == "at_least" for a in none)]
             numbers += [sum(a.verdict == "sound" for a in none), len(gap), len(sided)]
             numbers += [sum(a.verdict == "at_least" for a in gap)]
-            numbers += [sum(a.told == told for a in gap) for told in ("wrong", "silent")]
+            numbers += [sum(a.outcome == outcome for a in gap) for outcome in ("wrong", "silent")]
             error = length = ""
             if sided:
                 error = f"{100 * np.median([(a.d or 0.0) / a.d_true - 1 for a in sided]):+.1f} %"
                 lengths = [((a.high or np.inf) - (a.low or 0.0)) / a.d_true for a in sided]
                 length = f"{100 * np.median(lengths):.0f} %"
-            holds = f"{sum(a.told == 'right' for a in sided)} of {len(sided)}"
+            holds = f"{sum(a.outcome == 'right' for a in sided)} of {len(sided)}"
             seconds = f"{np.median([a.seconds for a in of]):.1f}"
             body.append([row, *map(str, numbers), error, holds, length, seconds])
     return markdown(head, body)

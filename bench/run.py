@@ -38,7 +38,7 @@ REFINERY = HERE.parents[1] / "shared" / "data" / "refinery"
 N = 9
 SETTINGS = (signals.K, signals.TI, signals.KP, signals.TF, N, 5.0, 100.0)
 PUBLIC = ("stictionanalyser==0.0.10", "xmci==0.0.35", "numpy<2", "matplotlib<3.10")
-"""The public programs, and the last versions of what they need that they still run with."""
+"""The public programs, and the last versions of their dependencies that they still run with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,7 +272,7 @@ def write(sections: list[tuple[str, list[Row]]]) -> None:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run the measurements of the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=10_000_000, help="rows of the Parquet file")
     parser.add_argument("--csv-mb", type=int, default=200, help="size of the CSV file [MB]")

@@ -1,4 +1,4 @@
-"""Seconds to u_FF = 0 after each loss, with what is set at each end of its bounds: `python -m bench.service_bounds`.
+"""Time to u_FF = 0 after each loss [s], settings at the ends of their bounds: `python -m bench.service_bounds`.
 
 Eight flows are compensated by one service, which is a process of its own. Each has another corner of what may be set:
 `comp_release`, `comp_rate` and `comp_limit` at their least and their greatest, which the service itself lists. They are
@@ -47,7 +47,7 @@ TINY = 1e-6  # of what must be above 0
 
 @dataclass
 class Look:
-    """What another maker's client sees at the nodes."""
+    """State of the nodes as another maker's client sees it."""
 
     child: asyncio.subprocess.Process
     now: dict[str, float | None] = field(default_factory=dict)
@@ -70,14 +70,14 @@ class Look:
             self.child.kill()
 
     async def read(self) -> None:
-        """Take what it prints, until it ends."""
+        """Read the program's output until its end."""
         assert self.child.stdout is not None
         async for line in self.child.stdout:
             if not line.startswith(b"[1"):  # the stack has words of its own
                 continue
             t, loop, value = json.loads(line)
             for name in [loop] if loop is not None else list(self.now):
-                # It was so until now.
+                # The state until now was that.
                 if self.now.get(name) != 0.0 or value != 0.0:
                     self.moved[name] = t
                 self.now[name] = value
@@ -90,7 +90,7 @@ async def _asked_all(service: Service, plant: SimPlant, command: str) -> None:
 
 
 async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
-    """All of them compensated, u_FF at its height, and what is set of each in its corner."""
+    """State with all loops compensated, u_FF at its height, and each loop's settings in its corner."""
     usual = {"comp_size": 1.5, **dict.fromkeys(SET)}
     corners = dict(zip(plant.names, CORNERS, strict=True))
     replies: dict[str, str] = {}

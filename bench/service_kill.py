@@ -1,4 +1,4 @@
-"""A monitor beside a plant, killed again and again: what it has is what a monitor has that nobody kills.
+"""A monitor beside a plant, killed again and again: its data are those of a monitor without a kill.
 
 Whatever it took in is kept beside by the database itself, in the transaction in which it was put down. After the last
 kill all of that is handed to one monitor more, cut into other pieces, which runs through and is never ended: both must
@@ -56,13 +56,13 @@ GAP = 3.0 * SCAN
 """More than that between two samples no half-period goes on across [s]."""
 
 LONGEST = 600.0
-"""So long a machine that is busy may take until a monitor has begun, or ended [s]."""
+"""Longest time until a monitor has begun, or ended, on a busy machine [s]."""
 
 FITTED = 5
-"""So many loops are fitted, one of each kind."""
+"""Number of loops that are fitted, one of each kind."""
 
 PIECES = 20_000
-"""So many values at most the monitor that runs through takes at once."""
+"""Largest number of values that the monitor that runs through takes at once."""
 
 _KEPT = """CREATE TABLE IF NOT EXISTS taken (id INTEGER PRIMARY KEY, now REAL, body BLOB);
 CREATE TRIGGER IF NOT EXISTS take AFTER INSERT ON entries
@@ -70,7 +70,7 @@ BEGIN INSERT INTO taken VALUES (new.id, new.now, new.body); END;"""
 
 
 class _Telling(Store):
-    """A store that keeps what was taken in, and says when it writes and when it has written."""
+    """A store that keeps its entries, and reports the begin and end of each write."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -136,14 +136,14 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
 
 
 class _RecordedPlant(SimPlant):
-    """A plant that remembers what it told of each tag: time and value."""
+    """A plant that records the times and values that it sent of each tag."""
 
     def __init__(self, loops: int, history: float) -> None:
         super().__init__(loops, scan=SCAN, history=history)
-        self.told: dict[tuple[str, Signal], dict[float, float]] = {}
+        self.sent: dict[tuple[str, Signal], dict[float, float]] = {}
 
     async def _write(self, key: tuple[str, Signal], t: float, value: float, *more: Any) -> None:
-        self.told.setdefault(key, {})[t] = value
+        self.sent.setdefault(key, {})[t] = value
         await super()._write(key, t, value, *more)
 
 
@@ -187,7 +187,7 @@ def _kills(count: int, loops: int, seed: int, history: float) -> None:
             print("beside the one that nobody killed:")
             _compare(known, root / "straight", root / "killed", ended)
         else:
-            _breaks(root / "killed", plant.told, count)
+            _breaks(root / "killed", plant.sent, count)
         print("beside one that ran through with what was taken in:")
         _run_through(known, root / "killed", root / "through", chance)
         _compare(known, root / "through", root / "killed", math.inf)
@@ -200,7 +200,7 @@ def _taken(folder: Path) -> list[Entry]:
 
 
 def _breaks(killed: Path, sent: dict[tuple[str, Signal], dict[float, float]], kills: int) -> None:
-    """What was taken in beside what the plant told: what is missing, and whether anything goes across it."""
+    """Missing and extra entries of the store compared with the plant, and half-periods across a break."""
     with Reader(killed) as reader:
         names = {id: name for name, id in reader.loops().items()}
         lost = sum(event["kind"] == "lost" for event in reader.events(most=1_000_000))
@@ -240,7 +240,7 @@ def _breaks(killed: Path, sent: dict[tuple[str, Signal], dict[float, float]], ki
 
 
 def _pieces(entries: list[Entry], chance: random.Random) -> Iterator[Entry]:
-    """The values in their order, cut at other places; what was lost begins a piece, as it began an entry."""
+    """The values in their order, cut at other places; a lost value begins a piece, as it began an entry."""
     columns = [
         np.concatenate([getattr(e, name) for e in entries]) for name in ("loop", "signal", "good", "time", "value")
     ]
@@ -255,7 +255,7 @@ def _pieces(entries: list[Entry], chance: random.Random) -> Iterator[Entry]:
 
 
 def _run_through(known: list[Loop], killed: Path, folder: Path, chance: random.Random) -> None:
-    """One monitor, begun once and never ended, with what the killed one took in."""
+    """Run one monitor without an end on the entries of the killed one."""
     monitor = Monitor(known, Store(folder))
     for piece in _pieces(_taken(killed), chance):
         monitor.store.add([], monitor.ingest.process(piece)[0], [])

@@ -1,4 +1,4 @@
-"""What a thousand loops at 1 Hz cost the whole service: `python -m bench.service_load [loops] [seconds]`.
+"""Cost of the whole service for a thousand loops at 1 Hz: `python -m bench.service_load [loops] [seconds]`.
 
 The plant is a process of its own. This process connects by OPC UA, and runs rows, detectors and memory; what it needs
 of the processor is told in parts. A plant that gets too little of the processor falls behind the clock, and tells later
@@ -30,7 +30,7 @@ from glapp.service.plant import free_port
 from glapp.service.signal import Signal
 from glapp.service.store import Store
 
-TOLD = 6
+SENT = 6
 """Values of a loop that the plant tells in a scan of a second: SP, PV, OP, mode, two limit flags."""
 
 
@@ -48,6 +48,7 @@ class _Measured(Ingest):
         self.count += len(values)
 
     def process(self, entry: Any) -> Any:
+        """Process an entry, and count the processor time."""
         begun = time.thread_time()
         found = super().process(entry)
         self.processed += time.thread_time() - begun
@@ -60,7 +61,7 @@ def _reached(monitor: Monitor) -> list[float]:
 
 
 def _resident() -> float:
-    """What this process has in memory now [MB]."""
+    """Present memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
 
 
@@ -90,7 +91,7 @@ async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> No
         passed, reached = time.monotonic() - begun, _reached(monitor)
         print(
             f"{passed:5.0f} s: {ingest.count / passed:.0f} values/s of "
-            f"{TOLD * (sum(reached) - began_at) / passed:.0f} sent, "
+            f"{SENT * (sum(reached) - began_at) / passed:.0f} sent, "
             f"{(time.process_time() - cpu) / passed:.1%} of a core, of that {ingest.took / passed:.1%} taking, "
             f"{ingest.processed / passed:.1%} resamplers and detectors; "
             f"{memory[-1]:.0f} MB, {monitor.status()['waiting']} entries wait; "

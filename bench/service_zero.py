@@ -1,4 +1,4 @@
-"""How long u_FF stands after each kind of loss, by the plant's own node: `python -m bench.service_zero`.
+"""Time that u_FF stands after each kind of loss, by the plant's own node: `python -m bench.service_zero`.
 
 The simulated plant is in this process, with the watchdog and the ramp that `docs/plant.md` asks a control system for.
 The service is a process of its own, by the command line. A loop is compensated, then something is lost; the node's
@@ -70,11 +70,11 @@ class Service:
         return await self._client.post(f"{self._api_url}/loops/{loop}/{command}", headers=self._headers, json=body)
 
     async def seen(self, path: str) -> Any:
-        """What is shown at a path."""
+        """Value at a path."""
         return (await self._client.get(f"{self._api_url}{path}", headers=self._headers)).json()
 
     async def status(self, loop: str = LOOP) -> dict[str, Any]:
-        """What is shown of a loop, and `now`."""
+        """Status of a loop, and `now`."""
         shown = await self.seen("/status")
         return {"now": shown["now"], **shown["loops"][loop]}
 
@@ -131,6 +131,7 @@ async def _measured(plant: SimPlant, lose: Callable[[], Awaitable[None]]) -> tup
 
 
 async def _all(only: str | None) -> None:
+    """Measure every kind of loss, or only one."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         async with SimPlant(1, scan=SCAN, watchdog=WATCHDOG, ramp=RAMP) as plant:
@@ -141,6 +142,8 @@ async def _all(only: str | None) -> None:
             service = Service(folder / "data", str(settings))
 
             def fault(kind: str) -> Callable[[], Awaitable[None]]:
+                """A loss by a fault of the plant."""
+
                 async def lose() -> None:
                     plant.fault(kind, LOOP)
 

@@ -42,7 +42,7 @@ def cycle(n: int, start: int = 0) -> BenchSignals:
 
 
 def noise(n: int) -> BenchSignals:
-    """Nothing but noise around SP: a crossing every ten samples or so."""
+    """Noise around SP without a signal: a crossing every ten samples or so."""
     rng = np.random.default_rng(1)
     pv = 2.0 * rng.random(n) - 1.0
     return BenchSignals(np.arange(n, dtype=np.float64), np.zeros(n), pv, 50.0 - K * pv)

@@ -214,7 +214,7 @@ def bd_sim(steps: int) -> Callable[[], object]:
 
 
 def rows() -> list[tuple[str, float]]:
-    """What was measured: name and M steps/s."""
+    """Measurements: name and M steps/s."""
     single = best(ours(100_000, 1, None), 100_000)
     table = [("one loop, recorded", single)]
     rate = best(of_modules(100_000), 100_000)

@@ -1,4 +1,4 @@
-"""How fast the window is, in Chromium: `python -m bench.station [overview | live | lab]`.
+"""Speed of the window, in Chromium: `python -m bench.station [overview | live | lab]`.
 
 overview: a folder with 5000 loops, and a year of detections of one of them; how long the overview and that graph
 take. live: a simulated plant of 1000 loops at 1 Hz, `glapp watch` on it over OPC UA, and one loop's page; how old a PV

@@ -31,7 +31,7 @@ LEVEL = "LIC104"
 CALM = "of SP half of the time"
 TOO_MUCH = [f"It is off. {TEXT_OF_STATE[why]}" for why in ("over_compensated", "worse")]
 LONGEST = 900.0
-"""So long anything may take on a machine that is busy [s]."""
+"""Longest wait on a busy machine [s]."""
 
 
 @contextmanager
@@ -51,7 +51,7 @@ def _window(browser: Browser) -> Iterator[tuple[Page, str, Path]]:
 
 
 def _settle(page: Page) -> None:
-    """Until what comes after the first picture is there: the library says nowhere when that is."""
+    """Waits until everything after the first picture is there: the library has no event for that."""
     page.wait_for_load_state("networkidle")
     time.sleep(1.5)
 
@@ -65,15 +65,15 @@ def _repaired(data: Path, loop: str) -> None:
         async with Client(connection.url) as client:
             index = await client.get_namespace_index(NAMESPACE)
             method = client.get_node(ua.NodeId("Fault", index))
-            said = await client.nodes.objects.call_method(method, "repaired", loop, 1e9)
-            assert said == "", said
+            text = await client.nodes.objects.call_method(method, "repaired", loop, 1e9)
+            assert text == "", text
 
     with ThreadPoolExecutor(1) as one:  # the browser's own loop runs in this thread
         one.submit(asyncio.run, call()).result()
 
 
 class _Engineer:
-    """Who presses the buttons of one loop, and writes down when and what was said."""
+    """Person who presses the buttons of one loop, and records messages with their times."""
 
     def __init__(self, page: Page, url: str, out: Path, loop: str) -> None:
         self.page, self.url, self.out, self.loop = page, url, out, loop
@@ -95,11 +95,11 @@ class _Engineer:
             else:
                 return
 
-    def pressed(self, button: str, *said: str) -> str:
-        """A button of the dialog; gives which of these is said then."""
+    def pressed(self, button: str, *text: str) -> str:
+        """Press a button of the dialog; gives the one of these texts that appears then."""
         self.page.get_by_role("button", name=button).click()
-        answers = self.page.get_by_text(said[0])
-        for one in said[1:]:
+        answers = self.page.get_by_text(text[0])
+        for one in text[1:]:
             answers = answers.or_(self.page.get_by_text(one))
         answers.first.wait_for()
         text = answers.first.inner_text().splitlines()[0]
@@ -107,25 +107,25 @@ class _Engineer:
         return text
 
     def enabled(self) -> None:
-        """Press Compensate until it is done: what stands against it is told."""
+        """Press Compensate until it is enabled; the obstacles are noted."""
         self.opened("Compensate")
         while "Refused" in self.pressed("Enable compensation", f"{self.loop} is compensated.", "Refused: "):
             time.sleep(5.0)
             self.opened("Compensate")
 
     def until(self, *texts: str) -> str:
-        """Look into the dialog of the compensation until one of these is there; gives what it says.
+        """Look into the dialog of the compensation until one of these texts is there; gives the dialog's text.
 
         A plant that was kept waiting by a machine that is busy has not followed u_FF: then it is enabled again.
         """
         began = time.monotonic()
         while time.monotonic() - began < LONGEST:
             self.opened("Compensate")
-            said: str = self.page.inner_text(".wide-dialog")
-            if any(text in said for text in texts):
-                return said
-            if "It is off" in said:
-                self.note(_lines(said, "It is off"))
+            text: str = self.page.inner_text(".wide-dialog")
+            if any(text in text for text in texts):
+                return text
+            if "It is off" in text:
+                self.note(_lines(text, "It is off"))
                 self.enabled()
             time.sleep(2.0)
         raise SystemExit(f"after {LONGEST:g} s the window has not said any of {texts}")
@@ -135,8 +135,8 @@ class _Engineer:
         self.page.screenshot(path=self.out / f"{name}.png")
 
 
-def _lines(said: str, *words: str) -> str:
-    return " ".join(line for line in said.splitlines() if any(word in line for word in words))
+def _lines(text: str, *words: str) -> str:
+    return " ".join(line for line in text.splitlines() if any(word in line for word in words))
 
 
 def _story(browser: Browser, out: Path) -> None:
@@ -156,19 +156,19 @@ def _story(browser: Browser, out: Path) -> None:
         page.get_by_text(re.compile("took u_FF of|drill_failed")).first.wait_for()
         eve.note(page.get_by_text(re.compile("took u_FF of|drill_failed")).first.inner_text())
         eve.enabled()
-        said = eve.until(CALM)
-        eve.note(_lines(said, CALM, "u_FF is"))
+        text = eve.until(CALM)
+        eve.note(_lines(text, CALM, "u_FF is"))
         eve.picture("compensate-calmer")
         page.get_by_role("button", name="Close").click()
         eve.picture("loop-calmer")
         _repaired(data, LEVEL)
         eve.note("the valve is repaired")
-        said = eve.until("Warning: ", *TOO_MUCH)
-        if "Warning: " in said:
-            eve.note(_lines(said, "Warning: ", CALM))
+        text = eve.until("Warning: ", *TOO_MUCH)
+        if "Warning: " in text:
+            eve.note(_lines(text, "Warning: ", CALM))
             eve.picture("compensate-warned")
-            said = eve.until(*TOO_MUCH)
-        eve.note(_lines(said, "It is off"))
+            text = eve.until(*TOO_MUCH)
+        eve.note(_lines(text, "It is off"))
         eve.picture("compensate-withdrawn")
         page.goto(f"{url}/events")
         page.get_by_label("Search").fill(LEVEL)

@@ -1,4 +1,4 @@
-"""How often the interval of `glapp.step_test` holds the truth: `python -m bench.step_test [tests]`, else 1000 a row.
+"""Coverage of the interval of `glapp.step_test`: `python -m bench.step_test [tests]`, else 1000 a row.
 
 Each row is a kind of step test on a simulated valve with a known gap; every test has its own noise and drift. What
 the columns mean is written in bench/results/step_test.md, which has the table.

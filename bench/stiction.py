@@ -1,4 +1,4 @@
-"""What pushes bring against a valve that sticks, each beside none: `python -m bench.stiction`.
+"""Effect of pushes on a valve that sticks, each beside none: `python -m bench.stiction`.
 
 A loop is drawn: a process of two lags and a dead time under a PI controller, noise, steps of the load, and a valve that
 sticks, by Karnopp or by He. It runs for 100 Ti; then it is pushed, or not, for 200 Ti, of which the last 150 are
@@ -43,7 +43,7 @@ class Loop:
     model: FrictionModel
 
     def draw(self) -> dict[str, Any]:
-        """Its numbers."""
+        """Draws the loop's numbers."""
         random = Random(self.seed)
         t1 = math.exp(random.uniform(math.log(3.0), math.log(30.0)))
         t2, dead = t1 * random.uniform(0.05, 0.5), t1 * random.uniform(0.1, 0.6)
@@ -120,7 +120,7 @@ def table(loops: int, models: tuple[FrictionModel, ...] = (FrictionModel.KARNOPP
     for model in models:
         lot = [Loop(seed, model) for seed in range(loops // len(models))]
         none = np.array([measured(loop, None, 0.0) for loop in track(lot, description=f"{model.name}, none")])
-        # What chance alone makes of the comparison.
+        # Differences that chance alone makes in the comparison.
         again = np.array([measured(loop, None, 0.0, noise=2) for loop in lot])
         yield line(model, "none, other noise", none, again)
         for push, share in SHARES.items():

@@ -17,7 +17,7 @@ IMPORTS = {
     "pandas_csv": ("pandas",),
     "polars_csv": ("polars",),
 }
-"""What a task imports before the clock starts; glapp's tasks import glapp."""
+"""Imports of a task before the clock starts; glapp's tasks import glapp."""
 
 
 def pyarrow_parquet(path: str) -> str:

@@ -1,4 +1,4 @@
-"""How long a design takes, over the test batch: median and worst of repeated runs."""
+"""Time of a design, over the test batch: median and worst of repeated runs."""
 
 from __future__ import annotations
 

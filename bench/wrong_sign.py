@@ -24,15 +24,15 @@ RANGE = (-50.0, 50.0)
 
 
 class Loop(NamedTuple):
-    """When `WRONG_SIGN` was raised in a loop, by the module beside its controller; None: never."""
+    """Times of `WRONG_SIGN` in a loop, by the module beside its controller; None: never."""
 
     own_limits: bool
     right: float | None
-    """With the right sign, how long after PV last crossed SP [Ti]."""
+    """Time of the warning with the right sign, after PV last crossed SP [Ti]."""
     wrong: float | None
-    """With the process turned round, how long after PV last crossed SP [Ti]."""
-    told_wrong: float | None
-    """Where the module is told a K of the other sign than the controller has, how long after the beginning [Ti]."""
+    """Time of the warning with the process turned round, after PV last crossed SP [Ti]."""
+    wrong_k: float | None
+    """Time of the warning where the module's K has another sign than the controller's, after the beginning [Ti]."""
 
 
 def _found(s: Simulation) -> float | None:
@@ -54,26 +54,26 @@ def loop(number: int) -> Loop | None:
     assert drawn.compensation is not None
     ideal = drawn.ideal()
 
-    def told(k: float) -> Scenario:
+    def with_k(k: float) -> Scenario:
         given = drawn.compensation.model_copy(update={"begin": 2 * drawn.t_end, "k": k})  # type: ignore[union-attr]
         return drawn.model_copy(update={"limits": drawn.limits or RANGE, "compensation": given})
 
-    of = told(ideal.k)
+    of = with_k(ideal.k)
     turned = of.model_copy(update={"plant": of.plant * -1.0})
     try:
-        right, wrong, told_wrong = run(of), run(turned), _found(run(told(-ideal.k)))
+        right, wrong, wrong_k = run(of), run(turned), _found(run(with_k(-ideal.k)))
     except InputError:
         return None
     return Loop(
         own_limits=drawn.limits is not None,
         right=_since_crossing(right, of),
         wrong=_since_crossing(wrong, turned),
-        told_wrong=None if told_wrong is None else told_wrong / ideal.ti,
+        wrong_k=None if wrong_k is None else wrong_k / ideal.ti,
     )
 
 
 def _cells(after: list[float | None]) -> list[str]:
-    """How many were missed, and how long the others took."""
+    """Number of misses, and the times of the others."""
     known = [one for one in after if one is not None]
     missed = len(after) - len(known)
     took = f"{np.median(known):.0f} / {np.percentile(known, 95):.0f}" if known else ""
@@ -90,7 +90,7 @@ def rows(loops: list[Loop]) -> list[str]:
     for name, own in (("3 to 12 gaps to either side", True), ("100 %", False)):
         some = [one for one in loops if one.own_limits == own]
         cells = [str(len(some)), str(sum(one.right is not None for one in some))]
-        cells += [*_cells([one.wrong for one in some]), *_cells([one.told_wrong for one in some])]
+        cells += [*_cells([one.wrong for one in some]), *_cells([one.wrong_k for one in some])]
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return lines
 

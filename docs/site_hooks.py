@@ -1,4 +1,4 @@
-"""For the site: pages that are generated, and what leads out of it.
+"""Generated pages of the site, and links that leave it.
 
 The catalogue and the reference of the Structured Text are made from their sources. Links that leave the documentation
 lead to the sources, and must point at something that is there. The one script that the theme would load from elsewhere,

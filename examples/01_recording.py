@@ -1,4 +1,4 @@
-"""From a recording in memory to the width of the gap.
+"""A recording in memory, analysed to the width of the gap.
 
 A loop with a worn valve is simulated, so that the truth is known: the gap is 5 % of OP span.
 """

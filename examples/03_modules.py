@@ -17,7 +17,7 @@ loop = Graph(
 
 
 def show(what: str) -> None:
-    """What the controller has detected so far."""
+    """Print what the controller has detected so far."""
     print(f"{what}: {loop['pid.detections']:.0f} detections, estimate {loop['pid.d_hat']:.2f} %")
 
 

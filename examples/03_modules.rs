@@ -4,7 +4,7 @@
 
 use glapp_sim::{Graph, GraphError, Module};
 
-/// What the controller has detected so far.
+/// Prints what the controller has detected so far.
 fn show(plant: &Graph, what: &str) -> Result<(), GraphError> {
     println!("{what}: {:.0} detections, estimate {:.2} %", plant.get("pid.detections")?, plant.get("pid.d_hat")?);
     Ok(())

@@ -169,7 +169,7 @@ def _csv(table: pa.Table) -> Iterator[Sound]:
 
 
 def _packed(table: pa.Table) -> Iterator[Sound]:
-    """More than is looked at to see what a file holds, or else none would be read beyond it."""
+    """Whether the packed file is larger than the part that is looked at first: else nothing would be read beyond it."""
     head, _, rows = _text(table).partition(b"\n")
     day = b"2024-01-01"
     text = head + b"\n" + b"".join(rows.replace(day, b"2024-01-%02d" % (k + 1)) for k in range(12))
@@ -255,7 +255,7 @@ _LENGTHS = (
 
 
 def damaged(rng: np.random.Generator, data: bytes, begin: int = 4, end: int | None = None) -> bytes:
-    """The bytes with one to four faults between two places; half of them are a single byte that is not what it was."""
+    """The bytes with one to four faults between two places; half of the faults are a single changed byte."""
     whole, data = data, data[begin : len(data) - 4 if end is None else end]
     out = bytearray(data)
     for _ in range(1 if rng.random() < 0.5 else int(rng.integers(1, 5))):
@@ -350,7 +350,7 @@ def files(kind: str, count: int, seed: int) -> Iterator[tuple[bytes, str, bool]]
 
 
 def read_one(path: Path) -> str:
-    """Open, read and analyse one file as `glapp analyze --no-fit` does; what came of it, or an exception."""
+    """Open, read and analyse one file as `glapp analyze --no-fit` does; gives the outcome, or an exception."""
     from glapp.errors import FAULT, InputError
     from glapp.estimate import analyze
     from glapp.reading import open_each
@@ -428,7 +428,7 @@ class Reader:
         self.memory = 0, 0
 
     def read(self, path: Path) -> str:
-        """What came of one file."""
+        """Read one file; give the outcome in a word."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, __file__, "--child"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -1,4 +1,4 @@
-// What seek-bzip asks of node's Buffer.
+// Part of node's Buffer that seek-bzip needs.
 export class Buffer extends Uint8Array {
   copy(target, at = 0, from = 0, to = this.length) {
     target.set(this.subarray(from, to), at);

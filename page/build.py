@@ -28,7 +28,7 @@ from markupsafe import Markup
 
 import glapp
 from glapp import demo
-from glapp.reading import bounds, columns, heads, influx, long, names, shape, structured, times, values
+from glapp.reading import bounds, columns, heads, influx, long, names, shape, structured, times, values, wide
 from glapp.report import figures, words
 from glapp.simulate import COMPENSATION_STATES
 from glapp.station import lab
@@ -46,7 +46,7 @@ DEBIAN = Path("/usr/bin/rustc")
 
 
 class Missing(Exception):  # noqa: N818 (it is told, and the page is skipped)
-    """What this machine lacks to make the page."""
+    """A tool that this machine lacks to make the page."""
 
 
 def toolchain() -> tuple[list[str], dict[str, str]]:
@@ -87,7 +87,7 @@ def wasm() -> bytes:
 
 
 def loaded() -> Path:
-    """What comes from npm."""
+    """Scripts from npm."""
     if not shutil.which("npm"):
         raise Missing("npm")
     BUILT.mkdir(parents=True, exist_ok=True)
@@ -118,7 +118,7 @@ def entities() -> dict[str, str]:
 
 
 def of_reading() -> dict[str, Any]:
-    """What the reader of text knows: names of columns, words, layouts of times."""
+    """Data of the reader of text: names of columns, words, layouts of times."""
     return {
         "columns": {
             "labels": columns.LABELS,
@@ -157,6 +157,8 @@ def of_reading() -> dict[str, Any]:
             "short": heads._SHORT,
             "ahead": heads._AHEAD,
             "units": sorted(names.UNITS),
+            "same_units": names.SAME_UNITS,
+            "any_unit": sorted(wide._ANY_UNIT),
             "footer": sorted(names.FOOTER),
             "facts": sorted(names.FACTS),
             "rule": "".join(sorted(heads._RULE)),
@@ -266,7 +268,7 @@ def in_json(value: Any) -> Markup:
 
 
 def licence(package: Path) -> str:
-    """The licence of what comes from npm: its text, else its name."""
+    """Licence of a package from npm: its text, else its name."""
     texts = sorted(path for path in package.iterdir() if path.name.upper().startswith("LICEN"))
     if texts:
         return texts[0].read_text(encoding="utf-8")

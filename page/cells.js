@@ -1,7 +1,7 @@
 // Cells to numbers, flags and times: python/glapp/reading/values.py and times.py.
 "use strict";
 
-/** What is wrong with a file or a cell: what, where, and what to do next. */
+/** Error in a file or a cell: what, where, and what to do next. */
 class InputError extends Error {
   constructor(what, { row, column, tag, hint } = {}) {
     const place = [row === undefined ? "" : `row ${row}`, column ? `column '${column}'` : "", tag ? `tag '${tag}'` : ""].filter(Boolean).join(", ");
@@ -68,7 +68,7 @@ const Cells = (data, folded) => {
 
   // --- numbers
 
-  /** How the cells of a table write numbers: what parts whole from decimal digits, and thousands; "" where none tells. */
+  /** Notation of the numbers in a table's cells: the marks of decimals and of thousands; "" where none tells. */
   function digitsOf(cells) {
     const shown = [];
     for (const [decimal, group] of [[",", "."], [".", ","]]) {
@@ -178,14 +178,14 @@ const Cells = (data, folded) => {
     throw new CellFault(i, `'${cell}' is not a limit flag`, "write 1 or 0");
   };
 
-  /** How to read a column of flags. */
+  /** Reader of a column of flags. */
   const rule = (role, column, name, marked) => ({ mode, op_low_flag: limit(4), op_high_flag: limit(8) })[role] ?? quality(texts(column).slice(0, 1000).map(word), name, marked);
 
   // --- times
 
   const plans = new Map();
 
-  /** Where in a stamp of one layout, its digits written 0, its parts are. */
+  /** Parts of a stamp of one layout, its digits written 0. */
   function plan(layout) {
     if (!plans.has(layout)) {
       const found = LAYOUT.exec(layout);
@@ -269,7 +269,7 @@ const Cells = (data, folded) => {
   const COUNT = "format the column as date and time";
   const HEAD = 1000; // rows that show what numbers of a column of times count
 
-  /** The finding that says what the numbers of a time column were taken for. */
+  /** The finding on the assumed unit of a time column. */
   const assumed = (column, first, step, calendar, sure, since) => ({
     code: "time_assumed",
     severity: sure ? "info" : "warning",
@@ -277,12 +277,13 @@ const Cells = (data, folded) => {
     numbers: { calendar, days: `${data.times.names[calendar]}, ${isoOf(Math.round(since * 86_400_000)).slice(0, 19)}` },
   });
 
-  /** What the numbers of a time column count, from their range, their steps, the column's name and its unit; and what is to be told. */
+  /** Unit of a time column's numbers, from their range, their steps, the column's name and its unit; and the finding
+   * to report. */
   function form(x, name, unit, text) {
     const known = x.filter(Number.isFinite);
     const [low, high] = [known.reduce((a, b) => Math.min(a, b)), known.reduce((a, b) => Math.max(a, b))];
     for (const [exponent, epoch] of [[0, "s"], [3, "ms"], [6, "us"], [9, "ns"]]) {
-      if (0.67e9 * 10 ** exponent <= low && high <= 4.2e9 * 10 ** exponent) return { counted: `epoch ${epoch}`, told: [] };
+      if (0.67e9 * 10 ** exponent <= low && high <= 4.2e9 * 10 ** exponent) return { counted: `epoch ${epoch}`, found: [] };
     }
     const steps = known.slice(1).map((value, i) => Math.abs(value - known[i])).filter((step) => step > 0).sort((a, b) => a - b);
     const n = steps.length;
@@ -290,41 +291,41 @@ const Cells = (data, folded) => {
     const counted = data.times.units[(unit ?? "").replace(/^[ .]+|[ .]+$/g, "").toLowerCase()] ?? null;
     for (const [calendar, zero] of Object.entries(data.times.calendars)) {
       if (zero + data.times.years[0] <= low && high <= zero + data.times.years[1]) {
-        if (counted !== null && counted !== "days") return { counted, told: [] };
+        if (counted !== null && counted !== "days") return { counted, found: [] };
         const dated = data.times.dated.includes(name.trim().toLowerCase());
         const usual = step !== null && data.times.usual.some((s) => Math.abs((step * 86400) / s - 1) < 0.001);
         const sure = counted === "days" || (step !== null && (step < 0.004 || (step < 0.05 && (dated || usual))));
-        const told = sure || step === null || step < 0.05 || dated ? [assumed(name, text, step, calendar, sure, known[0] - zero)] : [];
-        return { counted: sure ? calendar : "seconds", told };
+        const found = sure || step === null || step < 0.05 || dated ? [assumed(name, text, step, calendar, sure, known[0] - zero)] : [];
+        return { counted: sure ? calendar : "seconds", found };
       }
     }
-    if (counted !== null) return { counted, told: [] };
+    if (counted !== null) return { counted, found: [] };
     if (step !== null && step < 0.004 && low > 25569 && high < 80000) throw new CellFault(0, `${text} looks like a day number, but of which calendar?`, COUNT);
     if (high > 1e11) throw new CellFault(0, `${text} is too large for seconds`, COUNT);
-    return { counted: "seconds", told: [] };
+    return { counted: "seconds", found: [] };
   }
 
   /** A clock of whole nanoseconds since 1970, of which a float holds only every 256th. */
-  function nanoseconds(beginning, told, trimmed) {
+  function nanoseconds(beginning, found, trimmed) {
     const n0 = BigInt(beginning);
     const read = (other) => Float64Array.from(trimmed(other), (text, i) => {
       if (!/^\d+$/.test(text)) throw new CellFault(i, text === "" ? "the time is empty" : `'${text}' is not a time like those before`);
       return Number(BigInt(text) - n0) / 1e9;
     });
-    return { t0: Number(n0 / 1000n) / 1e3, told, read };
+    return { t0: Number(n0 / 1000n) / 1e3, found, read };
   }
 
   const whenMissing = (i) => { throw new CellFault(i, "the time is empty"); };
 
   /**
    * A clock of a column of times, from its first rows: `t0` is the moment of the first in ms since 1970, null where it is
-   * not known; `read` gives seconds [s] of any of its rows; `told` is what was found on it.
+   * not known; `read` gives seconds [s] of any of its rows; `found` has the findings on it.
    */
   function clock(column, name, unit, format) {
     if (column.kind === "moments") {
       const t0 = column.cells.find((ms) => !Number.isNaN(ms));
       if (t0 === undefined) throw new CellFault(0, "the time is empty");
-      return { t0, told: [], read: ({ cells }) => cells.map((ms, i) => (Number.isNaN(ms) ? whenMissing(i) : (ms - t0) / 1000)) };
+      return { t0, found: [], read: ({ cells }) => cells.map((ms, i) => (Number.isNaN(ms) ? whenMissing(i) : (ms - t0) / 1000)) };
     }
     const first = texts(column).map((cell) => cell.trim());
     const beginning = first.find((text) => text !== "");
@@ -337,7 +338,7 @@ const Cells = (data, folded) => {
         const [s, n] = of(text, i);
         return ((s - s0) * 1e9 + (n - n0)) / 1e9;
       });
-      return { t0: s0 * 1000 + n0 / 1e6, told: [], read };
+      return { t0: s0 * 1000 + n0 / 1e6, found: [], read };
     }
     const numbersOf = (other) => Float64Array.from(trimmed(other), (text, i) => {
       const value = Number(text.replaceAll(",", ".") || NaN);
@@ -345,21 +346,21 @@ const Cells = (data, folded) => {
       return value;
     });
     const head = Float64Array.from(first.slice(0, HEAD).filter((text) => PLAIN.test(text)), (text) => Number(text.replaceAll(",", ".")));
-    const { counted, told } = form(head, name, unit, beginning);
+    const { counted, found } = form(head, name, unit, beginning);
     const [x0] = head;
     if (counted in data.times.calendars) {
       const ms = (x) => Math.round((x - data.times.calendars[counted]) * 86_400_000);
-      return { t0: ms(x0), told, read: (other) => numbersOf(other).map((x) => (ms(x) - ms(x0)) / 1000) };
+      return { t0: ms(x0), found, read: (other) => numbersOf(other).map((x) => (ms(x) - ms(x0)) / 1000) };
     }
     if (counted.startsWith("epoch")) {
       const per = { s: 1, ms: 1e3, us: 1e6, ns: 1e9 }[counted.slice(6)];
-      if (per === 1e9 && [...first, beginning].every((text) => /^\d*$/.test(text))) return nanoseconds(beginning, told, trimmed);
+      if (per === 1e9 && [...first, beginning].every((text) => /^\d*$/.test(text))) return nanoseconds(beginning, found, trimmed);
       const per_second = per <= 1000 ? 1e6 : per;
       const ticks = (x) => Math.round(x * (per_second / per));
-      return { t0: (ticks(x0) / per_second) * 1000, told, read: (other) => numbersOf(other).map((x) => (ticks(x) - ticks(x0)) / per_second) };
+      return { t0: (ticks(x0) / per_second) * 1000, found, read: (other) => numbersOf(other).map((x) => (ticks(x) - ticks(x0)) / per_second) };
     }
     const seconds = data.times.elapsed[counted];
-    return { t0: null, told, read: (other) => (seconds === 1 ? numbersOf(other) : numbersOf(other).map((x) => x * seconds)) };
+    return { t0: null, found, read: (other) => (seconds === 1 ? numbersOf(other) : numbersOf(other).map((x) => x * seconds)) };
   }
 
   return { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, isNumber, unitOf, unitBehind, withoutUnit, numbers, flags, rule, clock };

@@ -45,9 +45,9 @@ function clock_of(plot, splits, _, __, step) {
   return splits.map((s) => {
     const [date, time] = new Date(1000 * s).toISOString().split("T");
     const shown = step >= 86_400 ? "" : time.slice(0, step < 60 ? 8 : 5);
-    const told = date === day ? shown : `${shown}\n${date}`;
+    const label = date === day ? shown : `${shown}\n${date}`;
     day = date;
-    return told.trimStart();
+    return label.trimStart();
   });
 }
 

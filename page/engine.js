@@ -23,7 +23,7 @@ class Engine {
     new Float64Array(this.exports.memory.buffer, at, numbers.length).set(numbers);
   }
 
-  /** Asks; throws what is wrong in the words of the core. */
+  /** Asks; throws the error in the words of the core. */
   ask(what, more = null) {
     this.#say(JSON.stringify({ [what]: more }));
     const length = this.exports.ask();
@@ -33,5 +33,5 @@ class Engine {
   }
 }
 
-/** Who reads the sentences of an answer: its loop, units, and local date and time of the first row [µs since 1970]. */
+/** Reader of an answer's sentences: the loop, units, and local date and time of the first row [µs since 1970]. */
 const reader_of = ({ read, unit }) => ({ name: read.loop, pv_unit: read.units.pv ?? "PV unit", op_unit: unit, t0: read.t0 === null ? null : Math.round(1000 * read.t0) });

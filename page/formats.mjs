@@ -1,4 +1,4 @@
-// What others have written to unpack and to read files, as one script: `esbuild` makes `Formats` of it.
+// Libraries of others that unpack and read files, as one script: `esbuild` makes `Formats` of it.
 import { CompressionType, setCompressionCodec, tableFromIPC, Type } from "@uwdata/flechette";
 import { gunzipSync, unzipSync } from "fflate";
 import { decompress as unzstd } from "fzstd";

@@ -1,4 +1,4 @@
-// Where a table begins and ends: python/glapp/reading/heads.py.
+// Beginning and end of a table: python/glapp/reading/heads.py.
 "use strict";
 
 const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
@@ -25,7 +25,7 @@ const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
     return (cells[0].startsWith("#") && cells.length !== width) || FACTS.has(folded(cells[0].replace(/^[ :]+|[ :]+$/g, "")));
   }
 
-  /** Whether a line says of its columns only which is the time and which the value. */
+  /** Whether a line names its columns only as time and value. */
   const saysValue = (cells) => {
     const roles = filledOf(cells).map((cell) => understand(cell).role);
     return roles.filter((role) => role === "value").length > 1 && roles.every((role) => ["time", "value", "quality"].includes(role));

@@ -140,7 +140,7 @@ const Laboratory = (() => {
     ];
   }
 
-  /** Draws what is new, in turns: where a machine cannot draw all within one picture, the rest is drawn in the next. */
+  /** Draws new parts, in turns: where a machine cannot draw all within one picture, the rest is drawn in the next. */
   function draw(began) {
     if (!t.length || !late.size) return;
     const { range, first } = window_of();
@@ -243,7 +243,7 @@ const Laboratory = (() => {
     const module = await module_ready;
     const sentence_of = (reply) => {
       const { answer } = reply.answer;
-      const { headline, so } = reply.told.parts;
+      const { headline, so } = reply.texts.parts;
       const gap = quantity(now["gap.d"], "%OP");
       return headline ? `${verdict(answer)} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
     };
@@ -268,7 +268,7 @@ const Laboratory = (() => {
     mine.postMessage({ kind: "fit", columns: columns_of, task: { controller, op_percent: true } });
   }
 
-  /** What a link asks for behind #laboratory?, as gap.d=4&pid.k=1.5; the first that is refused ends it. */
+  /** Settings in a link behind #laboratory?, as gap.d=4&pid.k=1.5; the first that is refused ends it. */
   function asked() {
     for (const [path, value] of new URLSearchParams(location.hash.split("?")[1] ?? "")) {
       set([path], Number(value));

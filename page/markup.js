@@ -44,7 +44,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
 
   // --- tags
 
-  /** Where what begins here and is no tag ends: a comment, a declaration, an instruction. */
+  /** End of a comment, a declaration, or an instruction that begins here and is no tag. */
   function passed(text, at) {
     const end = text.startsWith("<!--", at) ? "-->" : text.startsWith("<![CDATA[", at) ? "]]>" : ">";
     const found = text.indexOf(end, at + 2);
@@ -61,7 +61,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
     return null;
   }
 
-  /** Tells `handler` the tags and texts of a page, one after the other; what is cut off at its end is left out. */
+  /** Passes the tags and texts of a page to `handler`, one after the other; a part cut off at its end is left out. */
   function scan(text, handler) {
     let at = 0;
     while (at < text.length) {
@@ -93,7 +93,7 @@ const Markup = (data, { checkColumns, ofSheet }) => {
     return tag.end;
   }
 
-  /** Position at which a script or style element ends; what is in it is no text. */
+  /** Position at which a script or style element ends; its content is no text. */
   function codeEnd(text, { name, end }) {
     const close = new RegExp(`</${name}`, "gi");
     close.lastIndex = end;

@@ -1,4 +1,4 @@
-// Which column, or tag, is which signal of which loop: python/glapp/reading/columns.py.
+// Assignment of columns and tags to the signals of loops: python/glapp/reading/columns.py.
 "use strict";
 
 const Names = (data) => {
@@ -25,7 +25,8 @@ const Names = (data) => {
   const inside = (word) =>
     ["sp", "pv", "op"].includes(signal(word)) && (word.length >= INSIDE || ["sp", "sv", "pv", "op", "mv"].includes(word));
 
-  /** What a column's name says: role, loop ("" where the name has no more to it), unit, and a word that is not sure. */
+  /** Meaning of a column's name: role, loop ("" where the name has no more to it), unit, and a word that is not
+   * sure. */
   function understand(name) {
     const none = { role: null, loop: "", unit: null, weak: null };
     let text = name.trim().replace(FIELD, "");
@@ -164,7 +165,7 @@ const Names = (data) => {
     return chosen;
   }
 
-  /** What is said where PV is missing, or SP and OP are. */
+  /** Message where PV is missing, or SP and OP are. */
   function missing(names, meanings, loops, chosen, kind) {
     const taken = Object.entries(chosen).map(([role, at]) => `${data.columns.labels[role]} is ${names[at]}`).join(", ");
     const also = taken ? ` (${taken})` : "";

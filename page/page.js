@@ -5,7 +5,7 @@ const read_json = (id) => JSON.parse(document.getElementById(id).textContent);
 const data = read_json("data");
 const $ = (id) => document.getElementById(id);
 
-/** An element: attributes, and what is in it, text or other elements; null is left out. */
+/** An element: attributes, and its content, text or other elements; null is left out. */
 function h(name, attributes = {}, ...children) {
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -111,7 +111,7 @@ function dismiss() {
   fitting = null;
 }
 
-/** Fits each window by itself; the worker joins what they say. */
+/** Fits each window by itself; the worker joins the results. */
 async function fit_windows({ windows, turn: of }) {
   const module = await module_ready;
   if (of !== turn) return;
@@ -180,7 +180,7 @@ function span(of) {
   return [low, high];
 }
 
-/** What the core is told, as glapp.estimate tells it. */
+/** Task for the core, in the form of glapp.estimate. */
 function task() {
   const [k, ti, td, b] = ["k", "ti", "td", "b"].map(typed);
   if ((k === null) !== (ti === null)) throw new Error("K and TI: give both, or neither");
@@ -221,7 +221,7 @@ function offer() {
   $("settings").hidden = false;
 }
 
-/** Names and first rows of the file, so that a person sees what a column holds. */
+/** Names and first rows of the file, so that a person sees the content of a column. */
 const firstRows = ({ names, rows }) => h("table", { "aria-labelledby": "first-rows-name" },
   h("thead", {}, h("tr", {}, names.map((name) => h("th", { scope: "col" }, name || "(no name)")))),
   h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell))))));
@@ -252,7 +252,7 @@ const CROSSINGS = "From zero crossings alone";
 function show(reply, from) {
   const provisional = from !== null;
   shown = { ...reply, from };
-  const { answer: doc, read, unit, told: { parts } } = reply;
+  const { answer: doc, read, unit, texts: { parts } } = reply;
   const { answer } = doc;
   const [op_unit, pv_unit] = [ofOp(unit), read.units.pv ?? "PV unit"];
   const name = read.loop;
@@ -305,17 +305,17 @@ function fit(reply, unit, pv_unit, place) {
     ["Dead time", found.process.dead_time, "s"],
     ["Lags together", found.process.lag, "s"],
   ].map(([label, [value, low, high], of]) => [label, quantity(value, of), limits(low, high)]);
-  return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(reply.told.fit)), facts(rows),
+  return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(reply.texts.fit)), facts(rows),
     reply.pv ? place("likelihood", "likelihood over the width") : null,
     reply.pv ? h("p", { class: "note" }, "A line is a family of models, the thick one the best. The lower it is, the better that width explains PV. The shaded band is the 95 % interval.") : null,
     process.length ? table("The process between valve and PV, from the same fit.", ["Process", "Value", "95 % interval"], process) : null);
 }
 
-function crossings({ answer: doc, told }, unit) {
+function crossings({ answer: doc, texts }, unit) {
   const reasons = Object.entries(doc.reasons).filter(([, n]) => n).sort((a, b) => b[1] - a[1]);
   const counts = [["accepted", doc.detections], ...reasons].filter(([, n]) => n);
   const total = doc.half_periods;
-  const rows = [["A PLC would show", told.parts.plc],
+  const rows = [["A PLC would show", texts.parts.plc],
     ["Half-periods", String(total)], ["Detections", String(doc.detections)]];
   if (doc.repeatability && doc.detections > 1) rows.push(["Repeatability", `${number(doc.repeatability[0])} to ${quantity(doc.repeatability[1], unit)}`]);
   if (doc.corrected?.d) rows.push(["Bias taken out", quantity(doc.corrected.d, unit)]);
@@ -329,12 +329,12 @@ function crossings({ answer: doc, told }, unit) {
 const swatch = (name) => h("span", {}, h("i", { class: `swatch r-${name}` }), words.reasons[name].label);
 
 function quality(reply) {
-  const { answer: doc, read, told } = reply;
+  const { answer: doc, read, texts } = reply;
   const reader = reader_of(reply);
-  // As in the package: what was found in reading comes before what is as grave.
+  // Findings of reading come before others of the same severity, as in the package.
   const weight = ({ code, severity }) => (code === "kp_assumed" ? 3 : Object.keys(EXPLAINED).indexOf(severity));
-  const read_of = read.told.map((one) => ({ ...one, text: finding(one, reader) }));
-  const all = [...read_of, ...doc.quality.map((one, i) => ({ ...one, text: told.quality[i] }))].sort((a, b) => weight(a) - weight(b));
+  const read_of = read.found.map((one) => ({ ...one, text: finding(one, reader) }));
+  const all = [...read_of, ...doc.quality.map((one, i) => ({ ...one, text: texts.quality[i] }))].sort((a, b) => weight(a) - weight(b));
   const found = all.map((one) => [
     h("span", { class: `severity ${one.severity}` }, EXPLAINED[one.severity]),
     h("div", {}, sentence(one.text),
@@ -458,7 +458,7 @@ function likelihood(pv, found, answer, op_unit) {
 
 // --- the report, a file of its own
 
-/** The same page without scripts: canvases as images. */
+/** Save the page without scripts: canvases as images. */
 function save() {
   const copy = $("result").cloneNode(true);
   const drawn = $("result").querySelectorAll("canvas");

@@ -44,7 +44,7 @@ const Reading = (data) => {
     }
   }
 
-  /** What reads a text whole, by its beginning; undefined for a table of text. */
+  /** Reader for a text that is read whole, by its beginning; undefined for a table of text. */
   function wholly(beginning) {
     if (Points.isAnnotated(beginning)) return Points.annotated;
     if (Points.isLineProtocol(beginning)) return Points.lineProtocol;
@@ -79,7 +79,8 @@ const Reading = (data) => {
 
   // --- loops
 
-  /** Names, loops and guesses of a file: what is asked before it is read. `stem`: the file's name without its ending. */
+  /** Names, loops and guesses of a file: the questions before it is read. `stem`: the file's name without its
+   * ending. */
   async function open(bytes, stem) {
     const tables = (await sources(bytes)).map(shaped);
     const loops = tables.flatMap((source) => {
@@ -124,7 +125,29 @@ const Reading = (data) => {
     const called = Object.fromEntries(Object.entries(chosen).map(([role, at]) => [role, names[at]]));
     if (source.tags && source.dated) called.time = source.times;
     const units = Object.fromEntries(Object.keys(chosen).map((role) => [role, unit(role)]).filter(([, one]) => one));
-    return { columns: read.columns, told: read.told, t0: read.t0, chosen: called, units, loop: loop.name };
+    checkOneUnit(units, { [kind]: called.sp });
+    return { columns: read.columns, found: read.found, t0: read.t0, chosen: called, units, loop: loop.name };
+  }
+
+  /** Refuses an SP in another unit than PV, where the file states both. */
+  function checkOneUnit({ sp, pv }, place) {
+    if (!sp || !pv) return;
+    const { units: known, any_unit: any, same_units: same } = data.heads;
+    const [ours, theirs] = [sp, pv].map(names_of.folded);
+    if ([ours, theirs].some((one) => !known.includes(one) || any.includes(one)) || (same[ours] ?? ours) === (same[theirs] ?? theirs)) return;
+    throw new InputError(`SP is in ${sp} and PV in ${pv}, must be in one unit`, { ...place, hint: "export both in one unit; where the file states a wrong one, correct it there" });
+  }
+
+  const finding = (code, severity, evidence, numbers = {}) => ({ code, severity, evidence, numbers });
+
+  const unusedTime = (sample_time, column) => (sample_time > 0 ? [finding("setting_unused", "warning", { setting: "sample_time", value: String(sample_time) }, { column })] : []);
+
+  const newestFirst = (column) => finding("newest_first", "info", { column });
+
+  /** Whether no time is later than the one before it, of each of these columns, and some are earlier. */
+  function fall(columns) {
+    const falls = (later) => (t) => t.some((value, i) => i > 0 && (later ? value > t[i - 1] : value < t[i - 1]));
+    return !columns.some(falls(true)) && columns.some(falls(false));
   }
 
   function checkAlive({ pv }, where) {
@@ -148,12 +171,21 @@ const Reading = (data) => {
     const out = {};
     let role = "time";
     let bits = null;
-    let time = { t0: null, told: [] };
+    let time = { t0: null, found: [] };
     try {
       if (chosen.time !== undefined) {
         const at = chosen.time;
-        time = clock(column(at), names[at], units[at] ?? understand(names[at]).unit, time_format);
-        out.t = time.read(column(at));
+        const read = () => {
+          time = clock(column(at), names[at], units[at] ?? understand(names[at]).unit, time_format);
+          out.t = time.read(column(at));
+        };
+        read();
+        const turned = fall([out.t]);
+        if (turned) {
+          rows.reverse();
+          read();
+        }
+        time.found = [...(turned ? [newestFirst(names[at])] : []), ...time.found, ...unusedTime(sample_time, names[at])];
       } else if (sample_time > 0) {
         out.t = Float64Array.from(rows, (_, i) => i * sample_time);
       } else {
@@ -172,7 +204,7 @@ const Reading = (data) => {
       throw new InputError(fault.message, { row: line(rows[fault.index]), column: names[chosen[role]], hint: fault.hint });
     }
     checkAlive(out, { column: names[chosen.pv], hint: "is it the right column?" });
-    return { columns: finished(out, bits), t0: time.t0, told: time.told, unit: (at) => units[at] || ends.get(at) || null };
+    return { columns: finished(out, bits), t0: time.t0, found: time.found, unit: (at) => units[at] || ends.get(at) || null };
   }
 
   // --- tags with times of their own: long.py
@@ -252,9 +284,18 @@ const Reading = (data) => {
   }
 
   /** A loop whose tags have times of their own: PV's are the rows, and the others keep their last value. */
-  function ofTags(source, names, chosen, { time_format }) {
+  function ofTags(source, names, chosen, { sample_time, time_format }) {
     const time = clockOf(source, time_format);
     const tags = samplesOf(source, names, chosen, time);
+    const turned = fall(Object.values(tags).map(({ t }) => t));
+    if (turned) {
+      const every = Object.values(tags).flatMap(Object.values);
+      for (const values of every) values.reverse();
+      const first = time.t0 === null ? 0 : Math.min(...Object.values(tags).map(({ t }) => t[0]));
+      for (const { t } of Object.values(tags)) t.forEach((value, i) => { t[i] = value - first; });
+      if (time.t0 !== null) time.t0 += 1000 * first;
+    }
+    time.found = [...(turned ? [newestFirst(source.times)] : []), ...time.found, ...unusedTime(sample_time, source.times)];
     let { pv } = tags;
     checkAlive({ pv: pv.value.map((value, i) => (pv.bad[i] ? NaN : value)) }, { tag: names[chosen.pv] });
     const signals = ["sp", "op"].filter((role) => role in tags);
@@ -272,7 +313,7 @@ const Reading = (data) => {
       }
     }
     const held = signals.map((role) => labels[role]).join(", ");
-    const told = own ? [{ code: "own_times", severity: "info", evidence: { held, pv_rows: count, rows: pv.t.length }, numbers: {} }] : [];
+    const found = own ? [finding("own_times", "info", { held, pv_rows: count, rows: pv.t.length })] : [];
     const out = { t: pv.t, pv: pv.value };
     let bits = Uint8Array.from(pv.bad, (bad) => (bad ? BAD : 0));
     for (const [role, tag] of Object.entries(tags)) {
@@ -283,7 +324,7 @@ const Reading = (data) => {
         bits = bits.map((bit, i) => bit | (none(i) ? (role === "mode" ? NOT_AUTO : 0) : tag.value[at[i]]));
       } else out[role] = Float64Array.from(at, (k, i) => (none(i) ? NaN : tag.value[k]));
     }
-    return { columns: finished(out, bits), t0: time.t0, told: [...time.told, ...told], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
+    return { columns: finished(out, bits), t0: time.t0, found: [...time.found, ...found], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
   }
 
   /** The first cells of each of a loop's columns, as text. */

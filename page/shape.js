@@ -25,7 +25,7 @@ const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cel
 
   // --- times in two columns
 
-  /** Of two columns of time, which has the dates and which the times of day; null where they do not. */
+  /** Which of two columns of time has the dates and which the times of day; null where they do not. */
   function dateAndTime({ columns }, pair) {
     const fits = ([date, time]) => every(datesOf(columns[date]), isDate) && every(momentsOf(columns[time]), isTimeOfDay);
     return [pair, [...pair].reverse()].find(fits) ?? null;

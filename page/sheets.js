@@ -22,7 +22,7 @@ const Sheets = (() => {
 
   const TAG = /<(?:\?[^>]*\?|!--[\s\S]*?--|\/([^\s<>/]+)\s*|([^\s<>/!?]+)(?:\s+[\w:.-]+\s*=\s*(?:"[^"<]*"|'[^'<]*'))*\s*(\/?))>/y;
 
-  /** The text where it is XML whose elements are closed: what is damaged must not be read in part. */
+  /** The text where it is XML whose elements are closed: damaged XML must not be read in part. */
   function whole(text) {
     const open = [];
     for (let at = text.indexOf("<"); at >= 0; at = text.indexOf("<", at)) {

@@ -8,7 +8,8 @@ const Structured = (data, { folded, understand }, { checkColumns, ofColumns }) =
   const { isArray } = Array;
   const PARTS = /"(?:[^"\\]|\\.)*"|-?(?:NaN|Infinity)|-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?/g; // strings and numbers
 
-  /** The value of a JSON text: what is no number in JSON is missing, and a number with more digits than a float stays text. */
+  /** The value of a JSON text: a value that is no number in JSON is missing, and a number with more digits than a
+   * float stays text. */
   function value(text) {
     if (!/\d{16}|NaN|Infinity/.test(text)) return JSON.parse(text);
     const kept = (part) => (/^-?[NI]/.test(part) ? "null" : /^-?\d{16,}$/.test(part) ? `"${part}"` : part);

@@ -17,7 +17,7 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
 
   // --- text
 
-  /** How a text is written, from its first bytes. */
+  /** Encoding of a text, from its first bytes. */
   function encoding(raw) {
     const marks = [["utf-8", [0xef, 0xbb, 0xbf]], ["utf-16le", [0xff, 0xfe]], ["utf-16be", [0xfe, 0xff]]];
     for (const [name, mark] of marks) if (mark.every((byte, i) => raw[i] === byte)) return name;
@@ -89,7 +89,7 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     return best.delimiter;
   }
 
-  /** The first of the rows that is not as wide as the header, told. */
+  /** Finding on the first of the rows that is not as wide as the header. */
   function checkWidths(body, width) {
     const ragged = body.find((row) => row.cells.length !== width);
     if (!ragged) return;
@@ -162,14 +162,14 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
   function ofSheet({ name, first, rows: all }) {
     const rows = used(all);
     const width = rows[0].length;
-    const told = rows.map((row, i) => ({ line: first + i + 1, cells: row.map(asText) }));
-    const seen = told.slice(0, HEAD);
+    const lines = rows.map((row, i) => ({ line: first + i + 1, cells: row.map(asText) }));
+    const seen = lines.slice(0, HEAD);
     if (width < 2) throw new InputError(width ? "has only one column" : "is empty");
     const widest = Math.max(0, seen.findIndex(({ cells: row }) => row.filter(Boolean).length > 1));
     const head = headOf(seen, widest, width);
     const { names, units, nameless } = namesOf(head);
     const above = nameless ? widest : head.rows;
-    const ends = told.slice(above);
+    const ends = lines.slice(above);
     while (ends.length && !ends.at(-1).cells.some(Boolean)) ends.pop();
     const body = rows.slice(above, above + bodyEnd(ends, width, beginsWithData(seen.slice(above), width)));
     if (!body.length) throw new InputError(NO_ROWS);

@@ -4,7 +4,8 @@
 class Windows {
   workers = [];
 
-  /** `joiner`: the worker that joins what they say; `hear.done` gets how many are fitted, `hear.broke` why a worker broke off. */
+  /** `joiner`: the worker that joins the results; `hear.done` gets how many are fitted, `hear.broke` why a worker
+   * broke off. */
   constructor(module, windows, joiner, hear) {
     const alone = windows.map(() => null);
     let [next, done] = [0, 0];

@@ -3,7 +3,7 @@
 
 const DASH = "–";
 
-/** What puts things into words, and the labels that stand alone; there once `words_ready` of page.js is done. */
+/** Renderer of messages, and the labels that stand alone; there once `words_ready` of page.js is done. */
 let tongue = null;
 const words = {};
 
@@ -25,7 +25,7 @@ const worded = (what, ...given) => tongue.ask("words", given.length ? { [what]: 
 /** Text of a number with `digits` significant digits, in plain notation unless it is very large or small. */
 const number = (value, digits = 3) => worded("number", value ?? null, digits);
 
-/** The same with its unit, a no-break space between. */
+/** A quantity with its unit, a no-break space between. */
 const quantity = (value, unit, digits = 3) => worded("quantity", value ?? null, unit, digits);
 
 /** A time span in the two largest units that fit. */

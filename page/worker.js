@@ -11,16 +11,6 @@ let asked = null; // what is told with the answer of the recording whose windows
 
 const tell = (kind, more = {}) => postMessage({ kind, ...more });
 
-/** Least and greatest number; infinity and minus infinity where there is none. */
-function range_of(values) {
-  let [low, high] = [Infinity, -Infinity];
-  for (const value of values) {
-    if (value < low) low = value;
-    if (value > high) high = value;
-  }
-  return [low, high];
-}
-
 const does = {
   async begin({ module, data }) {
     engine = await Engine.of(module);
@@ -42,19 +32,10 @@ const does = {
     const n = columns.t.length;
     tell("progress", { stage: "Looking at quality and controller", share: 0.1 });
     const { op_unit: typed, ...known } = task;
-    // As the command line: OP is a percentage where neither unit nor span says otherwise and its range does not contradict it.
-    const span = known.op_span;
-    const [low, high] = range_of(columns.op ?? []);
-    const fraction = low < high && low >= 0 && high <= 1;
-    const current = low < high && low >= 4 && high <= 20;
-    const contradicted = span === null && (low < 0 || high > 100 || fraction || current);
-    const usual = (span === null || (span[0] === 0 && span[1] === 100)) && !contradicted ? "%" : "OP unit";
-    const said = typed || read.units.op || usual;
-    const unit = said === "%" && span === null && fraction ? "OP unit" : said;
-    known.op_percent = unit === "%";
+    let unit;
     const crossings = (fit) => {
       for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
-      engine.ask("begin", { task: { ...known, fit } });
+      unit = engine.ask("begin", { task: { ...known, fit }, op_unit: typed || read.units.op || null });
       for (let from = 0; from < n; from += AT_ONCE) engine.ask("rows", { from, to: Math.min(n, from + AT_ONCE) });
     };
     // The fit takes long: what the crossings say by themselves is told before it.

@@ -45,11 +45,11 @@ COST = "| block | LREAL mean | most | bytes | REAL mean | most | bytes |"
 
 
 class Missing(Exception):  # noqa: N818
-    """What this machine lacks."""
+    """A tool that this machine lacks."""
 
 
 def run(*command: object, folder: Path = ROOT, given: str = "", **environment: str) -> str:
-    """What a program writes; with what it complains of where it fails."""
+    """Output of a program; its complaints where it fails."""
     words = [str(word) for word in command]
     setting = os.environ | environment
     done = subprocess.run(words, cwd=folder, env=setting, input=given, capture_output=True, text=True)
@@ -108,7 +108,7 @@ def compiled(compiler: str, build: str, folder: Path, literals: str = "as they a
 
 
 def traces(folder: Path, twins: str = "") -> list[Path]:
-    """What the tests beside the core do with each block, and what it shows: every vector and random sequences."""
+    """Traces of the tests that compare blocks with the core: every vector and random sequences."""
     folder.mkdir(parents=True, exist_ok=True)
     if not any(folder.iterdir()):
         words = [twins] if twins else ["cargo", "test", *PACKAGE, "--test", "twins", "--"]
@@ -117,7 +117,7 @@ def traces(folder: Path, twins: str = "") -> list[Path]:
 
 
 def compared(driver: Path, files: list[Path]) -> list[tuple[str, list[float]]]:
-    """For each block: traces, scans, numbers; how many have other bits, or are off by more than 1E-3; the largest.
+    """Comparison for each block: traces, scans, numbers; other bits, differences beyond 1E-3, the largest one.
 
     Off by how much is a share of 1 + the number.
     """
@@ -125,13 +125,13 @@ def compared(driver: Path, files: list[Path]) -> list[tuple[str, list[float]]]:
 
 
 def rows(driver: Path, *words: object, files: Iterable[Path] = ()) -> list[list[str]]:
-    """What the driver tells, in cells."""
+    """Cells of the driver's output."""
     listed = "".join(f"{path}\n" for path in files)
     return [line.split("\t") for line in run(driver, *words, given=listed).splitlines()]
 
 
 def project(build: str, folder: Path) -> list[float]:
-    """What the project for OpenPLC and Beremiz shows after 10 000 ticks under matiec: `plc/check/foreign/project.c`."""
+    """Outputs of the project for OpenPLC and Beremiz after 10 000 ticks under matiec: `plc/check/foreign/project.c`."""
     library = tools() / "matiec/lib"
     folder.mkdir(parents=True, exist_ok=True)
     texts = dict(package.structured_text(package.library(build), build))
@@ -155,8 +155,8 @@ def compare(work: Path) -> None:
         for build, literals in CASES:
             driver = compiled(compiler, build, work / compiler / build, literals)
             done, passed, exact, block, off = self_test(driver)
-            told = f"done {done:.0f}, passed {passed:.0f}, exact {exact:.0f}, block {block:.0f}, off {off:.3g}"
-            print(f"\n{compiler}, {build}, literals {literals}: GlappSelfTest {told}")
+            result = f"done {done:.0f}, passed {passed:.0f}, exact {exact:.0f}, block {block:.0f}, off {off:.3g}"
+            print(f"\n{compiler}, {build}, literals {literals}: GlappSelfTest {result}")
             heads = ["block", "traces", "scans", "numbers", "other bits", "beyond 1E-3", "largest"]
             print("{:32}{:>8}{:>10}{:>12}{:>12}{:>13}{:>12}".format(*heads))
             for name, (count, scans, numbers, other, beyond, largest) in compared(driver, files):
@@ -164,7 +164,7 @@ def compare(work: Path) -> None:
 
 
 def few(files: list[Path], most: int) -> list[Path]:
-    """So many traces of each block and build, evenly drawn."""
+    """A number of traces of each block and build, evenly drawn."""
     lots: dict[bytes, list[Path]] = {}
     for path in files:
         with path.open("rb") as file:
@@ -173,7 +173,7 @@ def few(files: list[Path], most: int) -> list[Path]:
 
 
 def cost(work: Path) -> None:
-    """Puts into plc/measured.md what a scan of each block takes under matiec, and its memory."""
+    """Put the cost of a scan of each block under matiec, and its memory, into plc/measured.md."""
     files = few(traces(work / "traces"), 20)
     table: dict[str, list[str]] = {}
     for build in BUILDS:

@@ -41,7 +41,7 @@ class Var:
 
 @dataclass(frozen=True)
 class Unit:
-    """What a source file holds; `kind` is the word it begins with."""
+    """Content of a source file; `kind` is the word it begins with."""
 
     name: str
     kind: str
@@ -51,7 +51,7 @@ class Unit:
     body: str
 
     def vars(self, *words: str) -> list[Var]:
-        """Its declarations, of these kinds of VAR where any are given."""
+        """Declarations, of these kinds of VAR where any are given."""
         return [var for word, block in self.blocks if not words or word in words for var in block]
 
     @property
@@ -95,11 +95,11 @@ def one_line(text: str) -> str:
 
 
 def library(build: str) -> list[Unit]:
-    """The library in one build, what is used before what uses it."""
+    """The library in one build, each unit before the units that use it."""
     files = {path.name: path for path in sorted(HERE.glob("*.st"))}
     if build == "REAL":
         files |= {path.name: path for path in sorted((HERE / "real").glob("*.st"))}
-    # What comments say of both builds stays.
+    # Comments that concern both builds stay.
     typed = re.compile(r"\(\*.*?\*\)|\b\w*LREAL\b", re.DOTALL)
 
     def built(found: re.Match[str]) -> str:
@@ -131,7 +131,7 @@ def version() -> str:
 
 
 def declared(unit: Unit) -> str:
-    """Its declaration as text."""
+    """Declaration as text."""
     lines = [f"(* {unit.comment} *)"] if unit.comment else []
     if unit.kind == "TYPE":
         return "\n".join([*lines, f"TYPE {unit.name} :", "STRUCT", *lines_of(unit.vars()), "END_STRUCT;", "END_TYPE"])
@@ -164,7 +164,8 @@ def structured_text(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
     yield f"GlappProject_{build}.st", f"{text}\n{CONFIGURATION}"
 
 
-# What makes a project of the library, for OpenPLC and Beremiz: first run, demonstration and example in a task of 0.1 s.
+# Parts that make a project of the library, for OpenPLC and Beremiz: first run, demonstration and example in a task of
+# 0.1 s.
 CONFIGURATION = """CONFIGURATION GlappConfiguration
   RESOURCE GlappResource ON PLC
     TASK GlappTask(INTERVAL := T#100ms, PRIORITY := 0);
@@ -283,7 +284,7 @@ def siemens(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
             fields = "\n".join(scl_lines(unit.vars()))
             texts.append(f'{note}TYPE "{unit.name}"\nVERSION : 0.1\n    STRUCT\n{fields}\n    END_STRUCT;\nEND_TYPE\n')
             continue
-        # There are no programs there: a program is a block that OB1 calls.
+        # TIA has no programs: a program is a block that OB1 calls.
         kind = "FUNCTION_BLOCK" if unit.kind == "PROGRAM" else unit.kind
         returns = f" : {unit.returns}" if unit.returns else ""
         lines = [f'{kind} "{unit.name}"{returns}', "{ S7_Optimized_Access := 'TRUE' }", "VERSION : 0.1"]
@@ -336,7 +337,7 @@ Node = tuple  # ("note", text) | ("do", tokens) | ("if", [(tokens, nodes)], node
 
 
 def statements(tokens: list[str], ends: tuple[str, ...] = ()) -> list[Node]:
-    """Takes statements off the front of tokens until one of `ends` stands there."""
+    """Take statements off the front of tokens until one of `ends`."""
 
     def upto(word: str) -> list[str]:
         at = tokens.index(word)
@@ -451,7 +452,7 @@ class WithoutArrays:
         return out
 
     def branches(self, branches: list, otherwise: list[Node]) -> list[Node]:
-        """What a condition calls is called only where the conditions before it are not met."""
+        """Conditions with calls as nested branches: a call happens only where the conditions before it are not met."""
         before, condition = self.hoisted(branches[0][0])
         ways, rest = [(condition, self.nodes(branches[0][1]))], branches[1:]
         while rest:
@@ -521,7 +522,7 @@ class WithoutArrays:
 
 
 def matching(tokens: list[str], at: int) -> int:
-    """Where the bracket at `at` is closed."""
+    """Index of the bracket that closes the one at `at`."""
     depth = 0
     for place in range(at, len(tokens)):
         depth += (tokens[place] in "([") - (tokens[place] in ")]")
@@ -646,7 +647,7 @@ class InOnePiece:
         return out
 
     def called(self, tokens: list[str]) -> list[Node]:
-        """What is given to the block, then what it does."""
+        """Inputs that are given to the block, then its statements."""
         name, inner = tokens[0], self.inner[tokens[0]]
         given = [part for part in parts(tokens[2 : matching(tokens, 1)]) if part]
         out: list[Node] = [("do", [name + part[0], ":=", *self.renamed(part[2:])]) for part in given]
@@ -719,7 +720,7 @@ def in_one_piece(pages: list[Unit], name: str, *users: str) -> list[Unit]:
 
 
 def retained(units: list[Unit]) -> set[str]:
-    """Blocks and structures that are declared as retained somewhere, with what they are made of."""
+    """Blocks and structures that are declared as retained somewhere, with their parts."""
     by_name = {unit.name: unit for unit in units}
     found: set[str] = set()
     left = [var.type for unit in units for var in unit.vars("VAR RETAIN")]
@@ -862,7 +863,7 @@ MAKERS = {
 
 
 def tags(units: list[Unit]) -> str:
-    """What a screen and a historian read and write of the example: one line for each pin of GlappLoop."""
+    """Tags of the example that a screen and a historian read and write: one line for each pin of GlappLoop."""
     loop = next(unit for unit in units if unit.name == "GlappLoop")
     rows = ["tag,type,access,begins with,meaning"]
     for word, access in (("VAR_INPUT", "write"), ("VAR_OUTPUT", "read")):
@@ -893,7 +894,7 @@ NAMED = {
 
 
 def members(unit: Unit) -> str:
-    """What a structure is, and its members as a table in Markdown."""
+    """Description of a structure, and its members as a table in Markdown."""
     rows = [unit.comment, "", "| member | type | begins with | |", "|---|---|---|---|"]
     rows += [f"| {var.name} | {var.type} | {var.initial} | {var.comment} |" for var in unit.vars()]
     return "\n".join(rows)

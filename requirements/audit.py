@@ -101,7 +101,7 @@ def _ask(asked: Iterable[tuple[Package, str]], database: str) -> list[dict[str, 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Check, print what was found, and give the exit code."""
+    """Check, print the findings, and give the exit code."""
     parser = argparse.ArgumentParser(description="Looks up every locked package in a data base of advisories.")
     parser.add_argument("--database", default=DATABASE, metavar="URL", help=f"one that speaks as {DATABASE}")
     database = parser.parse_args(arguments).database.rstrip("/")

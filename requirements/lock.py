@@ -19,7 +19,7 @@ PYTHON = "3.11"
 """The oldest Python that the locks hold for."""
 
 BASE = "dependencies"
-"""Stands for the dependencies of the package itself."""
+"""Name for the dependencies of the package itself."""
 
 LOCKS = {
     "run": (BASE, "build"),

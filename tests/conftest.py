@@ -1,4 +1,4 @@
-"""For all tests: hypothesis must not look at the clock, no more than we do; and each fit is made once."""
+"""Setup of all tests: hypothesis must not look at the clock, no more than we do; and each fit is made once."""
 
 import gc
 import os
@@ -75,7 +75,7 @@ def figures() -> dict[str, Callable[[], Any]]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What takes long begins first, so that at the end no worker waits long for another.
+    """Long tests begin first, so that at the end no worker waits long for another.
 
     First what runs by the clock, then groups that one worker must take alone, the largest first.
     """

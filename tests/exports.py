@@ -1,4 +1,4 @@
-"""One loop as control systems and historians export it: each form once, with what is to be read from it.
+"""One loop as control systems and historians export it: each form once, with its correct content.
 
     python tests/exports.py FOLDER     writes all of them, and truth.json: values, times and units of each
     python tests/exports.py            prints the table of bench/results/file_forms.md
@@ -41,7 +41,7 @@ SIGNALS = {"SP": SP, "PV": PV, "OP": OP}
 
 @dataclass(frozen=True)
 class Export:
-    """A file, and what is to be read from it."""
+    """A file, and its correct content."""
 
     ending: str
     content: bytes
@@ -56,9 +56,9 @@ class Export:
     loop: str | None = "FIC101"
     """Name of the loop where the columns tell it; else it has the file's."""
     settings: dict[str, Any] = field(default_factory=dict)
-    """What a person has to say of it."""
-    told: str | None = None
-    """Finding that says what was done."""
+    """Settings of the person."""
+    finding: str | None = None
+    """Code of the expected finding."""
 
 
 FORMS: dict[str, tuple[str, Callable[[], Export]]] = {}
@@ -248,7 +248,7 @@ add(
     "a spreadsheet's day numbers",
     plain,
     body(HEAD, [f"{46102 + (36000 + t) / 86400:.9f}" for t in T]),
-    told="time_assumed",
+    finding="time_assumed",
 )
 add(
     "minutes",
@@ -337,7 +337,7 @@ def side_by_side(pattern: str = "%d-%b-%y %H:%M:%S") -> list[list[str]]:
     return rows
 
 
-APART = {"sp": held(SP, own(0)), "op": held(OP, own(2)), "told": "own_times"}
+APART = {"sp": held(SP, own(0)), "op": held(OP, own(2)), "finding": "own_times"}
 
 
 @form("a column of times for each tag, all called Timestamp")
@@ -373,7 +373,7 @@ def alternate_rows() -> Export:
         at = (T0 + timedelta(seconds=STEP * (k // 3) + (k % 3) - 1)).strftime("%Y-%m-%d %H:%M:%S")
         rows.append([at, *cells])
     op = np.concatenate(([np.nan], OP[:-1]))
-    return plain(rows, t=T + 1, t0=T0 - timedelta(seconds=1), op=op, told="own_times")
+    return plain(rows, t=T + 1, t0=T0 - timedelta(seconds=1), op=op, finding="own_times")
 
 
 @form("SP only where it changes")
@@ -381,7 +381,7 @@ def sp_on_change() -> Export:
     rows = body(HEAD, stamps())
     for k in range(N - 1, 0, -1):
         rows[k + 1][1] = "" if rows[k + 1][1] == rows[k][1] else rows[k + 1][1]
-    return plain(rows, told="own_times")
+    return plain(rows, finding="own_times")
 
 
 @form("the mode only where it changes")
@@ -402,7 +402,7 @@ def op_often() -> Export:
         rows.append([cell for pair in pairs for cell in pair])
     seen = at[-1] >= K
     line = np.interp(T[seen], T[at], PV[at])
-    return plain([names, *rows], t=T[seen], pv=line, op=OP[seen], sp=SP[at][(K // 8)][seen], told="own_times")
+    return plain([names, *rows], t=T[seen], pv=line, op=OP[seen], sp=SP[at][(K // 8)][seen], finding="own_times")
 
 
 # --- a row per tag and time
@@ -607,7 +607,7 @@ add(
 )
 
 
-# --- what is missing or bad
+# --- missing or bad values
 
 
 add("no_sp", "no SP", plain, [[row[0], *row[2:]] for row in body(HEAD, stamps())], sp=None)
@@ -765,7 +765,9 @@ def guide() -> str:
     rows = ["| form | is | file | rows are | read right | in the page |", "|---|---|---|---|---|---|"]
     for name, (about, make) in FORMS.items():
         times = {"own_times": "those of PV; SP and OP held", None: "those of the file"}
-        what = "PV's and OP's; PV interpolated, SP held" if name == "op_often" else times.get(make().told, times[None])
+        what = (
+            "PV's and OP's; PV interpolated, SP held" if name == "op_often" else times.get(make().finding, times[None])
+        )
         if make().manual:
             what += "; modes held" if name == "mode_on_change" else "; modes read"
         about = about.replace("|", "\\|")
@@ -774,7 +776,7 @@ def guide() -> str:
 
 
 def write_all(folder: Path) -> None:
-    """Every form, and `truth.json` with what is to be read from it."""
+    """Write every form, and `truth.json` with the correct contents."""
     folder.mkdir(parents=True, exist_ok=True)
     truth = {}
     for name, (about, make) in FORMS.items():

@@ -53,6 +53,6 @@ class Analysis:
 
 
 def remember() -> None:
-    """From here on, in this process."""
+    """Keep the fits of this process from here on."""
     _glapp.fit = fit
     _glapp.Analysis = Analysis  # type: ignore[assignment, misc]

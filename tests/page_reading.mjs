@@ -11,14 +11,14 @@ const reading = vm.runInThisContext("Reading(data)");
 const plain = (column) => column && Array.from(column, (value) => (Number.isNaN(value) ? null : value));
 const options = ({ names }, { columns = {}, ...more }) => ({ ...more, columns: Object.fromEntries(Object.entries(columns).map(([role, name]) => [role, names.indexOf(name)])) });
 for (const [name, answer] of JSON.parse(readFileSync(asked, "utf8"))) {
-  let told;
+  let found;
   try {
     const stem = path.basename(name).replace(/\..*$/, "");
     const file = await reading.open(new Uint8Array(readFileSync(name)), stem);
     const { columns, ...more } = reading.recording(file, options(file.loops[0], answer));
-    told = { rows: reading.firstRows(file.loops[0], 2), columns: Object.fromEntries(Object.entries(columns).map(([of, column]) => [of, plain(column)])), ...more };
+    found = { rows: reading.firstRows(file.loops[0], 2), columns: Object.fromEntries(Object.entries(columns).map(([of, column]) => [of, plain(column)])), ...more };
   } catch (wrong) {
-    told = { wrong: wrong.message, stack: wrong.stack };
+    found = { wrong: wrong.message, stack: wrong.stack };
   }
-  console.log(JSON.stringify(told));
+  console.log(JSON.stringify(found));
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 import fits
 
 CRATES = ("core", "fit", "sim", "analysis", "capi", "plc-check", "py")
-"""Those that the Makefile names in TESTED."""
+"""Crates that the Makefile names in TESTED."""
 
 
 def _made() -> dict[tuple[str, str, str], str]:
@@ -23,5 +23,5 @@ def _made() -> dict[tuple[str, str, str], str]:
 
 
 def built(folder: str, kind: str, name: str) -> str:
-    """Where the program of a kind ("example", "test") and a name is, of the package that is in such a folder."""
+    """Path of a package's program of a kind ("example", "test") and name, built in such a folder."""
     return fits.kept("programs", _made)[folder, kind, name]

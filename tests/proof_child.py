@@ -41,7 +41,7 @@ NOISE, WALK = 0.3, 0.08
 SP = 40.0
 SWING = 4.0
 YESTERDAY = 1800.0
-"""So much was recorded on the day before [s]."""
+"""Length of the recording on the day before [s]."""
 
 LOOP = Loop(
     name=NAME,

@@ -1,4 +1,4 @@
-"""For the tests of the service: a plant that is a table of values, and a folder that is watched."""
+"""Setup of the service's tests: a plant that is a table of values, and a folder that is watched."""
 
 import asyncio
 import json
@@ -19,7 +19,7 @@ from glapp.service.signal import Event, Signal, Value, WriteRefused
 from glapp.service.store import Store
 
 BEGIN = 1_795_000_000.0
-"""When everything begins [s since 1970 UTC], the 18th of November 2026."""
+"""Beginning of all recordings [s since 1970 UTC], the 18th of November 2026."""
 
 
 def loops(count: int = 1) -> list[Loop]:
@@ -64,7 +64,7 @@ def values(loop: str, seconds: int, *, seed: int = 1, begin: float = BEGIN) -> l
 
 @dataclass
 class Table:
-    """A source that hands over what it has been given, and keeps what is written to it."""
+    """A source that gives prepared values, and keeps the written ones."""
 
     batches: Sequence[Sequence[Value]] = ()
     events: Sequence[Event] = ()

@@ -1,4 +1,4 @@
-"""A monitor in a process of its own, to be killed: it takes up where the store ends, and says what it is doing."""
+"""A monitor in a process of its own, to be killed: it goes on where the store ends, and prints its steps."""
 
 import asyncio
 import math

@@ -30,7 +30,7 @@ class Nodes(dict[Any, Any]):
 
 
 def remember() -> None:
-    """From here on, in this process."""
+    """Keep the nodes of this process from here on."""
     known: dict[Any, bytes] = {}
 
     async def load(server: InternalServer, shelf_file: None = None) -> None:

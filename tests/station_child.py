@@ -65,13 +65,13 @@ def made(folder: Path, count: int = 3) -> tuple[Monitor, Users]:
 
 
 def again(folder: Path) -> tuple[Monitor, Users]:
-    """The service after it was ended: what stands in its folder is what it knows."""
+    """The service after it was ended: all it knows is in its folder."""
     store = Store(folder)
     return Monitor(loops(3), store, options=MonitorOptions()), Users(store, CHEAP)
 
 
 def with_evil(row: dict[str, Any]) -> dict[str, Any]:
-    """What is shown, and beside it a loop of that name, whose signal says it too, and a database that lies aside."""
+    """A state with a loop of that name, whose signal says it too, and a database set aside."""
     return row | {
         "damaged": f"the database has 0 bytes; it was set aside as {EVIL}",
         "loops": row["loops"] | {EVIL: row["loops"]["FIC2"] | {"note": EVIL}},

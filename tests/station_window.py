@@ -1,4 +1,4 @@
-"""For the tests of the window in Chromium: a window in a process of its own, a browser, and who is logged in."""
+"""Setup of the window's tests in Chromium: a window in a process of its own, a browser, and a login."""
 
 import shutil
 import subprocess
@@ -12,11 +12,11 @@ import pytest
 CHROMIUM = shutil.which("chromium")
 HERE = Path(__file__).parent
 LONGEST = 60_000
-"""Nothing that is waited for takes longer, on any machine [ms]."""
+"""Longest wait, on any machine [ms]."""
 
 
 class Window:
-    """A window in a process of its own, to which words are said."""
+    """A window in a process of its own, with commands to it."""
 
     def __init__(self, folder: Path, port: int = 0) -> None:
         self.folder = folder
@@ -48,7 +48,7 @@ class Window:
         self.process.wait(LONGEST / 1000)
 
     def start_again(self) -> None:
-        """At the same address, as a service that is restarted."""
+        """Starts the window again at the same address, as a service that is restarted."""
         self._start(int(self.url.rpartition(":")[2]))
 
 
@@ -90,7 +90,7 @@ def logged_in(browser: Any, window: Window, name: str, **more: Any) -> Any:
     page.asked, page.wrong = [], []
     page.on("request", lambda request: page.asked.append(request.url))
     page.on("pageerror", lambda error: page.wrong.append(str(error)))
-    page.on("console", lambda said: page.wrong.append(said.text) if said.type == "error" else None)
+    page.on("console", lambda message: page.wrong.append(message.text) if message.type == "error" else None)
     page.goto(window.url)
     if page.locator("#user").count():  # once, and again where a test has ended the session
         page.fill("#user", name)

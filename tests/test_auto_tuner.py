@@ -21,7 +21,7 @@ from glapp.modules import Plant as PlantModule
 from glapp.plant import PLANTS, Plant
 from glapp.tuning import RelayExperiment, relay_experiment, ultimate
 
-# Not among those on which the slopes of the correction were chosen.
+# None of the processes on which the slopes of the correction were chosen.
 OTHERS = {
     "six lags": Plant([1], [1, 6, 15, 20, 15, 6, 1]),
     "lag and dead time": Plant([1], [1, 1], 1.0),
@@ -73,7 +73,7 @@ def test_other_processes(name: str) -> None:
 
 
 def test_before_the_gain_is_known_the_point_is_as_read_off() -> None:
-    """What the correction is for: with this noise the cycle of P5 stands 8° before −180°."""
+    """Purpose of the correction: with this noise the cycle of P5 stands 8° before −180°."""
     plant = PLANTS["P5"]
     whole = relay_experiment(plant, noise=0.1 * cycle(plant))
     begun = whole.t[whole.phase == 3][0]

@@ -13,7 +13,7 @@ GAP = Truth(name="walk/gap/0", samples=1500, h=1.0, d=2.0, up=9, down=9, op_rang
 NONE = replace(GAP, name="walk/none/0", d=0.0, identifiable=False)
 
 
-def said(
+def answer_to(
     truth: Truth, verdict: str, low: float | None = None, high: float | None = None, sinusoidal: bool = False
 ) -> LoadsAnswer:
     return LoadsAnswer(truth, verdict, "", low, low, high, 50.0, min(low or 0.0, high or 0.0), sinusoidal, 1.0)
@@ -81,44 +81,50 @@ class TestAnswers:
     @pytest.mark.parametrize(
         ("answer", "outcome"),
         [
-            (said(GAP, "backlash", 1.5, 2.5), "right"),
-            (said(GAP, "both", 2.1, 2.5), "wrong"),
-            (said(GAP, "stiction", 1.0, 1.9), "wrong"),
-            (said(GAP, "at_least", 1.9), "right"),
-            (said(GAP, "at_least", 2.1), "wrong"),
-            (said(GAP, "sound", 0.0, 1.9), "wrong"),
-            (said(GAP, "sound", 0.0, 2.1), "silent"),
-            (said(GAP, "oscillation", 0.0, 1.9), "silent"),
-            (said(GAP, "cannot_tell", 5.0, 9.0), "silent"),
-            (said(NONE, "backlash", 0.0, 9.0), "wrong"),
-            (said(NONE, "at_least", 0.0), "wrong"),
-            (said(NONE, "oscillation", 0.0, 9.0), "silent"),
-            (said(NONE, "sound", 0.0, 0.1), "right"),
+            (answer_to(GAP, "backlash", 1.5, 2.5), "right"),
+            (answer_to(GAP, "both", 2.1, 2.5), "wrong"),
+            (answer_to(GAP, "stiction", 1.0, 1.9), "wrong"),
+            (answer_to(GAP, "at_least", 1.9), "right"),
+            (answer_to(GAP, "at_least", 2.1), "wrong"),
+            (answer_to(GAP, "sound", 0.0, 1.9), "wrong"),
+            (answer_to(GAP, "sound", 0.0, 2.1), "silent"),
+            (answer_to(GAP, "oscillation", 0.0, 1.9), "silent"),
+            (answer_to(GAP, "cannot_tell", 5.0, 9.0), "silent"),
+            (answer_to(NONE, "backlash", 0.0, 9.0), "wrong"),
+            (answer_to(NONE, "at_least", 0.0), "wrong"),
+            (answer_to(NONE, "oscillation", 0.0, 9.0), "silent"),
+            (answer_to(NONE, "sound", 0.0, 0.1), "right"),
         ],
         ids=lambda x: x if isinstance(x, str) else f"{x.truth.name} {x}",
     )
     def test_right_wrong_silent(self, answer: LoadsAnswer, outcome: str) -> None:
-        assert answer.told == outcome
+        assert answer.outcome == outcome
 
     def test_a_gap_and_none_at_once(self) -> None:
-        assert said(NONE, "at_least", 1.0, sinusoidal=True).contradicts
-        assert not said(NONE, "oscillation", 1.0, sinusoidal=True).contradicts
+        assert answer_to(NONE, "at_least", 1.0, sinusoidal=True).contradicts
+        assert not answer_to(NONE, "oscillation", 1.0, sinusoidal=True).contradicts
 
     def test_what_is_lost(self) -> None:
-        right, silent = said(GAP, "backlash", 1.5, 2.5), said(GAP, "cannot_tell")
-        wrong = said(GAP, "backlash", 3.0, 4.0)
+        right, silent = answer_to(GAP, "backlash", 1.5, 2.5), answer_to(GAP, "cannot_tell")
+        wrong = answer_to(GAP, "backlash", 3.0, 4.0)
         assert list(lengths.lost([silent, right, right, silent, wrong, right])) == [(right, silent)]
         assert list(lengths.lost([right, wrong])) == [(right, wrong)]
 
     def test_before_and_now(self) -> None:
-        table = against([said(GAP, "backlash", 1.5, 2.5), said(NONE, "at_least", 1.0)], [said(GAP, "cannot_tell")])
+        table = against(
+            [answer_to(GAP, "backlash", 1.5, 2.5), answer_to(NONE, "at_least", 1.0)], [answer_to(GAP, "cannot_tell")]
+        )
         assert "walk, gap: right 1 -> 0, wrong 0 -> 0; lost 1, gained 0 of 1" in table
         assert "right -> silent: backlash 1.5 (1.5 to 2.5) -> cannot_tell" in table
         assert "no gap" not in table
 
     def test_the_tables_count(self) -> None:
         short = replace(GAP, samples=1000)
-        of = [said(short, "backlash", 1.5, 2.5), said(GAP, "cannot_tell", -1.0), said(NONE, "at_least", 1.0)]
+        of = [
+            answer_to(short, "backlash", 1.5, 2.5),
+            answer_to(GAP, "cannot_tell", -1.0),
+            answer_to(NONE, "at_least", 1.0),
+        ]
         head, _, *body = lengths.table(of, lengths.by_rows).splitlines()
         lines = [dict(zip(head.split(" | "), line.split(" | "), strict=True)) for line in body]
         assert [line["| length"] for line in lines] == ["| 1000", "| 1500"]
@@ -129,7 +135,7 @@ class TestAnswers:
 
     def test_worse_beyond_chance(self) -> None:
         names = [replace(GAP, name=f"walk/gap/{number}") for number in range(6)]
-        short = [said(replace(truth, samples=1000), "backlash", 1.5, 2.5) for truth in names]
-        long = [said(truth, "backlash", 3.0, 4.0) for truth in names[:5]] + [said(names[5], "at_least", 1.0)]
+        short = [answer_to(replace(truth, samples=1000), "backlash", 1.5, 2.5) for truth in names]
+        long = [answer_to(truth, "backlash", 3.0, 4.0) for truth in names[:5]] + [answer_to(names[5], "at_least", 1.0)]
         last = lengths.longer(short + long, lengths.by_rows).splitlines()[-1]
         assert last == "| 1000 | 1500 | 6 | 6 | 1 | 0 | 5 | 0 | 5 | 0.031 |"

@@ -1,4 +1,4 @@
-"""The bench of truth: its records can be made again, its rule of what is identifiable holds, its methods do what their
+"""The bench of truth: its records can be made again, its rule of identifiable gaps holds, its methods do what their
 papers show.
 """
 
@@ -132,7 +132,7 @@ STICKS = Friction(model="kano", s=5, j=2)
 
 @pytest.fixture(scope="module")
 def clear() -> dict[str, Record]:
-    """What the papers are about: clear cycles, of which each has one cause."""
+    """The papers' own case: clear cycles, of which each has one cause."""
     pushed, tuned = [(5, 3.0)], (0.8, 1.0)
     steps = [(t, 6.0 * (-1) ** t) for t in range(5, 2400, 151)]
     return {
@@ -304,7 +304,7 @@ class TestLadder:
     def test_what_op_moves_as_the_valve_leaves_its_gap(self) -> None:
         op = np.array([0.0, 1.0, 2.0, 1.5, 0.5, -1.5, -2.0, 0.5])
         position = np.array([0.0, 1.0, 2.0, 2.0, 1.5, -0.5, -1.0, -0.5])
-        # It turns down while OP goes 1.5 to 0.5, and up while OP goes −2 to 0.5.
+        # The valve turns down while OP goes 1.5 to 0.5, and up while OP goes −2 to 0.5.
         assert leaving(op, position, np.arange(8)) == pytest.approx(1.75)
         assert math.isnan(leaving(op, np.zeros(8), np.arange(8)))
 

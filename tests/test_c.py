@@ -1,4 +1,4 @@
-"""The C library: its header is what the library has, its examples say what Python says, wrong input is told."""
+"""The C library: its header matches the library, its examples give Python's results, wrong input is refused."""
 
 from __future__ import annotations
 
@@ -165,13 +165,12 @@ def test_the_programs_of_the_page_compile(tmp_path: Path) -> None:
     if compiler is None:
         pytest.skip("there is no compiler for C here")
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
-    # Those for a microcontroller have a header of their own: test_embedded.py.
+    # The functions for a microcontroller have a header of their own: test_embedded.py.
     programs = [one for one in re.findall(r"```c\n(.*?)```", page, re.DOTALL) if "_f32(" not in one]
     assert len(programs) == 2
-    around = (
-        "#include <glapp.h>\n#include <stdio.h>\nvoid told(glapp_graph *loop, double pv, double seconds, double op);\n"
-    )
-    around += "void told(glapp_graph *loop, double pv, double seconds, double op) {\n(void)op;"
+    around = "#include <glapp.h>\n#include <stdio.h>\n"
+    around += "void report(glapp_graph *loop, double pv, double seconds, double op);\n"
+    around += "void report(glapp_graph *loop, double pv, double seconds, double op) {\n(void)op;"
     around += "(void)loop; (void)pv; (void)seconds;\n"
     for number, program in enumerate(programs):
         source = tmp_path / f"{number}.c"

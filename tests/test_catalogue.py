@@ -68,7 +68,7 @@ def test_codes_have_the_cores_names() -> None:
 def test_defaults_are_the_cores() -> None:
     given = CATALOGUE["defaults_for"]
     assert glapp.Loop(name="x").n == _glapp.DETECTIONS == default("detector", "n")
-    assert default("detector", "max_h") == _glapp.GAP_STEPS * given["h"]
+    assert default("detector", "max_h") == _glapp.DATA_GAP_STEPS * given["h"]
     assert default("detector", "tf") == _glapp.filter_time(given["ti"], given["td"])
     loop = {"k": given["k"], "ti": given["ti"], "td": given["td"]}
     assert modules.BacklashDetection(**loop).n == modules.PidAdvanced(**loop).n == default("detector", "n")

@@ -1,4 +1,4 @@
-"""The command line as a person types it: what it prints, how it ends, and that one wrong loop stops no other."""
+"""The command line as a person types it: its output, its end, and that one wrong loop stops no other."""
 
 import csv
 import inspect
@@ -25,6 +25,7 @@ from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema
 from glapp.reading.settings import read_settings
+from glapp.recording import Recording
 from glapp.report.words import clock
 
 ROOT = Path(__file__).parents[1]
@@ -248,7 +249,7 @@ def test_step_test_takes_many_files(run, by_hand):
 @pytest.mark.parametrize("columns", [60, 80, 120])
 @pytest.mark.slow
 def test_no_header_is_left_out_on_any_screen(run, monkeypatch, columns, by_hand):
-    """It was that a narrow table had only some of them."""
+    """Regression: a narrow table had only some of the headers."""
     write("FIC101.csv", rows())
     write("a_recording_with_a_name_that_is_long.csv", rows())
     write("test.csv", by_hand)
@@ -293,7 +294,7 @@ def test_python_m_glapp_is_the_command():
 
 @pytest.mark.verify
 def test_mypy_finds_the_types_from_outside(tmp_path):
-    """It found none: a package without `py.typed` has the type Any for everything."""
+    """Regression: mypy found no types, since a package without `py.typed` has the type Any for everything."""
     (tmp_path / "mine.py").write_text(
         "import glapp\n"
         "loop = glapp.Loop(name='FIC101')\n"
@@ -397,7 +398,7 @@ def test_what_the_columns_were_taken_for_is_shown(run):
     write("plant.csv", rows(header="Zeit,Sollwert,Istwert,Stellgröße"))
     _, shown, _ = run("analyze", "plant.csv", "--no-fit")
     assert "SP = Sollwert, PV = Istwert, OP = Stellgröße" in " ".join(shown.split()) and "time = Zeit" in shown
-    # In a loops.toml somebody can see them and change them.
+    # A loops.toml shows them, and they can be changed there.
     run("init", "plant.csv", "-o", "loops.toml")
     assert "SP = Sollwert" not in run("analyze", "loops.toml", "--no-fit")[1]
 
@@ -441,15 +442,25 @@ def test_time_that_runs_backwards_is_refused_with_its_row(run):
 
 
 @pytest.mark.slow
-def test_the_newest_row_first_is_told_as_such(run):
+def test_rows_from_the_newest_to_the_oldest_are_turned_and_that_is_told(run):
+    write("up.csv", rows(200, time=lambda k: datetime.fromtimestamp(1.7e9 + 60 * k, UTC).strftime("%Y-%m-%d %H:%M")))
+    [upward] = json.loads(run("analyze", "up.csv", "--json", "--no-fit")[1])["loops"]
     for form, step in (("%Y-%m-%d %H:%M", 60), ("%d.%m.%Y %H:%M:%S", 3600)):  # an hour back each row, not summer time
         stamp = [datetime.fromtimestamp(1.7e9 + step * k, UTC).strftime(form) for k in range(200)]
         head, *body = rows(200, time=lambda k, stamp=stamp: stamp[k]).splitlines()
         write("down.csv", "\n".join([head, *reversed(body)]) + "\n")
         code, out, _ = run("analyze", "down.csv", "--json", "--no-fit")
         [loop] = json.loads(out)["loops"]
-        assert code == 1 and "the newest row comes first; sort the rows by time, the oldest first" in loop["reason"]
-        assert "summer" not in loop["reason"] and "UTC" not in loop["reason"]
+        assert [one["code"] for one in loop["quality"]].count("newest_first") == 1
+        assert "time_reversed" not in {one["code"] for one in loop["quality"]}
+        if step == 60:
+            assert (loop["crossings"], loop["half_periods"]) == (upward["crossings"], upward["half_periods"])
+        one, other = body[3], body[100]
+        body[3], body[100] = other, one
+        write("mixed.csv", "\n".join([head, *reversed(body)]) + "\n")
+        code, out, _ = run("analyze", "mixed.csv", "--json", "--no-fit")
+        [loop] = json.loads(out)["loops"]
+        assert code == 1 and "the newest row comes first, but not throughout; sort the rows" in loop["reason"]
 
 
 SETTINGS = {
@@ -751,7 +762,7 @@ def test_times_are_those_of_the_recording():
     assert _seconds("2026-03-29T01:00:05", t0.replace(tzinfo=None)) == 5
     with pytest.raises(CommandError, match="has a zone"):
         _seconds("2026-03-29T01:00:05Z", t0.replace(tzinfo=None))
-    # In any form that the reader knows.
+    # Any form that the reader knows.
     for at in ("29.03.2026 03:30", "29-Mar-26 03:30:00", "29/03/2026 3:30", "Mar 29, 2026 3:30 AM", "20260329T033000"):
         assert _seconds(at, t0) == 1800 + 3600, at
     assert _seconds("05/04/2026 01:00", t0, "day first") == 7 * 86400 - 3600
@@ -929,3 +940,12 @@ def test_a_loop_that_the_fit_answers_is_no_refusal(run):
     code, out, _ = run("analyze", "plant.csv", "--json", "--no-fit")
     [loop] = json.loads(out)["loops"]
     assert (code, loop["answer"]["verdict"], loop["answer"]["next"]["code"]) == (1, "refused", "correct")
+
+
+def test_identify_reads_the_beginning_once(run, monkeypatch):
+    """OP's unit was sought in rows that were read once more."""
+    write("plain.csv", rows(200))
+    passes, beginning = [], Recording.beginning
+    monkeypatch.setattr(Recording, "beginning", lambda self, n: passes.append(n) or beginning(self, n))
+    run("identify", "plain.csv")
+    assert len(passes) == 1

@@ -1,4 +1,4 @@
-"""What the command line writes: whole or not at all, and never over a recording."""
+"""Files of the command line are written whole or not at all, and never over a recording."""
 
 import errno
 import os
@@ -165,6 +165,7 @@ def test_an_unforeseen_fault_refuses_one_loop(run, monkeypatch):
     real = glapp.cli.work.analyze
 
     def broken(recording, **how):
+        """An analysis that fails for loop a."""
         if recording.name == "a":
             raise KeyError("x")
         return real(recording, **how)

@@ -1,4 +1,4 @@
-"""The demonstration recordings: read as any user's files, they show what they are said to show."""
+"""The demonstration recordings: read as any user's files, they show their stated faults."""
 
 from pathlib import Path
 

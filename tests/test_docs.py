@@ -1,4 +1,4 @@
-"""What the documentation tells to type exists.
+"""Everything that the documentation tells to type exists.
 
 Examples with `>>>` are doctests. `test_cli.py` runs the commands of `docs/cli.md`, `start.md` and `score.md`.
 `test_settings.py`, `test_scenario.py` and `test_service_opcua.py` read the settings. `plc/check` runs the Structured
@@ -67,7 +67,7 @@ def test_every_command_in_the_docs_can_be_typed() -> None:
         except typer.Exit:  # it has shown its help
             pass
         except Exception as error:
-            # In a sentence a command is often named without what it works on.
+            # A sentence often names a command without its arguments.
             if type(error).__name__ not in ("MissingParameter", "NoArgsIsHelpError"):
                 wrong.append(f"{page}: {line}: {error}")
     assert not wrong, "\n".join(wrong)
@@ -93,7 +93,7 @@ def python_without_doctests(page: Path) -> list[str]:
 
 
 def test_no_program_escapes() -> None:
-    """What is no doctest is looked at below; a new one needs its test, or `>>>`."""
+    """A program that is no doctest is checked below; a new one needs its test, or `>>>`."""
     assert {page.name: len(found) for page in PAGES if (found := python_without_doctests(page))} == {
         "fleet.md": 2,
         "platform.md": 1,
@@ -119,7 +119,7 @@ def test_the_program_of_the_first_recording_runs(monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_program_of_the_fleet_has_functions_that_are_there() -> None:
-    """What they do `test_fleet.py` and `test_fleet_stream.py` try: a lake takes longer than this."""
+    """The functions are tested in `test_fleet.py` and `test_fleet_stream.py`: a lake takes longer than this."""
     for page in ("fleet", "platform"):
         for program in python_without_doctests(ROOT / f"docs/{page}.md"):
             called = re.findall(r"fleet\.(\w+)\(", program)
@@ -127,7 +127,7 @@ def test_the_program_of_the_fleet_has_functions_that_are_there() -> None:
 
 
 def test_every_test_that_a_table_names_is_there() -> None:
-    """What was tried stands in tables, each row with its test."""
+    """Tables list the tried cases, each row with its test."""
     there = {name for path in (ROOT / "tests").glob("*.py") for name in re.findall(r"def test_(\w+)", path.read_text())}
     files = {path.name for path in (ROOT / "tests").glob("test_*.py")}
     there |= {name.removesuffix(".py").removeprefix("test_") for name in files}

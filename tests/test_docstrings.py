@@ -1,4 +1,4 @@
-"""What a user meets has a docstring with the sections that it needs; that its examples run, doctests hold."""
+"""Everything that a user meets has a docstring with the sections that it needs; its examples run, doctests hold."""
 
 import inspect
 import re
@@ -26,7 +26,7 @@ FUNCTIONS = dict(one for one in public() if inspect.isfunction(one[1]))
 
 
 def test_nothing_public_escapes() -> None:
-    """What is neither class nor function is a module, a type to annotate with, or data."""
+    """A name that is neither class nor function is a module, a type to annotate with, or data."""
     rest = [thing for name, thing in public() if name not in CLASSES and name not in FUNCTIONS]
     assert all(isinstance(one, types.ModuleType | str | dict) or typing.get_origin(one) for one in rest)
     assert all(one.__doc__ for one in rest if isinstance(one, types.ModuleType))
@@ -34,7 +34,7 @@ def test_nothing_public_escapes() -> None:
 
 
 def sections(thing: Any) -> dict[str, str]:
-    """The sections of a numpy docstring by their titles; what comes before the first has the title ""."""
+    """The sections of a numpy docstring by their titles; the text before the first has the title ""."""
     parts = re.split(r"^([A-Z][a-z]+)\n-{3,}$", inspect.getdoc(thing) or "", flags=re.MULTILINE)
     return {"": parts[0]} | dict(zip(parts[1::2], parts[2::2], strict=True))
 

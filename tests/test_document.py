@@ -47,7 +47,7 @@ WORDS = {
     "plan",
     "repair",
 }
-"""What Python adds: names, units, sentences, several recordings of one loop, and plans of tests."""
+"""Fields that Python adds: names, units, sentences, several recordings of one loop, and plans of tests."""
 
 CODES = {
     "version",
@@ -66,7 +66,7 @@ CODES = {
     "controller.tried",
     "controller.delta_u",
 }
-"""What the sentences are made of."""
+"""Codes that the sentences are made of."""
 
 
 def answered(recording: glapp.Recording, **asked: Any) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def answered(recording: glapp.Recording, **asked: Any) -> dict[str, Any]:
     return answer
 
 
-def told(model: type[BaseModel], answer: dict[str, Any], at: str = "") -> tuple[set[str], set[str]]:
+def named_fields(model: type[BaseModel], answer: dict[str, Any], at: str = "") -> tuple[set[str], set[str]]:
     """Keys that only the model has and that only the answer has, with the way to them."""
     fields = model.model_fields
     declared, there = ({f"{at}{name}" for name in keys} for keys in (fields, answer))
@@ -95,7 +95,7 @@ def told(model: type[BaseModel], answer: dict[str, Any], at: str = "") -> tuple[
             continue
         value = answer[name]
         assert value not in (None, []), f"{at}{name}: nothing to compare"
-        below = told(models[0], value[0] if isinstance(value, list) else value, f"{at}{name}.")
+        below = named_fields(models[0], value[0] if isinstance(value, list) else value, f"{at}{name}.")
         only = (only[0] | below[0], only[1] | below[1])
     return only
 
@@ -133,8 +133,8 @@ def with_all_parts() -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_the_core_answers_what_is_declared() -> None:
-    # With so small a Kp the crossings are too narrow, and struck.
-    assert told(LoopAnswer, answered(worn(0.3)) | {"answer": with_all_parts()}) == (WORDS, CODES)
+    # The crossings are too narrow with so small a Kp, and struck.
+    assert named_fields(LoopAnswer, answered(worn(0.3)) | {"answer": with_all_parts()}) == (WORDS, CODES)
 
 
 @pytest.mark.slow

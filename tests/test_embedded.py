@@ -61,7 +61,7 @@ def built(source: Path, bare: Path, out: Path) -> Path:
 
 
 def emulated(program: Path) -> str:
-    """What it prints."""
+    """Output of the emulated program."""
     board = ("-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none", "-chardev", "stdio,id=out")
     semihosting = "enable=on,target=native,chardev=out"
     return run("qemu-system-arm", *board, "-semihosting-config", semihosting, "-kernel", program)
@@ -79,7 +79,7 @@ def test_it_gives_the_same_bits_as_on_this_machine(bare, tmp_path):
 
 @pytest.mark.parametrize(("precision", "other"), [("f32", "double, f64"), ("f64", "float, f32")])
 def test_it_is_small(bare, tmp_path, precision, other):
-    """With detector, compensation and PID in one precision, the loop around them included."""
+    """The size includes detector, compensation and PID in one precision, and the loop around them."""
     text = (HERE / "example/loop.c").read_text()
     gone = other.split(", ")[1]
     for line, instead in ((f"RUN({other})\n", ""), (f"run_{gone}()", "0")):

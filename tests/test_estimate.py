@@ -167,7 +167,7 @@ def test_stream_is_the_recording(worn: Simulation) -> None:
             if record is not None:
                 records.append(record)
     kept = many.half_periods.count
-    # What only a recording is looked at for.
+    # Checks of a recording only.
     for name in ("swing", "plateau"):
         assert np.isfinite(whole.pop(name)).any()
         assert np.isnan(many.half_periods.to_dict()[name]).all()
@@ -264,7 +264,7 @@ def test_a_linear_oscillation_is_no_backlash(name: str) -> None:
 
 @pytest.mark.slow
 @needs_refinery
-def test_other_loops_are_told_for_what_they_are() -> None:
+def test_wound_up_direct_acting_and_slave_loops_are_recognised() -> None:
     wound_up = refinery("FIC10104_0224")
     assert (wound_up.verdict, wound_up.d_hat) == ("refused", None)
     assert wound_up.reason
@@ -291,7 +291,7 @@ def noisy() -> Simulation:
 
 
 def test_a_stream_shows_no_width_below_the_noise_limit(noisy: Simulation) -> None:
-    """It showed the width of a gap that is not there, from nine detections."""
+    """Regression: it showed the width of a gap that is not there, from nine detections."""
     estimator = feed(noisy, tf=FILTER)
     behind, floor = estimator.median_mean, estimator.noise_floor
     assert behind is not None and floor is not None

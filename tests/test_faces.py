@@ -1,4 +1,4 @@
-"""One answer, made once: every face shows what the core decided, field by field."""
+"""One answer, made once: every interface shows the core's decision, field by field."""
 
 import json
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ SPANS: list[dict[str, Any]] = [
     {"op_span": (0, 500), "op_unit": "rpm", "acceptable_dead_band": 0.5},
     {"op_unit": "rpm"},
 ]
-"""What is known of OP: limits given and not, spans of other units, no span."""
+"""Knowledge of OP: limits given and not, spans of other units, no span."""
 
 
 def recordings(count: int) -> Iterator[glapp.Recording]:
@@ -88,7 +88,7 @@ def plain(value: Any) -> Any:
 
 
 def differences(core: Any, face: Any, at: str) -> list[str]:
-    """Every field in which a face says something else; what it adds in words is no difference."""
+    """Every field in which an interface differs; added words are no difference."""
     if isinstance(core, dict):
         return [found for key, value in core.items() for found in differences(value, face[key], f"{at}.{key}")]
     if isinstance(core, list):
@@ -137,7 +137,7 @@ OPC_UA = {
 
 
 def faces(recording: glapp.Recording, folder: Path) -> list[str]:
-    """What every face says of a recording, where it is not what the core decided."""
+    """Texts of every interface on a recording, where they are not the core's decision."""
     from glapp.service.fits import row_of
     from glapp.service.monitor import Monitor
     from glapp.service.options import MonitorOptions

@@ -51,7 +51,7 @@ def test_the_width_is_found_and_lies_in_its_interval(d: float, seed: int) -> Non
 
 @pytest.mark.slow
 def test_progress_follows_the_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It stood at 0 until the last window was done; what is told grows from the first window to the end."""
+    """Progress grows from the first window to the end. Regression: it stood at 0 until the last window was done."""
     monkeypatch.setattr(glapp._glapp, "fit", made_anew)
     moves = [(40.0 * k, 0.3 * (-1) ** k) for k in range(1, 40)]
     s = simulation(t_end=1600, load=moves)
@@ -99,7 +99,7 @@ def test_steps_that_make_up_for_a_wrong_width_are_marked_anew(h: float, seed: in
     )
     found = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op)
     assert found.verdict == "backlash" and found.d == pytest.approx(1.5, rel=0.02)
-    # By the likelihood less than 0.1 apart, and 5 % further out either way.
+    # The intervals by the likelihood differ by less than 0.1, and lie 5 % further out either way.
     assert found.low <= 1.5 <= found.high and found.high - found.low < 0.25
     assert 4 <= found.best["load_steps"] < 8
 
@@ -247,7 +247,7 @@ def test_a_gap_is_told_under_a_load_along_lines(name: str) -> None:
 @pytest.mark.parametrize("acting", [{"setpoint": [(1.0, 2.0)]}, {"load": [(1.0, 10.0)]}], ids=["setpoint", "load"])
 @pytest.mark.parametrize(("h", "seed"), [(0.02, 1), (0.05, 2)])
 def test_a_gap_in_little_noise_has_no_jump(h: float, seed: int, acting: Any) -> None:
-    """Under MIGO PI with Ms 2.0 a gap of 1 was once told as one of 2.3 with a jump: its valley was passed by."""
+    """Regression: under MIGO PI with Ms 2.0 a gap of 1 was fitted as one of 2.3 with a jump."""
     s = filtered("P1", (0.781, 4.04, 0, 0), d=1.0, noise=0.02, h=h, seed=seed, t_end=300.0, **acting)
     f = fitted(s.t, s.pv, s.op)
     assert f.verdict == "backlash" and f.jump == 0.0, f.reason
@@ -256,13 +256,15 @@ def test_a_gap_in_little_noise_has_no_jump(h: float, seed: int, acting: Any) -> 
 
 
 MARKED = ["steps/gap/17", "steps/gap/19", "slow ramps/gap/11", "slow ramps/gap/17", "squares through a lag/none/58"]
-"""As many steps or bends are marked as OP goes through the gap: an interval missed the truth, or a gap was claimed."""
+"""Records with as many marked steps or bends as traversals of the gap. Regression: an interval missed the truth, or a
+gap was claimed.
+"""
 
 UNKNOWN = ["triangle fast/gap/10", "outliers/none/10", "random ramps/none/18", "outliers/none/220"]
 """OP goes through a width a few times under an unknown load: a gap was once claimed that is none, or not so wide."""
 
 WIDE = ["triangle fast/gap/227"]
-"""13.6 of the 20 that OP swings was once told for a gap of 3."""
+"""Regression: 13.6 of the 20 that OP swings was the width for a gap of 3."""
 
 LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 """PV is kept as lines, which hide the gap: the valve was once called sound."""
@@ -271,7 +273,7 @@ LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 @pytest.mark.verify
 @pytest.mark.parametrize("name", MARKED + UNKNOWN + WIDE + LINED)
 def test_what_is_said_under_such_loads_is_true(name: str) -> None:
-    assert LoadsAnswer.to(confusing(name), 1500).told != "wrong"
+    assert LoadsAnswer.to(confusing(name), 1500).outcome != "wrong"
 
 
 @pytest.mark.slow
@@ -377,7 +379,7 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, message:
 
 @pytest.mark.slow
 def test_two_moves_one_way_give_neither_width_nor_bound() -> None:
-    """Where in its gap the valve stood decides how far it moved first: taken too coarsely, it made a width."""
+    """The first move depends on the valve's place in its gap. Regression: a coarse grid of places made a width."""
     t = np.arange(0.0, 1200.0)
     op = np.where(t < 400, 45.0, np.where(t < 800, 41.0, 38.0)) + 0.01 * np.sin(t)
     gap = glapp.blocks.Backlash(1.5, 44.25)
@@ -411,7 +413,7 @@ def test_op_of_another_loop_gives_no_gap() -> None:
 
 @pytest.mark.slow
 def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
-    """OP answers PV, but PV is two sines to the last digit: a gap once explained what was left of them."""
+    """OP answers PV, but PV is two sines to the last digit. Regression: a gap explained the residual."""
     t = np.arange(600.0)
     pv = np.round(50 + np.sin(t / 17) + 0.3 * np.sin(t / 5), 4)
     op = 55 + 0.8 * (50 - pv) + 0.8 / 25 * np.cumsum(50 - pv)

@@ -103,7 +103,7 @@ def planned(lake: Path, loops: str | None = None, zone: str | None = None) -> Pl
 
 
 def rows(plan: Plan) -> tuple[dict[tuple[str, int], list[Any]], list[DataIssue]]:
-    """All rows of all loops, sorted, and what was found wrong."""
+    """All rows of all loops, sorted, and the data issues."""
     found: dict[tuple[str, int], list[Any]] = {}
     problems = list(plan.problems)
     for unit in plan.units:
@@ -640,7 +640,7 @@ def spoil_times(path: Path) -> None:
 
 @pytest.mark.slow
 def test_loops_that_are_lost_with_their_files_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Seven loops of twelve had rows, and that all was well was said of the lake."""
+    """Regression: seven loops of twelve had rows, and the lake was reported as complete."""
     lake, out = tmp_path / "lake", tmp_path / "results"
     x = {name: values[:700] for name, values in signals().items()}
     for i in range(5):

@@ -1,4 +1,4 @@
-"""Crossings straight from Parquet files: the detector's bits, and what is told of files that cannot be read."""
+"""Crossings straight from Parquet files: the detector's bits, and the errors of files that cannot be read."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def signals(seed: int, n: int) -> dict[str, np.ndarray]:
 
 
 def table(s: dict[str, np.ndarray], kind: str = "us") -> pa.Table:
-    """The signals with timestamps; what is missing is null."""
+    """The signals with timestamps, null for missing values."""
     t = pa.array(START + (s["t"] * 1e6).astype("timedelta64[us]")).cast(pa.timestamp(kind))
     return pa.table({"t": t, **{name: pa.array(s[name], from_pandas=True) for name in ("SP", "PV", "OP")}})
 

@@ -298,7 +298,7 @@ def test_setpoint_weight_is_told_only_where_sp_moves() -> None:
 
 @pytest.mark.slow
 def test_setpoint_weight_is_not_read_off_means_that_do_not_tell_k() -> None:
-    """It was 0.04, from means of 4 samples, most of which OP rests through; longer ones say 0.45 to 1.32."""
+    """Regression: it was 0.04, from means of 4 samples, mostly at rest; longer ones give 0.45 to 1.32."""
     made = record("PID/OP rounded/37")
     assert made is not None
     found = identified(made.t, made.sp, made.pv, made.op)
@@ -377,7 +377,7 @@ def test_minutes_of_a_real_loop_of_35_seconds_are_not_believed() -> None:
 
 @pytest.mark.slow
 def test_recordings_of_one_sinusoid_do_not_contradict_each_other() -> None:
-    """They said 207 to 231, 115 to 131 and 160 to 178 s of one controller."""
+    """Regression: the intervals of one controller were 207 to 231, 115 to 131 and 160 to 178 s."""
     spans = [identified(*refinery(f"LIC31102B_{day}")) for day in ("0824", "0904", "1127")]
     assert max(found.ti_low for found in spans) < min(found.ti_high for found in spans)
     assert max(found.k_low for found in spans) < min(found.k_high for found in spans)

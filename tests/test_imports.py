@@ -20,7 +20,7 @@ BELOW = {
     "tuning": {""},
     "": {"reading", "tuning"},
 }
-"""Which rooms the modules of a room may import; "" is the folder `glapp` itself."""
+"""Rooms that the modules of a room may import; "" is the folder `glapp` itself."""
 
 
 def name_of(path: Path) -> str:
@@ -46,7 +46,7 @@ def imports(source: str, package: str, known: set[str]) -> Iterator[str]:
 
 
 def graph() -> dict[str, set[str]]:
-    """Of every module the modules of the package that it imports; the compiled one imports none."""
+    """Imports of every module within the package; the compiled one has none."""
     paths = {name_of(path): path for path in ROOT.rglob("*.py")}
     known = {*paths, "glapp._glapp"}
     found = {}

@@ -1,4 +1,4 @@
-"""What the ladder says of loops whose gap is known: ordinary ones, limit cycles, and their twins without a gap."""
+"""Judgements of the ladder on loops whose gap is known: ordinary ones, limit cycles, and their twins without a gap."""
 
 import json
 
@@ -24,7 +24,7 @@ def test_a_limit_cycle_is_the_gaps_and_not_a_loads() -> None:
     assert fit.best["confidence"] in ("found", "likely")
     assert fit.best["oscillates"]
     assert fit.low is not None and fit.high is not None and fit.low <= loop["d"] <= fit.high
-    # The same loop without a gap, its OP driven as far and as fast.
+    # The same loop without a gap has its OP driven as far and as fast.
     twin = judged(ladder.driven(loop, cycle, "sine", 2), "driven")
     assert twin.best["confidence"] not in ("found", "likely")
 
@@ -36,7 +36,7 @@ def test_an_ordinary_loop_and_its_twin_without_a_gap() -> None:
     best = judged(simulation, "ordinary").best
     assert (best["confidence"], best["cause"], best["width_kind"]) == ("found", "dead_band", "interval")
     assert best["low"] <= d <= best["high"]
-    # What is said follows from the evidence that is handed out, without a fit.
+    # The judgement follows from the evidence that is handed out, without a fit.
     again = _glapp.fit_judgement(json.dumps(best["evidence"]))
     assert again == {key: best[key] for key in ("confidence", "cause", "width_kind", "oscillates", "reason")}
     twin = judged(ladder.ordinary(5, gap=False)[0], "twin")

@@ -37,7 +37,7 @@ def entries(name: str) -> dict[str, list[tuple[Requirement, int]]]:
 
 
 def named(name: str) -> list[Requirement]:
-    """What pyproject.toml asks of a lock."""
+    """Requirements of a lock in pyproject.toml."""
     groups = PROJECT["dependency-groups"]
     return [
         Requirement(one)

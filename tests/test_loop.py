@@ -1,9 +1,11 @@
 """Bounds and derived values of a loop."""
 
+import numpy as np
 import pytest
 
 from glapp.errors import InputError
 from glapp.loop import Loop
+from glapp.recording import Batch, with_op_unit
 
 
 @pytest.mark.parametrize(
@@ -70,3 +72,30 @@ def test_process_gain_in_signal_units():
 )
 def test_unit_of_op(settings, label):
     assert Loop(name="F", **settings).op_label == label
+
+
+@pytest.mark.parametrize(
+    ("op", "settings", "label"),
+    [
+        ([30.0, 60.0], {}, "%"),
+        ([30.0, 101.0], {}, "OP unit"),
+        ([-1.0, 60.0], {}, "OP unit"),
+        ([0.2, 0.9], {}, "OP unit"),
+        ([0.2, 0.9], {"op_unit": "%"}, "OP unit"),
+        ([0.2, 0.9], {"op_span": (0, 100)}, "%"),
+        ([6.0, 14.0], {}, "OP unit"),
+        ([6.0, 14.0], {"op_unit": "%"}, "%"),
+        ([6.0, 14.0], {"op_span": (0, 100)}, "%"),
+        ([6.0, 14.0], {"op_unit": "mA"}, "mA"),
+        ([6.0, np.nan, 21.0], {}, "%"),
+        ([12.0, 12.0], {}, "%"),
+        (None, {}, "%"),
+    ],
+)
+def test_values_of_op_may_show_that_it_is_no_percentage(op, settings, label):
+    column = None if op is None else np.array(op)
+    t = np.arange(0 if op is None else len(op), dtype=float)
+    assert with_op_unit(Loop(name="F", **settings), Batch(t, None, t, column)).op_label == label
+    if op is not None:  # in two stretches as in one
+        halves = [Batch(t[:1], None, t[:1], column[:1]), Batch(t[1:], None, t[1:], column[1:])]
+        assert with_op_unit(Loop(name="F", **settings), *halves).op_label == label

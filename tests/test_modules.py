@@ -1,4 +1,4 @@
-"""Control modules: the controller against independent ones, and what the thesis shows of loops made of modules."""
+"""Control modules: the controller against independent ones, and the thesis' results on loops made of modules."""
 
 import itertools
 import math
@@ -55,7 +55,9 @@ def alone(pid: Pid) -> Graph:
 
 
 def discrete(pid: Pid) -> tuple[control.TransferFunction, control.TransferFunction]:
-    """From setpoint and from process value to output: backward differences, as the documentation states them."""
+    """Transfer functions from setpoint and from process value to output: backward differences, as the documentation
+    states them.
+    """
     z = control.TransferFunction([1, 0], [1], H)
     one = control.TransferFunction([1], [1], H)
     a = H / (pid.tf + H)
@@ -405,7 +407,7 @@ def test_after_compensation_the_detector_shows_what_is_left(inside: bool) -> Non
 def test_the_online_estimate_lowers_a_size_that_is_too_large_and_never_raises_one(
     size: float, in_force: tuple[float, float]
 ) -> None:
-    """A gap of 2.0 %, for which somebody typed twice as much, or half: what is in force comes down to the gap."""
+    """A gap of 2.0 % with a typed width of twice as much, or half: the size in force comes down to the gap."""
     loop = system_of_6_5(1, 0.2, True, comp_size=size, comp_band=0.0, comp_withdraw=False)
     loop.run(1000, load=LOAD[:10_000])
     assert loop["pid.detections"] > 10 and 1.8 < loop["pid.d_hat"] < 2.1
@@ -433,7 +435,7 @@ def test_a_compensation_that_loses_its_estimate_is_taken_away_without_a_bump() -
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_the_online_estimate_is_a_source_only_when_it_may_be(inside: bool) -> None:
-    """A gap of 2.0 %: pressed too early there is none to go by, pressed late it is the estimate of that moment."""
+    """A gap of 2.0 %: pressed too early there is no estimate, pressed late it is the estimate of that moment."""
     loop = system_of_6_5(1, 0.2, inside, comp_source=Source.ESTIMATE, comp_share=0.8, comp_withdraw=False)
     name = "pid" if inside else "watch"
     shown = [f"{name}.{variable}" for variable in ("unfit", "size", "delta", "u_ff", "standing")]
@@ -456,7 +458,7 @@ def test_the_online_estimate_is_a_source_only_when_it_may_be(inside: bool) -> No
 
 
 def test_an_estimate_below_the_noise_limit_or_a_fit_contradicts_is_no_source() -> None:
-    for more, kp, unfit in (({}, 0.02, Unfit.NOISE), ({"comp_fitted": 0.0}, 1.0, Unfit.STRUCK)):
+    for more, kp, unfit in (({}, 0.02, Unfit.NOISE), ({"comp_fitted": 0.0}, 1.0, Unfit.CONTRADICTED)):
         loop = system_of_6_5(1, 0.2, True, comp_source=Source.ESTIMATE, **more)
         loop["pid.kp"] = kp
         loop.run(1000, load=LOAD[:10_000])
@@ -594,7 +596,7 @@ def test_a_worn_valve_and_a_noisy_transmitter() -> None:
         "n": Input(),
         "pid": Pid(k=0.775, ti=2.05, b=0.0, tf=0.205, start=1.0, start_pv=1.0),
         "op": Resolution(0.01),
-        "speed": RateLimit(0.5, told=False, start=1.0),
+        "speed": RateLimit(0.5, reports=False, start=1.0),
         "gap": Backlash(0.05, start=1.0),
         "stem": Friction(0.03, 0.01, FrictionModel.HE, start=1.0),
         "plant": Plant("P2", start=1.0),
@@ -665,7 +667,7 @@ def test_a_schedule_is_edited_while_it_runs_without_a_bump(mode: Mode, k: float)
         most = max((g / ti for _, g, ti, _ in rows), default=1 / 5) * H * 1.0
         assert abs(loop["pid"] - before) <= most + 1e-9
         assert (loop["pid"] == before) == (mode == Mode.MANUAL)
-    # And it is in force: a step of PV is answered with the gain between the rows, here 1.5.
+    # The schedule is in force: a step of PV is answered with the gain between the rows, here 1.5.
     before = loop["pid"]
     loop.scan(pv=49.0)
     answer = 0.0 if mode == Mode.MANUAL else k * 1.5 * (1 + 0.1 / H + 2 * H / 5.5)
@@ -737,7 +739,7 @@ def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
         u = loop["valve"]
         if fails or late:
             assert u == before
-            assert Flag(int(loop["pid.error"])) == (Flag.BAD if fails else Flag.GAP)
+            assert Flag(int(loop["pid.error"])) == (Flag.BAD if fails else Flag.DATA_GAP)
         elif n > 0:
             assert loop["pid.error"] == 0.0
             assert abs(u - before) < 2.0
@@ -753,7 +755,9 @@ def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
 @pytest.mark.parametrize("inside", [True, False], ids=["PidAdvanced", "BacklashDetection"])
 @pytest.mark.slow
 def test_no_width_is_shown_below_the_noise_limit(inside: bool) -> None:
-    """Without a gap nine detections of a tenth of a per cent were shown; the noise is that of PV before the filter."""
+    """Regression: nine detections of a tenth of a per cent were shown without a gap; the noise is that of PV before the
+    filter.
+    """
     shown = {}
     for d in (0.0, 0.05):
         named: dict[str, Any] = {
@@ -837,7 +841,7 @@ def test_what_the_autotuner_inside_offers_is_taken_over(rule: TuneRule) -> None:
     loop.take_over("pid")
     assert [loop[f"pid.{name}"] for name in ("k", "ti", "td")] == offered
     loop.scan()
-    # What the new gains make of one sample more, in noise.
+    # Effect of the new gains on one sample more, in noise.
     assert abs(loop["pid"] - before) < offered[0] * 0.05 * (1 + offered[2] / 0.1)
     # Other parameters set later leave it in force.
     loop["pid.b"] = 0.5
@@ -877,7 +881,7 @@ def test_what_is_not_offered_is_not_taken_over(given: dict[str, Any], begin: boo
         loop.take_over("pid")
     assert {name: loop[name] for name in loop} == pytest.approx(before, nan_ok=True)
     assert math.isnan(loop["pid.tune_k"])
-    # Under a schedule the detector has the Kp all the same.
+    # The detector has the Kp also under a schedule.
     assert math.isnan(loop["pid.tune_kp"]) == ("schedule" not in given)
 
 

@@ -1,4 +1,4 @@
-"""What a module's detector is told and shows: Kp by default, a filter of its own, corrected width, inner variables."""
+"""Inputs and outputs of a module's detector: Kp by default, a filter of its own, corrected width, inner variables."""
 
 import math
 from typing import Any

@@ -66,7 +66,7 @@ WIDE = "t,FIC1.SP,FIC1.PV,FIC1.OP,FIC2.SP,FIC2.PV,FIC2.OP\n" + "".join(
 
 @pytest.mark.slow
 def test_the_same_name_in_two_folders_is_told_apart(run):
-    """Of two loops of one name nobody could say which row was which."""
+    """Regression: the rows of two loops of one name looked the same."""
     for folder in ("north", "south"):
         Path(folder).mkdir()
         write(f"{folder}/FIC101.csv", rows(300))
@@ -103,7 +103,7 @@ def test_the_same_name_with_other_endings_or_twice(run):
 
 
 EVIL = "=FIC\x1b]0;owned\x07\x1b[2J\x9b31m\u202e1\r<script>alert(1)</script>[red]"
-"""What a terminal would obey, a spreadsheet compute, a browser run, and Rich take for its own."""
+"""Text that a terminal would obey, a spreadsheet compute, a browser run, and Rich take for its own."""
 
 
 @pytest.fixture

@@ -148,7 +148,7 @@ class TestLimitCycles:
     def test_prediction_against_simulation(
         self, kind: Any, bounds: dict[str, float], tf: float, period_error: float, amplitude_error: float
     ) -> None:
-        """P1 with a gap of 1: the less the loop filters, the worse the first harmonic stands for the signal."""
+        """P1 with a gap of 1: the less the loop filters, the worse the first harmonic represents the signal."""
         t = migo("P1", kind, **bounds)
         [cycle] = backlash_cycles(open_loop("P1", t.controller, tf), 1.0)
         period, amplitude = simulated(t.controller, 1.0, tf, cycle.period)

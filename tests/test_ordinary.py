@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bench.ordinary import design, oracle
 from bench.ordinary.__main__ import answers, tasks
-from bench.ordinary.answers import Line, Said, ask, done
+from bench.ordinary.answers import Claim, Line, ask, done
 from bench.ordinary.design import FAULTS, ROWS, SEEDS, draw, fractional_lag, half, names, sensitivity
 from bench.ordinary.records import record, reversals, swept
 from bench.ordinary.score import tables
@@ -109,7 +109,7 @@ def test_the_sweep_shows_the_width_and_the_jump_of_mere_friction(model):
     assert d == pytest.approx(2.0, rel=0.06) and jump == 0.0
     slips = Stem(model=model, fs=1.5, fc=1.0, stribeck=0.1)
     d, _, _, jump = swept(Valve(stem=slips, lag=0.5), 2.0)
-    # It stands until the force has gone from one side's friction to fs of the other.
+    # The stem stands until the force has gone from one side's friction to fs of the other.
     assert 2.0 < d < 3.1 and 0.2 < jump < 1.0
     d, _, _, _ = swept(Valve(stem=slides, lag=0.5, positioner=3.0, d=1.0), 1.5)
     assert d == pytest.approx(1.5, rel=0.06)
@@ -167,15 +167,15 @@ def test_a_line_is_read_as_it_was_written():
 
 def test_what_is_claimed_is_read_from_the_new_fields_or_from_the_verdict():
     line = a_line("bends/gap/1/1", verdict="at_least", d=5.0, low=2.0)
-    assert line.said() == Said("found", None, "bound", 5.0, 2.0, None)
-    assert a_line("bends/gap/1/1", verdict="sound", high=0.9).said().confidence == "sound"
-    assert a_line("bends/gap/1/1", verdict="sound", high=1.1).said().confidence == "none_seen"
-    assert a_line("bends/gap/1/1", verdict="oscillation").said().confidence == "cannot_tell"
+    assert line.claim() == Claim("found", None, "bound", 5.0, 2.0, None)
+    assert a_line("bends/gap/1/1", verdict="sound", high=0.9).claim().confidence == "sound"
+    assert a_line("bends/gap/1/1", verdict="sound", high=1.1).claim().confidence == "none_seen"
+    assert a_line("bends/gap/1/1", verdict="oscillation").claim().confidence == "cannot_tell"
     new = {"confidence": "likely", "cause": "dead_band", "width_kind": "interval", "width": None, "low": None}
     line.document["answer"] = new | {"high": 6.0}
-    assert line.said() == Said("likely", "dead_band", "interval", 5.0, 2.0, 6.0)
+    assert line.claim() == Claim("likely", "dead_band", "interval", 5.0, 2.0, 6.0)
     line = replace(line, document={"fit": line.fit}, evidence=new | {"confidence": "found"})
-    assert line.said().confidence == "found" and not line.said().sided
+    assert line.claim().confidence == "found" and not line.claim().sided
 
 
 def test_a_file_goes_on_after_a_line_that_was_cut_off(tmp_path):
@@ -240,7 +240,7 @@ def test_another_day_is_the_same_valve_and_controller():
 
 def test_the_oracle_knows_the_noise():
     sound = oracle.Record("steps/none/12/1")
-    # With OP as it was between the rows nothing is left but white noise of variance 1.
+    # With OP as it was between the rows only white noise of variance 1 is left.
     (cost,) = oracle.known(sound, sound.true, [sound.simulation.op - sound.rest])
     assert cost.left == pytest.approx(1.0, abs=0.1)
 
@@ -259,4 +259,4 @@ def test_a_fit_is_kept_with_its_evidence():
     line = ask("bends/gap/0/1")
     assert line.error is None and line.fit["verdict"] and line.seconds > 0
     assert {"candidates", "traversals", "lr_no_gap", "h"} <= set(line.evidence) and "pv" not in line.evidence
-    assert Line.of(line.to_json()).said() == Line.of(Line.of(line.to_json()).to_json()).said()
+    assert Line.of(line.to_json()).claim() == Line.of(Line.of(line.to_json()).to_json()).claim()

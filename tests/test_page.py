@@ -39,7 +39,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def page(browser: Any) -> Any:
-    """The page from the disk, opened once for all tests, what it asked for and what went wrong on it."""
+    """The page from the disk, opened once for all tests, its requests and its errors."""
     one = browser.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
     one.set_default_timeout(600_000)  # a fit may wait long for its processor
     one.asked, one.wrong = [], []
@@ -47,7 +47,7 @@ def page(browser: Any) -> Any:
     one.on("pageerror", lambda error: one.wrong.append(str(error)))
     one.on("console", lambda message: one.wrong.append(message.text) if message.type == "error" else None)
     one.goto(PAGE.as_uri())
-    # What is shown before the fit is kept, to be looked at later.
+    # The view before the fit is kept, to be looked at later.
     one.evaluate("""() => {
         const first = hears.first;
         hears.first = (said) => {
@@ -91,7 +91,7 @@ def drop(page: Any, path: Path) -> None:
 
 
 def answered(page: Any, path: Path) -> dict[str, Any]:
-    """What the page makes of a file."""
+    """Answer of the page on a file."""
     drop(page, path)
     page.wait_for_selector("#result .loop:not(.provisional), #wrong:not([hidden])")
     assert not page.locator("#wrong").is_visible(), page.locator("#wrong").inner_text()
@@ -112,7 +112,7 @@ def near(ours: Any, theirs: Any, at: str) -> None:
 
 
 def same(page: Any, path: Path) -> None:
-    """The page says what the command line says of the same file, in numbers and in words."""
+    """Compare the page with the command line on the same file, in numbers and in words."""
     found = page.evaluate("() => shown.answer")
     [recording] = open_recordings(path)
     result = glapp.analyze(recording)
@@ -137,7 +137,7 @@ def same(page: Any, path: Path) -> None:
 def test_the_answer_of_the_command_line(analysed: Any, recordings: Path) -> None:
     same(analysed, recordings / "worn.csv")
     assert analysed.locator("#result canvas").count() == 3  # OP and PV over time, the likelihood
-    # What the crossings say stood there before, with its pictures.
+    # The sentences of the crossings stood there before, with their pictures.
     before = analysed.evaluate("() => before")
     assert before["said"]["answer"]["fit"] is None and before["canvases"] == 2
     assert before["said"]["answer"]["crossings"] == analysed.evaluate("() => shown.answer.crossings")
@@ -158,7 +158,7 @@ def test_nothing_is_asked_of_anybody(analysed: Any) -> None:
     assert {url.split(":")[0] for url in page.asked} <= {"file", "blob", "data"}
     assert [url for url in page.asked if url.startswith("file")] == [PAGE.as_uri()]
     assert page.wrong == []
-    # Whatever came into the page could not send anything either.
+    # No script in the page could send anything either.
     blocked = page.evaluate("""async () => {
         const told = [];
         document.addEventListener("securitypolicyviolation", (event) => told.push(event.effectiveDirective));
@@ -175,7 +175,7 @@ def test_nothing_is_asked_of_anybody(analysed: Any) -> None:
 
 @pytest.mark.parametrize("form", ["excel", "excel_datalink", "german_rows", "parquet", "feather_file", "bzipped"])
 def test_forms_of_export_are_read(page: Any, tmp_path: Path, form: str) -> None:
-    """What the reader makes of every form is held to the package in node: here it stands in the page."""
+    """The reader's result for every form is compared with the package in node: here it is shown in the page."""
     export = FORMS[form][1]()
     path = tmp_path / f"{form}{export.ending}"
     path.write_bytes(export.content)
@@ -183,7 +183,7 @@ def test_forms_of_export_are_read(page: Any, tmp_path: Path, form: str) -> None:
     assert page.evaluate("() => Array.from(shown.read.columns.pv)") == export.pv.tolist()
     assert page.locator("#result h2").inner_text() == export.loop
     text = page.locator("#result").inner_text()
-    assert ("Each signal has times of its own" in text) == (export.told == "own_times")
+    assert ("Each signal has times of its own" in text) == (export.finding == "own_times")
 
 
 def test_what_is_hidden_in_a_name_is_shown(page: Any, recordings: Path, tmp_path: Path) -> None:
@@ -208,7 +208,7 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
     assert page.locator("#wrong").inner_text() == (
         "odd.csv: no column for PV and OP among those left: A, B (time is t): choose them below"
     )
-    # And it is mended there, beside the first rows.
+    # The settings can be changed there, beside the first rows.
     cells = page.locator("#first-rows tr").evaluate_all(
         "(rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent))"
     )
@@ -262,7 +262,7 @@ def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
 
 @pytest.fixture(scope="module")
 def window(page: Any) -> Any:
-    """A window of a fit that is short, where the page can use it, and what it says by itself."""
+    """A window of a short fit, where the page can use it, and its result alone."""
     sim = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=15, seed=1, setpoint=[(1, 1.0)])
     columns = {"t": sim.t.tolist(), "sp": sim.sp.tolist(), "pv": sim.pv.tolist(), "op": sim.op.tolist()}
     page.evaluate(
@@ -320,7 +320,7 @@ def test_windows_are_fitted_side_by_side_with_the_same_bits(window: Any, process
 
 
 def test_what_the_windows_say_so_far_is_shown_until_all_are_done(analysed: Any) -> None:
-    """As a worker tells it; of a recording of two windows it would take a minute."""
+    """Progress as a worker reports it; a recording of two windows would take a minute."""
     found = analysed.evaluate("""() => {
         const said = { ...shown, windows: 1, of: 6 };
         const look = () => ({ told: $("result").innerText, saved: document.getElementById("save") !== null });
@@ -395,7 +395,7 @@ def test_a_link_opens_the_laboratory_with_its_settings(browser: Any) -> None:
 def test_the_laboratory(page: Any) -> None:
     page.bring_to_front()  # a page behind another draws no pictures
     page.click("#go-laboratory")
-    # It opens with an estimate, after 1000 simulated seconds.
+    # The laboratory opens with an estimate, after 1000 simulated seconds.
     page.locator("#lab-facts div", has_text="Estimate").get_by_text("1.95").wait_for()
     page.click("#lab-anew")
     # A short record: its fit has one thread, and a tenth of the speed that it has elsewhere.

@@ -1,4 +1,4 @@
-"""The page's reader of files, held to the one of the package on the same files; it runs in node."""
+"""The page's reader of files, compared with the one of the package on the same files; it runs in node."""
 
 import json
 import shutil
@@ -68,6 +68,16 @@ READ: dict[str, str | bytes] = {
     "a spreadsheet's days": "\n".join(["Date,SP,PV,OP", *rows([f"{45_000 + k / 86_400:.9f}" for k in range(24)])]),
     "minutes by a unit": "\n".join(["time [min],SP,PV,OP", *rows([f"{k / 10}" for k in range(24)])]),
     "a title and a row of units": "\n".join(["Export of unit 3", "t,SP,PV [bar],OP", "s,bar,bar,%", *rows(SECONDS)]),
+    "the newest row first": "\n".join(["time,SP,PV,OP", *reversed(rows(ISO)), ",,,"]),
+    "the newest row first, in seconds": "\n".join(["t,SP,PV,OP", *reversed(rows(SECONDS))]),
+    "the newest row first, but for one": "\n".join(["t,SP,PV,OP", *reversed(rows(SECONDS)), "30,50,40,41"]),
+    "tags, the newest row first": "\n".join(
+        [
+            "time,tag,value",
+            *(f"{time},F1.{tag},{int(time[-1]) % 3}" for time in reversed(ISO) for tag in ("OP", "PV", "SP")),
+        ]
+    ),
+    "SP and PV in units that are written in two ways": "\n".join(["t,SP [m³/h],PV [m3/h],OP", *rows(SECONDS)]),
     "bad values": "\n".join(
         ["t,SP,PV,OP", *rows(SECONDS[:20]), "20,50,Bad,40", "21,50,#N/A,40", "22,50,,40", "23,50,1e400,40"]
     ),
@@ -97,6 +107,9 @@ READ: dict[str, str | bytes] = {
 }
 REFUSED: dict[str, str | bytes] = {
     "nothing": "",
+    "SP in another unit than PV": "\n".join(["t,SP [bar],PV [kPa],OP", *rows(SECONDS)]),
+    "a tag of SP in another unit than PV": "t,tag,value\n"
+    + "".join(f"{k},F1.{tag},{k % 5}\n" for k in range(9) for tag in ("SP [bar]", "PV [kPa]")),
     "one column": "PV\n1\n2\n3\n",
     "no header": "0,1,2,3\n1,1,2,3\n2,1,2,3\n",
     "a header alone": "t,SP,PV,OP\n",
@@ -184,6 +197,8 @@ DAMAGED: dict[str, str] = {
     + "".join(f"{k},F1.{s},\n" for k in range(9) for s in ("PV", "OP")),
     "tags without a signal": "t,tag,value\n" + "".join(f"{k},TI7,{k}\n" for k in range(9)),
 }
+UNUSED = ("plain", "ISO")
+"""With a sample time beside their times."""
 OPEN = {"a quote left open": 't,PV,OP,"a\nremark"\n0,1,2,ok\n1,1,2,"3" pipe\n2,1,2,"4"\n3,1,2,ok\n'}
 """The package reads the remark as it stands."""
 MAKERS = {name: form.make() for name, form in makers.FORMS.items()}
@@ -193,7 +208,7 @@ UNAIDED = [name for name in MAKERS if name not in ASKED]
 
 @pytest.fixture(scope="module")
 def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    """What the page's reader makes of each text, and where that is."""
+    """Result of the page's reader for each text, and its place."""
     folder = tmp_path_factory.mktemp("page")
     (folder / "data.json").write_text(json.dumps(build.of_reading()), encoding="utf-8")
     scripts = json.dumps([str(path) for path in (PAPA, FORMATS, *(ROOT / "page" / f"{n}.js" for n in build.READER))])
@@ -202,6 +217,9 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     for i, (name, text) in enumerate((READ | STRUCTURED | REFUSED | DAMAGED | OPEN).items()):
         files[name] = folder / f"{i}.csv"
         files[name].write_bytes(text if isinstance(text, bytes) else text.encode())
+    for name in UNUSED:
+        files[f"{name}, with a sample time"] = files[name]
+        answers[f"{name}, with a sample time"] = {"sample_time": 2}
     for name, (_, make) in FORMS.items():
         export = make()
         files[name] = folder / f"{name}{export.ending}"
@@ -246,6 +264,14 @@ def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> N
     compare(found, open_recordings(found["file"], loops))
 
 
+@pytest.mark.parametrize("name", UNUSED)
+@pytest.mark.slow
+def test_says_the_same_of_a_sample_time_that_is_not_used(read: dict[str, dict[str, Any]], name: str) -> None:
+    found = read[f"{name}, with a sample time"]
+    compare(found, open_recordings(found["file"], defaults={"sample_time": 2}))
+    assert [one["code"] for one in found["found"]] == ["setting_unused"]
+
+
 @pytest.mark.parametrize("name", ASKED)
 @pytest.mark.slow
 def test_reads_the_same_numbers_after_the_same_answer(read: dict[str, dict[str, Any]], name: str) -> None:
@@ -258,7 +284,7 @@ def test_reads_the_same_numbers_after_the_same_answer(read: dict[str, dict[str, 
 
 
 def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
-    """Hold what the page read to the package's recording."""
+    """Compare the page's recording with the package's."""
     assert "wrong" not in found, found
     [recording] = recordings
     batch = joined(list(recording.batches()))
@@ -271,7 +297,7 @@ def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
     assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
     assert {labels[role]: unit for role, unit in found["units"].items()} == recording.units
     assert found["loop"] == recording.name
-    findings = [(one["code"], one["severity"], one["evidence"]) for one in found["told"]]
+    findings = [(one["code"], one["severity"], one["evidence"]) for one in found["found"]]
     assert findings == [(one.code, one.severity, one.evidence) for one in recording.found]
     if recording.t0 is None:
         assert found["t0"] is None

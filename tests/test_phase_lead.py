@@ -1,4 +1,4 @@
-"""The phase lead as a module: frequency response, what it does to a limit cycle, graphs that it is refused in."""
+"""The phase lead as a module: frequency response, its effect on a limit cycle, graphs that it is refused in."""
 
 import math
 from typing import Any

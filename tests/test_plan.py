@@ -1,4 +1,4 @@
-"""The planned test: what it promises beside what it does on the simulated loop, and the limits that it keeps."""
+"""The planned test: its promise compared with its outcome on the simulated loop, and the limits that it keeps."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LIMITS = {"op_within": (45.0, 65.0), "pv_within": (34.0, 52.0)}
 
 @pytest.fixture(autouse=True)
 def few_simulations(request, monkeypatch):
-    """What is no matter of power is looked at with few simulations."""
+    """Tests that do not depend on power use few simulations."""
     if "verify" not in request.keywords:
         monkeypatch.setattr(glapp.plan, "PILOTS", 3)
         monkeypatch.setattr(glapp.plan, "SIMULATIONS", 6)
@@ -205,7 +205,7 @@ LAW = Ideal(0.5, 20.0, 0.0, 1.0)
 
 
 def an_hour(fit, rows=3600, law=LAW):
-    """What is asked of a fitted loop where more hours are planned."""
+    """Arguments for a fitted loop where more hours are planned."""
     return SimpleNamespace(fit=fit, law=law, sp_moves=np.zeros(rows), h=1.0)
 
 

@@ -1,4 +1,4 @@
-"""Plants: what they are made from, their frequency and step response against other roads, their bounds."""
+"""Plants: their forms, their frequency and step response by other methods, their bounds."""
 
 import math
 from typing import Any

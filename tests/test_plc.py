@@ -263,7 +263,7 @@ def run(*command: object, folder: Path = ROOT, **environment: str) -> str:
 
 
 def check(kind: str, name: str, *args: object, **environment: str) -> str:
-    """What such a program says."""
+    """Output of such a program."""
     program = built("check", kind, name)
     return run(program, *args, folder=ROOT / "plc/check", **environment)
 
@@ -326,7 +326,7 @@ def test_plcopen_xml_is_valid(packages, build):
 
 
 def read_by_blark(path: Path) -> tuple[list[str], str]:
-    """What was wrong with each part of a file, and what was read of the first."""
+    """Error of each part of a file, and the units read of the first."""
     from blark.parse import parse
 
     # A tree of a whole body is so large that looking for garbage in it takes a good part of the time.
@@ -356,7 +356,7 @@ def told_once(text: str) -> str:
 
 
 def shares(folder: Path) -> dict[str, set[str]]:
-    """Which files are read in which build: each text once, by its length, and in both what is another text in each."""
+    """Files read in each build: each text once, by its length, and in both where a text differs."""
     found = {build: {path.name: path.read_text() for path in (folder / build).iterdir()} for build in BUILDS}
     assert set(found["LREAL"]) == set(found["REAL"])
 

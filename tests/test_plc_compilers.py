@@ -1,4 +1,4 @@
-"""The library under two compilers of other makers: both take every file, and what they make has the core's numbers."""
+"""The library under two compilers of other makers: both take every file, and their programs give the core's numbers."""
 
 import sys
 from pathlib import Path

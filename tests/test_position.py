@@ -1,4 +1,4 @@
-"""The valve's recorded position: what the recorder makes of it, what it settles, and where PV says otherwise."""
+"""The valve's recorded position: the recorder's effect on it, the verdicts it settles, and contradictions by PV."""
 
 from __future__ import annotations
 
@@ -45,20 +45,20 @@ RECORDERS: dict[str, Any] = {
 
 
 def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.05) -> Fit:
-    """What the position of a simulated loop says by itself."""
+    """Fit of the position of a simulated loop alone."""
     s = filtered(plant, (*controller, 0.0, 0.0)[:4], d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS)
     return by_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))])
 
 
 def by_position(batches: list[Batch]) -> Fit:
-    """What the position says by itself: PV is not asked."""
+    """Result of the position alone: PV is not asked."""
     without = [replace(batch, pv=np.full(len(batch), np.nan)) for batch in batches]
     return _at_valve(_glapp.fit(without, 0.0)["position"], LOOP)
 
 
 @pytest.mark.parametrize("recorder", sorted(set(RECORDERS) - {"without noise"}))
 def test_without_a_gap_none_is_claimed(recorder: str) -> None:
-    """By exception and with spikes seven of ten such loops once had one."""
+    """Regression: seven of ten such loops by exception and with spikes had a gap."""
     f = at_valve("P3", (0.482, 0.313), 0.0, recorder)
     assert f.verdict == "sound" or (recorder == "by exception" and "demanded" in f.reason), f.reason
     if f.verdict == "sound" and recorder == "by exception":
@@ -67,7 +67,7 @@ def test_without_a_gap_none_is_claimed(recorder: str) -> None:
 
 @pytest.mark.slow
 def test_a_position_that_is_op_tells_nothing_and_pv_answers() -> None:
-    """It once was "at least 0.773" for no gap."""
+    """Regression: for no gap it was "at least 0.773"."""
     s = filtered("P3", (0.482, 0.313, 0, 0), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
     f = glapp.fit(glapp.recording_from(s.to_arrow(), LOOP))
     assert not f.found, f.reason
@@ -115,7 +115,7 @@ def test_where_they_agree_the_position_settles_it() -> None:
     # A mere bound does not hide a width.
     bound = said("at_least", 1.0, 0.7, None)
     assert _together({"position": "bounds", "verdict": "backlash"}, bound, broad, LOOP).d == 1.3
-    # What the position cannot tell, PV answers, and the reason says so.
+    # PV answers where the position cannot, and the reason says so.
     silent = Fit("cannot_tell", "it stands still", "%")
     answer = _together({"position": "silent", "verdict": "backlash"}, silent, broad, LOOP)
     assert answer.d == 1.3 and "it stands still" in answer.reason

@@ -1,6 +1,8 @@
 """The documentation is readable: short sentences in their usual order, and no word that makes a reader stop."""
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -35,7 +37,9 @@ INVERTED = re.compile(
     r"|(?:(?!Speed|Need|Feed|Seed)[A-Z]\w+ed|Shown|Lost|Taken|Left|Given|Found|Held|Known|Written|Seen|Told|Put|Made)"
     r" (?:is|are|was|were)\b"
 )
-"""How a sentence begins whose subject comes behind its verb."""
+"""Beginning of a sentence whose subject comes behind its verb."""
+LIKENESS = re.compile(r"(?:The same|As|Like|What|Where|How|Those|It)\b")
+"""Beginning of a docstring that says what a thing is like, before what it is."""
 
 
 def sentences(text: str) -> list[str]:
@@ -105,8 +109,45 @@ def comments(path: Path) -> str:
     return "\n".join([*re.findall(r'"""(.*?)"""', text, re.DOTALL), *re.findall(r"(?:^|\s)# (.*)", text)])
 
 
-def test_code_is_told_in_words_of_today() -> None:
-    sources = [path for folder in CODE for path in sorted((ROOT / folder).rglob("*")) if path.suffix in (".py", ".rs")]
-    assert len(sources) > 200
-    found = {str(path.relative_to(ROOT)): old for path in sources if (old := said(comments(path), *ARCHAIC))}
+def sources(*more: str) -> list[Path]:
+    found = [
+        path
+        for folder in (*CODE, *more)
+        for path in sorted((ROOT / folder).rglob("*"))
+        if path.suffix in (".py", ".rs")
+    ]
+    assert len(found) > 200
+    return found
+
+
+def test_comments_have_no_old_words() -> None:
+    found = {str(path.relative_to(ROOT)): old for path in sources() if (old := said(comments(path), *ARCHAIC))}
     assert found == {}
+
+
+def beginnings(suffix: str, text: str) -> Iterator[str]:
+    """First lines of the docstrings and doc comments of a source."""
+    if suffix == ".rs":
+        yield from re.findall(r"\n(?![ \t]*//[/!])[^\n]*\n[ \t]*//[/!] ([^\n]*)", f"\n\n{text}")
+        return
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Module):
+            yield from (ast.get_docstring(node) or "").split("\n")[:1]
+
+
+def test_docstrings_say_first_what_a_thing_is() -> None:
+    """One in a hundred may begin otherwise: "As `x`, in single precision." is clear where `x` stands above it."""
+    paths = sources("crates/fit", "plc")
+    firsts = [first for path in paths for first in beginnings(path.suffix, path.read_text("utf-8")) if first]
+    found = [first for first in firsts if LIKENESS.match(first)]
+    assert len(firsts) > 9000 and len(found) <= len(firsts) / 100, found
+
+
+def test_a_docstring_of_likeness_is_found() -> None:
+    rust = "//! Rows.\n\n/// The same in `f32`.\n/// And more.\nfn a() {}\n/// What is left.\nfn b() {}\n"
+    assert list(beginnings(".rs", rust)) == ["Rows.", "The same in `f32`.", "What is left."]
+    python = 'def a():\n    """Where it begins.\n\n    More.\n    """\n'
+    assert [bool(LIKENESS.match(one)) for one in [*beginnings(".rs", rust), *beginnings(".py", python)] if one] == [
+        *(False, True, True),
+        True,
+    ]

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 from test_identify import loop, numbers, refinery
 
 from glapp.identify import identified
-from glapp.quality import GAP_STEPS, DataStatistics, Finding, InspectionSample, inspect, noise_sigma
+from glapp.quality import DATA_GAP_STEPS, DataStatistics, Finding, InspectionSample, inspect, noise_sigma
 
 
 def statistics_of(sample: InspectionSample) -> DataStatistics:
@@ -25,7 +25,7 @@ def statistics_of(sample: InspectionSample) -> DataStatistics:
     with np.errstate(all="ignore"):
         dt = np.diff(t)
         forward = dt[dt > 0]
-        threshold = GAP_STEPS * float(np.median(forward)) if forward.size else math.inf
+        threshold = DATA_GAP_STEPS * float(np.median(forward)) if forward.size else math.inf
         same = {name: np.diff(x) == 0 for name, x in signals.items() if x is not None}
         sp_changes = int(np.sum(np.isfinite(np.diff(sample.sp)) & ~same["sp"]))
 
@@ -105,7 +105,7 @@ def test_signals_against_their_spans() -> None:
     [found] = look(t, sp, pv, op, **k, pv_span=(high - 0.5, high + 1)).values()
     assert (found.code, found.severity, found.evidence["signal"]) == ("span", "warning", "PV")
     assert found.text.startswith(f"PV goes from {low:.4g} to {high:.4g}, beyond its span of {high - 0.5:.4g}")
-    # As a fraction and as a current, whatever the settings say or do not say of it.
+    # OP as a fraction and as a current, with the settings and without.
     for span in (None, (0.0, 100.0)):
         found = look(t, sp, pv, op / 100, op_span=span)["span"]
         assert found.evidence["looks_like"] == "fraction" and "--op-span 0 1" in found.text
@@ -355,7 +355,7 @@ def test_noise_is_told_from_movement(sigma: float) -> None:
         assert noise_sigma(gaps) == pytest.approx(sigma, rel=0.15)
 
 
-def test_noise_of_steps_and_of_nothing() -> None:
+def test_noise_of_a_coarse_signal_and_of_constant_missing_or_short_ones() -> None:
     assert noise_sigma(np.round(np.sin(np.arange(4000) / 60), 1)) == pytest.approx(0.1 / math.sqrt(12))
     assert noise_sigma(np.sin(np.arange(4000) / 200)) < 1e-6
     assert noise_sigma(np.full(4000, 3.0)) is None

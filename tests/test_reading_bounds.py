@@ -37,7 +37,7 @@ def sheet_rows(n=30):
 
 
 def workbook(path, more="", dimension="A1:D31", strings=None):
-    """A workbook of one sheet: the rows of a recording, and what stands below them."""
+    """A workbook of one sheet: the rows of a recording, and lines below them."""
     space = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
     office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     package = "http://schemas.openxmlformats.org/package/2006/relationships"
@@ -100,7 +100,7 @@ def test_one_long_cell_is_refused(tmp_path, at):
 
 
 def test_a_workbook_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
-    """What its directory says of the sizes is not believed either."""
+    """The sizes in its directory are not trusted either."""
     monkeypatch.setattr(bounds, "UNPACKED", 1 << 20)
     monkeypatch.setattr(bounds, "RATIO", 1)
     path = workbook(tmp_path / "plant.xlsx", "".join(far(f"A{40 + k}") for k in range(60_000)))
@@ -132,7 +132,7 @@ def test_what_no_check_foresees_ends_the_process_apart_and_no_other(tmp_path):
 @pytest.mark.parametrize("columns", [10**5, 10**6])
 @pytest.mark.slow
 def test_a_table_that_is_too_wide_is_refused_at_its_first_line(tmp_path, columns):
-    """It took 15 s and more than a minute."""
+    """Regression: the tables took 15 s and more than a minute."""
     path = tmp_path / "plant.csv"
     path.write_text("\n".join([",".join(f"c{k}" for k in range(columns)), *4 * ["1," * (columns - 1) + "1"]]))
     with pytest.raises(
@@ -187,7 +187,7 @@ def test_a_packed_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch
 
 
 def test_a_file_that_begins_with_spaces_without_end_is_not_called_empty(tmp_path):
-    """3 GB of spaces in 3 MB: what stands behind the first of them was never looked at."""
+    """3 GB of spaces in 3 MB. Regression: the text after the first of them was never looked at."""
     path = tmp_path / "plant.csv.gz"
     path.write_bytes(gzip.compress(b" " * (18 << 20) + b"\nt,SP,PV,OP\n0,50,50,40\n", 1))
     with pytest.raises(InputError, match="begins with 16384 KiB of nothing but spaces and empty lines; delete them"):
@@ -254,6 +254,7 @@ def test_long_text_is_handed_over_in_pieces(tmp_path, monkeypatch):
 
 
 def crash():
+    """Ends the child by a signal."""
     os.kill(os.getpid(), signal.SIGKILL)
 
 

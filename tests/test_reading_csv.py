@@ -215,9 +215,9 @@ def test_time_stamps(tmp_path, first, second, t0):
 
 
 def test_plain_seconds_are_kept_as_they_are(tmp_path):
-    recording, got = read(write(tmp_path, "t,SP,PV\n3,1,2\n1.5,1,2\n1.5,1,2\n"))
+    recording, got = read(write(tmp_path, "t,SP,PV\n3,1,2\n1.5,1,2\n1.5,1,2\n4,1,2\n"))
     assert recording.t0 is None
-    assert got["t"].tolist() == [3, 1.5, 1.5]
+    assert got["t"].tolist() == [3, 1.5, 1.5, 4]
 
 
 def test_day_and_month_are_told_apart_by_the_end_of_the_file_or_by_following_days(tmp_path):
@@ -251,6 +251,58 @@ def test_no_time_column_needs_sample_time(tmp_path):
         read(path)
     recording, got = read(path, Loop(name="x", sample_time=0.5))
     assert (recording.t0, got["t"].tolist()) == (None, [0, 0.5, 1])
+
+
+def test_a_setting_that_is_not_used_is_told(tmp_path):
+    """Both were passed over in silence."""
+    path = write(tmp_path, "Zeit,SP,PV\n" + "".join(f"{k},1,{k % 3}\n" for k in range(9)))
+    recording, got = read(path, Loop(name="x", sample_time=0.5, auto_values=["AUTO", 1]))
+    assert got["t"].tolist() == list(range(9))
+    time, mode = recording.found
+    assert (time.code, mode.code, time.severity) == ("setting_unused", "setting_unused", "warning")
+    assert time.text.startswith("sample_time = 0.5 is not used, since column 'Zeit' has the times: leave it out")
+    assert (
+        mode.text.startswith("auto_values = ['AUTO', 1] is not used, since no column is the mode")
+        and "--mode" in mode.text
+    )
+    columns = {"time": ""}
+    recording, got = read(path, Loop(name="x", sample_time=0.5, columns=columns))
+    assert got["t"].tolist() == [k / 2 for k in range(9)] and not recording.found
+
+
+@pytest.mark.parametrize(
+    ("sp", "pv", "differ"),
+    [
+        ("bar", "kPa", True),
+        ("%", "°C", True),
+        ("mm", "m", True),
+        ("bar", "barg", False),
+        ("bara", "barg", True),
+        ("m³/h", "m3/h", False),
+        ("degC", "°C", False),
+        ("EU", "bar", False),
+        ("widgets", "bar", False),
+        ("", "bar", False),
+    ],
+)
+@pytest.mark.parametrize("kind", ["wide", "long"])
+def test_sp_and_pv_are_in_one_unit(tmp_path, sp, pv, differ, kind):
+    """SP in bar beside PV in kPa was accepted."""
+    names = [f"F1.SP [{sp}]" if sp else "F1.SP", f"F1.PV [{pv}]"]
+    if kind == "wide":
+        text = ",".join(["t", *names]) + "\n" + "".join(f"{k},1,{k % 3}\n" for k in range(9))
+    else:
+        text = "t,tag,value\n" + "".join(f"{k},{name},{k % 3}\n" for k in range(9) for name in names)
+    path = write(tmp_path, text)
+    if not differ:
+        assert len(read(path)[1]["t"]) == 9
+        return
+    with pytest.raises(InputError) as caught:
+        read(path)
+    error = caught.value
+    assert error.what == f"SP is in {sp} and PV in {pv}, must be in one unit"
+    assert (error.column or error.tag) == names[0] and f'pv_unit = "{pv}"' in error.hint
+    assert len(read(path, Loop(name="F1", pv_unit=pv))[1]["t"]) == 9
 
 
 def test_title_lines_units_and_empty_rows_of_spreadsheets(tmp_path):
@@ -460,7 +512,7 @@ def test_a_recording_can_be_left_early_and_read_again(tmp_path, monkeypatch):
 
 
 def test_text_road_and_native_road_agree(tmp_path):
-    """Once a cell needs the text road, its block and no other is read that way; values stay the same."""
+    """The text reader reads the block of such a cell and no other; values stay the same."""
     rng = np.random.default_rng(1)
     rows = [
         f"2024-01-01 00:00:{i:02d}.{i:03d},{x!r},{y!r},1e{i % 9},1"

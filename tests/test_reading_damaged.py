@@ -24,7 +24,9 @@ FILES = int(os.environ.get("GLAPP_FILES", "300"))
 
 
 def held(found, reader, count, beyond=1 / 2):
-    """That a run of the fuzzer found nothing, read so many files beyond their header, and kept to time and memory."""
+    """Checks that a run of the fuzzer found nothing, read so many files beyond their header, and kept to time and
+    memory.
+    """
     assert sum(n for how, n in found.items() if how in fuzzer.GOOD) == count
     assert set(found) <= fuzzer.GOOD | {fuzzer.BEGUN}, found
     assert found[fuzzer.BEGUN] > beyond * count, found
@@ -93,7 +95,9 @@ def two_loops():
 
 @pytest.mark.slow
 def test_text_that_points_outside_the_file(tmp_path):
-    """It was read there: signal 11. Read in a process apart, so that this one could tell."""
+    """Regression: the text was read there, and the process died of signal 11. Read in a process apart, so that this one
+    could tell.
+    """
     path = tmp_path / "F1.arrow"
     data = arrow(two_loops(), path)
     offsets = (np.arange(41) * 4).astype("<i4").tobytes()
@@ -112,7 +116,7 @@ def test_text_that_points_outside_the_file(tmp_path):
 
 
 def test_text_that_is_no_utf8_harms_its_own_loop_only(tmp_path):
-    """It took all loops of the run with it."""
+    """Regression: the text ended all loops of the run."""
     table = two_loops()
     words = pa.Array.from_buffers(pa.string(), 40, pa.array([b"\xff\xfe"] * 40).buffers())
     table = table.set_column(table.column_names.index("F1.MODE"), "F1.MODE", words)
@@ -133,7 +137,7 @@ def test_names_that_are_no_utf8(tmp_path):
 
 
 def test_a_file_that_shrinks_while_it_is_read(tmp_path):
-    """It was mapped into memory, and the end of it was a bus error."""
+    """Regression: the file was mapped into memory, and its missing end was a bus error."""
     path = tmp_path / "F1.arrow"
     table = two_loops()
     big = pa.concat_tables([table] * 2000)
@@ -195,7 +199,7 @@ def test_numbers_that_begin_at_an_odd_byte():
 
 
 def test_the_fuzzer_can_fail(monkeypatch, tmp_path):
-    """What raises anything but an InputError is counted, and so is what the net below it caught."""
+    """Errors other than InputError are counted, and so are those that the net below it caught."""
     path = tmp_path / "x.parquet"
     out = io.BytesIO()
     pq.write_table(two_loops(), out)
@@ -214,7 +218,7 @@ def test_the_fuzzer_can_fail(monkeypatch, tmp_path):
 
 
 def test_numbers_near_the_largest_there_is_warn_of_nothing():
-    """Their sum overflows, and the terminal showed a warning of arithmetic."""
+    """Regression: their sum overflows, and the terminal showed a warning of arithmetic."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         recording = recording_from({"t": np.arange(3.0), "SP": np.ones(3), "PV": [1.7e308, 1.7e308, 1.0]})

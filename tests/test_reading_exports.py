@@ -40,7 +40,7 @@ def test_every_form_is_read_right(tmp_path, name):
     flags = np.zeros(len(got), np.uint8) if got.flags is None else got.flags
     assert np.flatnonzero(flags & NOT_AUTO).tolist() == list(want.manual)
     assert recording.units == want.units
-    assert [finding.code for finding in recording.found] == ([] if want.told is None else [want.told])
+    assert [finding.code for finding in recording.found] == ([] if want.finding is None else [want.finding])
 
 
 def as_workbook(tmp_path, *sheets):

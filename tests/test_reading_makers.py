@@ -44,7 +44,7 @@ ROWS = [(k, 50 + k % 3, 40 + k % 4) for k in range(20)]
 
 
 def test_rows_of_several_loops_are_not_mixed(tmp_path):
-    """They were: a column that names the loop of each row was passed over, and all rows were one loop."""
+    """Regression: a column that names the loop of each row was ignored, and all rows were one loop."""
     lines = [f"{name},{k},50,{pv + shift},{op}" for k, pv, op in ROWS for name, shift in (("F1", 0), ("F2", 100))]
     got = read(tmp_path, "x.csv", "\n".join(["name,time,sp,pv,op", *lines]))
     assert list(got) == ["F1", "F2"]
@@ -111,7 +111,7 @@ def test_what_is_damaged_is_told(tmp_path, name, text, line):
 
 
 def test_channels_of_twincat_keep_rates_of_their_own(tmp_path):
-    """They did not: the times of the first channel were taken for those of all."""
+    """Regression: the times of the first channel were taken for those of all."""
     lines = ["Name\tF1.PV\tName\tF1.OP", "SampleTime[ms]\t100\tSampleTime[ms]\t200"]
     lines += [f"{100 * k}\t{pv}\t{200 * k if k < 10 else ''}\t{k if k < 10 else ''}" for k, pv, _ in ROWS]
     got = read(tmp_path, "x.csv", "\n".join(lines))["F1"]
@@ -128,7 +128,7 @@ def test_lines_of_json_have_their_line(tmp_path):
 
 @pytest.mark.parametrize("packing", ["gzip", "bz2", "zstd"])
 def test_what_is_read_whole_may_be_packed(tmp_path, packing):
-    """It was taken for a table of text: only CSV was unpacked."""
+    """Regression: a packed file was taken for a table of text, since only CSV was unpacked."""
     rows = [{"time": k, "sp": 50, "pv": pv, "op": op} for k, pv, op in ROWS]
     cells = "".join(f"<tr><td>{k}</td><td>50</td><td>{pv}</td><td>{op}</td></tr>" for k, pv, op in ROWS)
     head = "<tr><td>time</td><td>SP</td><td>PV</td><td>OP</td></tr>"

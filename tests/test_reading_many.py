@@ -47,7 +47,7 @@ def write(table, path):
 
 @pytest.fixture
 def reads(monkeypatch):
-    """How often each column of a file is read: a list of column indices per pass."""
+    """Number of reads of each column of a file: a list of column indices per pass."""
     made = []
     for source in (CsvSource, ApartSource):
         whole = source.stream
@@ -213,7 +213,7 @@ def test_loops_with_words_of_their_own_for_bad_values_keep_them(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("long", [70_000, 300_000])
 def test_a_header_beyond_the_first_sample_is_read(tmp_path, long):
-    """It was "has a header but no rows": only the first 64 KiB were looked at."""
+    """Regression: the file "has a header but no rows", since only the first 64 KiB were looked at."""
     prefix = "PLANT_A/UNIT_300/AREA_12/CONTROLLERS/MODULE_7/"
     loops = long // 200
     made = table(loops, 40).rename_columns(tag_names(loops, prefix))

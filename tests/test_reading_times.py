@@ -1,6 +1,8 @@
 """Stamps against Python's own calendar, and the faults of a time column."""
 
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
@@ -8,8 +10,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from glapp.errors import InputError
+from glapp.reading import open_recordings
 from glapp.reading.times import Clock
 from glapp.reading.values import CellFault
+from glapp.recording import joined
 
 moments = st.lists(st.datetimes(datetime(1970, 1, 1), datetime(2200, 1, 1)), min_size=1, max_size=20)
 
@@ -210,3 +215,59 @@ def test_numbers_too_large_for_seconds_are_refused(values):
     with pytest.raises(CellFault, match="too large for seconds") as caught:
         clock_of(np.array(values, float))
     assert "time_format" in caught.value.hint
+
+
+STOCKHOLM = ZoneInfo("Europe/Stockholm")
+AUTUMN = [
+    (datetime(2024, 10, 26, 22, tzinfo=UTC) + timedelta(minutes=k)).astimezone(STOCKHOLM).strftime("%Y-%m-%d %H:%M")
+    for k in range(600)
+]
+"""A night in which an hour is there twice."""
+FORMS_FROM_LAST = {
+    "stamps": [f"2024-01-31 10:{k // 60:02d}:{k % 60:02d}" for k in range(600)],
+    "day and month": [f"13/02/2024 10:{k // 60:02d}:{k % 60:02d}" for k in range(600)],
+    "numbers": [str(k) for k in range(600)],
+    "epoch": [str(1_700_000_000_000 + 500 * k) for k in range(600)],
+    "autumn": AUTUMN,
+}
+
+
+@pytest.mark.parametrize("form", FORMS_FROM_LAST)
+def test_a_table_whose_newest_row_comes_first_is_read_from_its_last(tmp_path: Path, form: str) -> None:
+    """Many historians export so; such a file was refused."""
+    body = [f"{stamp},50,{k % 7},{40 + k % 5}" for k, stamp in enumerate(FORMS_FROM_LAST[form])]
+    settings = {"time_zone": "Europe/Stockholm"} if form == "autumn" else {}
+    up, down = tmp_path / "up.csv", tmp_path / "down.csv"
+    up.write_text("\n".join(["t,SP,PV,OP", *body]))
+    down.write_text("\n".join(["t,SP,PV,OP", *reversed(body), ",,,"]))
+    [ours], [theirs] = (open_recordings(path, defaults=settings) for path in (down, up))
+    one, other = (joined(list(recording.batches(rows=100))) for recording in (ours, theirs))
+    for column in ("t", "sp", "pv", "op"):
+        np.testing.assert_array_equal(getattr(one, column), getattr(other, column))
+    assert ours.t0 == theirs.t0 and [finding.code for finding in ours.found] == ["newest_first"]
+    body[100] = body[100].rsplit(",", 1)[0] + ",abc"
+    down.write_text("\n".join(["t,SP,PV,OP", *reversed(body)]))
+    [wrong] = open_recordings(down, defaults=settings)
+    with pytest.raises(InputError, match="row 501, column OP: 'abc' is not a number"):
+        list(wrong.batches())
+
+
+def test_a_table_of_which_some_rows_rise_is_left_as_it_is(tmp_path: Path) -> None:
+    order = [*range(50, 0, -1), *range(60, 50, -1)]
+    (tmp_path / "mixed.csv").write_text("\n".join(["t,SP,PV,OP", *(f"{k},50,{k % 7},40" for k in order)]))
+    [recording] = open_recordings(tmp_path / "mixed.csv")
+    assert joined(list(recording.batches())).t.tolist() == order and not recording.found
+
+
+@pytest.mark.parametrize("order", ["row by row", "tag by tag"])
+def test_tags_whose_newest_rows_come_first_are_read_from_the_last(tmp_path: Path, order: str) -> None:
+    body = [f"{k},F1.{tag},{(k + i) % 7}" for k in range(90) for i, tag in enumerate(("SP", "PV", "OP"))]
+    up, down = tmp_path / "up.csv", tmp_path / "down.csv"
+    up.write_text("\n".join(["time,tag,value", *body]))
+    turned = body[::-1] if order == "row by row" else sorted(body[::-1], key=lambda row: row.split(",")[1])
+    down.write_text("\n".join(["time,tag,value", *turned]))
+    [ours], [theirs] = (open_recordings(path) for path in (down, up))
+    one, other = (joined(list(recording.batches())) for recording in (ours, theirs))
+    for column in ("t", "sp", "pv", "op"):
+        np.testing.assert_array_equal(getattr(one, column), getattr(other, column))
+    assert [finding.code for finding in ours.found] == ["newest_first"]

@@ -37,7 +37,7 @@ def dated(table: pa.Table, loop: glapp.Loop, number: int, **settings: Any) -> gl
 
 
 def small(number: int, **settings: Any) -> glapp.Recording:
-    """Enough to be a recording, not to tell anything."""
+    """A recording too short for any statement."""
     return day("steps/none/0", number, 120, **settings)
 
 
@@ -54,7 +54,7 @@ class TestOneWidth:
         assert three.verdict == "backlash", three.reason
         assert three.low is not None and three.high is not None and three.low < truth < three.high
         assert three.reason.startswith("by 3 recordings together: dead band of")
-        # What each adds is what there is.
+        # The contributions add up to the whole.
         assert three.lr_no_gap == pytest.approx(sum(one.adds for one in three.recordings))
         alone = [one.fit for one in three.recordings]
         assert three.high - three.low < min((f.high or np.inf) - (f.low or 0.0) for f in alone)
@@ -261,6 +261,6 @@ class TestCommandLine:
         Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv"]\n')
         code, *out = run("analyze", "loops.toml", "--as-loop", "FIC1")
         assert code == 2 and "--as-loop takes recordings" in " ".join(out[1].split())
-        # What is asked of each recording by itself answers for each.
+        # Each recording gets its own answer.
         code, *out = run("identify", "loops.toml")
         assert code == 0 and "(mon.csv)" in out[0] and "(tue.csv)" in out[0]

@@ -1,4 +1,4 @@
-"""The report: what it says is what the results hold, nothing leaves the page, nothing breaks it."""
+"""The report: its content is that of the results, nothing leaves the page, nothing breaks it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from glapp.trace import Band, Trace
 
 
 def replace(of: Any, **changes: Any) -> Any:
-    """With other fields; a result with the answer that follows from them."""
+    """A result with other fields, and the answer that follows from them."""
     return of.decided_with(**changes) if isinstance(of, Result) else with_fields(of, **changes)
 
 
@@ -606,6 +606,10 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     assert list(dots.error_y.array) == [1.0] * 5 and list(dots.error_y.arrayminus) == [0.5] * 5
     assert (list(least.y), list(most.y)) == ([3.5], [0.4])
     assert list(line.y) == [2.0, 6.0] and line.x[0] == dots.x[0] and line.x[-1] == dots.x[-1]
+    # One window that tells something once had the only moment of the axis, which then counted microseconds.
+    alone = trend_figure(replace(worn, fit=replace(fit, windows=[windows[5], windows[7]], trend=None)))
+    first, last = alone.layout.xaxis.range
+    assert last - first == pytest.approx(2.1 * day * (1 if worn.t0 is None else 1000))
     write_report([result], file := tmp_path / "trend.html")
     text = " ".join(parsed(file).text)
     assert "8 windows of the recording" in text and ", up from 2 in 4 d" in text
@@ -666,7 +670,7 @@ def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -
 
 
 def fitted(worn: Result, verdict: Any = "backlash", low: float = 2.5, high: float | None = 3.4) -> Result:
-    """With a fit whose model is the simulated valve itself."""
+    """A result with a fit whose model is the simulated valve itself."""
     s = closed_loop(3.0)
     candidate = {"lags": 1, "integrating": False, "noise": "input", "delta_deviance": 0.0}
     profile = (np.linspace(0, 6, 30), np.linspace(-3, 3, 30) ** 2 * 20)
@@ -720,7 +724,7 @@ def test_a_fitted_loop_has_all_its_pictures(worn: Result, tmp_path: Path) -> Non
 
 
 def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
-    """A planner was told to make the test that he had recorded."""
+    """Regression: a planner was advised to make the test that he had recorded."""
     steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     run_of = {"d": 2.0, "noise": 0.05, "h": 1.0, "t_end": 400, "setpoint": [(0, 40.0)]}
     plant = ([0.8], [5, 1], 0)
@@ -834,7 +838,7 @@ needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not in
 
 
 def browsed(page: Path, *options: str) -> str:
-    """What Chromium makes of a page, three seconds after it was opened."""
+    """Content of a page in Chromium, three seconds after it was opened."""
     assert CHROMIUM is not None
     command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", *options]
     return subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=120, check=True).stdout
@@ -886,7 +890,7 @@ def test_report_station_and_page_have_one_typeface() -> None:
     for path in styles:
         text = (root / path).read_text(encoding="utf-8")
         for shorthand, value in re.findall(r"[\s{;]font(-family)?:\s*([^;}]+)", text):
-            # In the shorthand the family stands behind the size.
+            # The family stands behind the size in the shorthand.
             found = value if shorthand else re.sub(r"^.*?\d+(?:\.\d+)?(?:px|pt|rem|em)(?:/[\d.]+)?\s+", "", value)
             families |= {found.strip()} - {"inherit", "var(--face)"}
         families |= set(re.findall(r"--face:\s*([^;}]+)", text))

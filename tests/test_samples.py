@@ -99,7 +99,7 @@ def test_wrong_arrays_are_one_line(signals: dict[str, Any], line: str) -> None:
 
 
 def test_an_op_that_looks_like_a_fraction_is_no_percentage(worn: Simulation) -> None:
-    """Whatever is asked, and of one recording or two."""
+    """Holds for every question, with one recording or two."""
     op = 0.5 + (worn.op - worn.op.mean()) / np.ptp(worn.op) / 2.1
     signals = {"t": worn.t, "pv": worn.pv, "op": op}
     assert glapp.fit(**signals).unit == "OP unit"

@@ -88,7 +88,7 @@ def same(a: Simulation, b: Simulation) -> bool:
 
 @pytest.mark.parametrize("name", ["P2", "P3", "P6"])
 def test_open_loop_against_lsim(name: str) -> None:
-    """In manual the loop is the plant alone, its input held between samples as lsim holds it."""
+    """The loop in manual is the plant alone, its input held between samples as lsim holds it."""
     h, n = 0.05, 1000
     s = run(
         filtered_scenario(
@@ -129,7 +129,7 @@ def test_linear_closed_loop_against_python_control(name: str, controller: tuple[
     (k, ti), h, tf, n = controller, 0.05, 0.1, 600
     num, den, dead_time = PLANTS[name]
     a, late = h / (tf + h), round(dead_time / h)
-    # In state space: polynomials of the closed loop's order would have lost too many digits.
+    # Computed in state space: polynomials of the closed loop's order would have lost too many digits.
     plant = control.sample_system(control.ss(control.tf(num, den)), h, method="zoh")
     if late:
         shift = control.ss(np.eye(late, k=-1), np.eye(late, 1), np.eye(1, late, k=late - 1), 0, h)

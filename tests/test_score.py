@@ -1,4 +1,4 @@
-"""Answers beside what the workshop found."""
+"""Answers compared with the workshop's findings."""
 
 from __future__ import annotations
 

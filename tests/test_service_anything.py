@@ -49,7 +49,7 @@ def test_a_method_that_is_not_described_is_not_answered(tmp_path: Path) -> None:
 
 
 def asked(operation: Any, headers: dict[str, str]) -> set[int]:
-    """Statuses of what a API answers to requests that are as described, and to others."""
+    """Status codes of an API for requests as described, and for others."""
     statuses = set()
     negative = operation.as_strategy(generation_mode=schemathesis.GenerationMode.NEGATIVE)
 

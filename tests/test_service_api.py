@@ -1,4 +1,4 @@
-"""The API: who may what, what is refused, and that all of it is put down."""
+"""The API: rights of the roles, refused requests, and the log of all commands."""
 
 import asyncio
 import json
@@ -252,8 +252,8 @@ def test_passwords_cannot_be_tried_without_end(monitor: Monitor) -> None:
     assert log_in(users, "eve", PASSWORDS["eve"], BEGIN + 301)[1].name == "eve"
 
 
-def test_passwords_tried_at_the_same_time_count_before_one_is_looked_at(monitor: Monitor) -> None:
-    """120 in parallel: 30 were looked at, and not 5."""
+def test_a_password_counts_as_tried_before_it_is_checked(monitor: Monitor) -> None:
+    """Regression: of 120 passwords in parallel 30 were checked, and not 5."""
     users = Users(monitor.store, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     looked_at = 0

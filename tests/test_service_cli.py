@@ -1,4 +1,4 @@
-"""`glapp watch` on the command line: what it shows, what it refuses, and that it ends as it should."""
+"""`glapp watch` on the command line: its output, its refusals, and its end."""
 
 import asyncio
 import json
@@ -122,7 +122,7 @@ def test_without_a_service_or_a_login(tmp_path: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.verify
 def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A plant and its service, started, asked, told to stop: by the command line alone."""
+    """A plant and its service, started, asked and stopped by the command line alone."""
     folder = tmp_path / "data"
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     words = ["watch", "--demo", "--loops", "2", "--scan", "0.5", "--data", str(folder), "--port", "0"]

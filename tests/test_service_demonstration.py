@@ -1,4 +1,4 @@
-"""The demonstration: what is stored of it is what the code answers, and the service goes on from there."""
+"""The demonstration: its stored answers are those of the code, and the service goes on from there."""
 
 import json
 import math
@@ -32,11 +32,11 @@ WHAT = {
     "FIC105": "sound",
     "TIC106": "cannot_tell",
 }
-"""How sure each answer is; that of PIC102 is that it oscillates."""
+"""Confidence of each answer; PIC102 oscillates for another reason."""
 
 
 def differences(stored: Any, made: Any, place: str = "") -> Iterator[str]:
-    """Where two answers differ; numbers by more than a millionth."""
+    """Paths at which two answers differ; numbers by more than a millionth."""
     if isinstance(stored, dict) and isinstance(made, dict):
         for name in sorted(stored.keys() | made.keys()):
             yield from differences(stored.get(name), made.get(name), f"{place}.{name}")

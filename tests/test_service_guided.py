@@ -1,4 +1,4 @@
-"""The guided step test: what is told at each place of it, when it ends, and what it decides."""
+"""The guided step test: its texts at each place, its end, and its decision."""
 
 import asyncio
 import json
@@ -139,10 +139,10 @@ def watched(tmp_path, mode=True):
     return one, clock
 
 
-def stored_plan(one, told=None):
+def stored_plan(one, document=None):
     one.store.ask_plan("FIC0", BEGIN, "eve", {})
     [row] = one.reader.plans_waiting()
-    one.store.keep_plan(row["id"], told or plan_of(ASKED), None)
+    one.store.keep_plan(row["id"], document or plan_of(ASKED), None)
 
 
 def values_of(table):

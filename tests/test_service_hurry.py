@@ -28,13 +28,13 @@ OPTIONS = MonitorOptions(period=SCAN, lost=10.0 * SCAN, wait=0.0)
 
 
 async def seen(monitor: Monitor, loop: str, **settings: float) -> None:
-    """As after a watchdog test, and a width that is typed."""
+    """A state as after a watchdog test, with a width that is typed."""
     await monitor.journal.log("eve", "engineer", "drilled", loop, None, None, settings={WATCHDOG_SEEN: {}})
     await monitor.commands.change(loop, settings, "eve", "engineer")
 
 
 def test_a_service_takes_the_settings_of_a_plant_that_hurries(tmp_path: Path) -> None:
-    """It did not: u_FF of `glapp station --demo --days 40 --scan 60` was faster than may be set."""
+    """Regression: u_FF of `glapp station --demo --days 40 --scan 60` was faster than may be set."""
     plant = SimPlant(1, scan=SCAN, speed=20_000.0)
     [loop] = parse_settings(plant.settings(), "loops.toml", tmp_path)
     assert loop.opcua.u_ff_limit is not None and loop.opcua.u_ff_rate is not None
@@ -57,7 +57,7 @@ def test_the_clock_on_the_wall_counts_once_the_plant_has_caught_up(monkeypatch: 
     assert clock() == plant.time
     plant.time, wall = wall - SCAN, wall + 20.0
     assert clock() == wall
-    # It stays so if the plant then falls behind: a clock does not go back.
+    # The value stays if the plant then falls behind: a clock does not go back.
     wall += 600.0
     assert clock() == wall
 
@@ -117,7 +117,9 @@ def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdraw
 
 @pytest.mark.slow
 def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
-    """By OPC UA: without waiting it would be hundreds of scans ahead when u_FF is there, and enabling be refused."""
+    """Tested by OPC UA: without waiting the plant would be hundreds of scans ahead when u_FF is there, and enabling be
+    refused.
+    """
     found: list[tuple[float, float, str]] = []
     written: list[float] = []
 

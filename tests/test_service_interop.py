@@ -72,7 +72,7 @@ def theirs(stack, script, *words, pki=None):
 
 
 async def said(stack, script, *words, pki=None):
-    """What a program of theirs says at its end."""
+    """Last output of another maker's program."""
     child = await asyncio.to_thread(lambda: theirs(stack, script, *words, pki=pki))
     out, _ = await asyncio.to_thread(child.communicate, timeout=180)
     return json.loads(next(line for line in out.splitlines() if line.startswith(b"{")))
@@ -80,7 +80,7 @@ async def said(stack, script, *words, pki=None):
 
 @contextlib.contextmanager
 def their_server(stack, *folder):
-    """Where it listens, and what it says of itself."""
+    """Address of their server, and its description."""
     port = free_port()
     with theirs(stack, "server", port, *folder) as served:
         try:
@@ -124,7 +124,7 @@ def test_our_client_and_their_server(stack):
             back = await watch.source.read_back("FIC101")
             watch.source._link.end("ended on purpose")
             await asyncio.sleep(0.5)
-            await watch.until(lambda: watch.told("backfilled" if stack == "node" else "no_history"))
+            await watch.until(lambda: watch.texts("backfilled" if stack == "node" else "no_history"))
             await watch.heard("FIC101", 10)
         return loops, watch, back
 
@@ -144,7 +144,9 @@ def test_our_client_and_their_server(stack):
 
 @pytest.fixture(scope="module")
 def pki(tmp_path_factory):
-    """Who they are, and a stranger whom nobody trusts: NAME.der, NAME.crt (the same as text) and NAME.pem, the key."""
+    """Certificates of the programs, and of a stranger whom nobody trusts: NAME.der, NAME.crt (the same as text) and
+    NAME.pem, the key.
+    """
     folder = tmp_path_factory.mktemp("pki")
 
     async def make(name, uri, *uses):
@@ -172,7 +174,7 @@ def test_our_client_and_their_server_encrypted(stack, pki):
         given = {"certificate": pki / f"{own}.der", "private_key": pki / f"{own}.pem", "user": "glapp"}
         given |= {"security": "Basic256Sha256", "password_file": pki / password}
         async with watched(url, uri, server_certificate=pki / f"{server}.der", **given) as watch:
-            await watch.until(lambda: watch.told("lost") or len(watch.of("FIC101")) > 5)
+            await watch.until(lambda: watch.texts("lost") or len(watch.of("FIC101")) > 5)
         return watch
 
     async def run(url, uri):
@@ -181,9 +183,9 @@ def test_our_client_and_their_server_encrypted(stack, pki):
 
     with their_server(stack, pki) as (url, answers):
         right, refused = asyncio.run(run(url, answers["uri"]))
-    assert len(right.of("FIC101")) > 5 and not right.told("lost")
+    assert len(right.of("FIC101")) > 5 and not right.texts("lost")
     assert not any(one.values for one in refused)
-    strange, other, guessed = (one.told("lost")[0] for one in refused)
+    strange, other, guessed = (one.texts("lost")[0] for one in refused)
     assert "it may not trust our certificate" in strange or "BadSecurityChecksFailed" in strange
     assert "BadTcpInternalError" in other or "BadSecurityChecksFailed" in other
     assert "BadUserAccessDenied" in guessed
@@ -208,7 +210,7 @@ def test_their_client_and_our_plant():
 @pytest.mark.parametrize("sealed", [False, True], ids=["open", "encrypted"])
 @pytest.mark.parametrize("stack", STACKS)
 def test_their_client_and_our_answers(stack, sealed, pki, tmp_path):
-    """What we say of a loop, as it is and as it changes; none of it is to be written.
+    """Their client reads our values of a loop, as they are and as they change; none of them can be written.
 
     Encrypted it is said to who knows the password, and they speak to nobody whose certificate they do not know.
     """

@@ -1,7 +1,8 @@
-"""The listener of the API and of the station: what is held open by strangers shuts nobody out, and does not last."""
+"""The listener of the API and of the station: connections held open by strangers shut nobody out, and do not last."""
 
 import asyncio
 import contextlib
+import logging
 import math
 import socket
 import ssl
@@ -11,6 +12,7 @@ from typing import Any
 
 import httpx
 import pytest
+from starlette.middleware.base import BaseHTTPMiddleware
 from station_window import Window
 from test_station import certificate
 
@@ -21,7 +23,7 @@ __all__ = ["certificate"]
 
 QUICK = ListenerLimits(header=1.0, body=1.0, answer=1.0, slowest=100_000, idle=1.0, rest=0.3, address=8, strangers=16)
 LONGEST = 60.0
-"""Nothing that is waited for takes longer, on any machine [s]."""
+"""Longest wait, on any machine [s]."""
 
 PATIENT = ListenerLimits(
     header=LONGEST, body=LONGEST, answer=LONGEST, idle=LONGEST, address=8, strangers=12, logged_in=6
@@ -29,7 +31,7 @@ PATIENT = ListenerLimits(
 
 
 class App:
-    """An application that says of each request how it went."""
+    """An application that records how each request went."""
 
     def __init__(self) -> None:
         self.bodies: list[int] = []
@@ -96,7 +98,7 @@ class Stranger:
         return one
 
     async def ended(self) -> bytes:
-        """What came until it was closed."""
+        """Bytes until the connection was closed."""
         found = b""
         async with asyncio.timeout(LONGEST):
             with contextlib.suppress(ConnectionError):
@@ -137,7 +139,7 @@ def test_strangers_that_hold_connections_half_open_shut_nobody_out() -> None:
 
 @pytest.mark.slow
 def test_an_address_has_its_own_bound() -> None:
-    """Where strangers have all there is, who has most of them loses one."""
+    """With strangers on every connection, the one with most of them loses one."""
 
     async def go() -> None:
         async with served(App(), PATIENT) as api:
@@ -296,7 +298,7 @@ def test_a_stranger_sends_so_many_requests_by_a_connection() -> None:
 
 @pytest.mark.slow
 def test_a_body_in_chunks_passes_no_bound() -> None:
-    """Its length was believed, and as much read as came."""
+    """Regression: the stated length was believed, and as much read as came."""
 
     async def go() -> None:
         app = App()
@@ -443,3 +445,46 @@ def test_no_file_left_is_no_end() -> None:
             assert (await asked(api)).text == "here" and len(failed) == 3
 
     asyncio.run(go())
+
+
+class Silent(BaseHTTPMiddleware):
+    """Hands on, as NiceGUI's middleware does."""
+
+    async def dispatch(self, request: Any, call_next: Any) -> Any:
+        return await call_next(request)
+
+
+@pytest.mark.parametrize("gone", [True, False])
+def test_a_killed_browser_fills_no_log(gone: bool) -> None:
+    """Each one left a traceback of "No response returned"; a handler that answers nobody still does."""
+    done: list[str] = []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        if scope["type"] != "http":
+            return
+        while gone and (await receive())["type"] != "http.disconnect":
+            pass
+        done.append(scope["path"])
+
+    async def run() -> list[str]:
+        heard: list[str] = []
+        handler = logging.Handler()
+        handler.emit = lambda record: heard.append(logging.Formatter().format(record))  # type: ignore[method-assign]
+        async with served(Silent(app), PATIENT) as api:
+            logging.getLogger("uvicorn.error").addHandler(handler)
+            try:
+                one = await Stranger.to(api, b"GET /x HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+                if gone:
+                    one.writer.transport.abort()
+                else:
+                    await one.reader.read(10)
+                async with asyncio.timeout(LONGEST):
+                    while not done:
+                        await asyncio.sleep(0.01)
+                await asyncio.sleep(0.1)
+            finally:
+                logging.getLogger("uvicorn.error").removeHandler(handler)
+        return heard
+
+    heard = asyncio.run(run())
+    assert (heard == []) if gone else any("No response returned." in text for text in heard)

@@ -30,7 +30,7 @@ MOST = (3.0, 50.0)
 
 
 async def after_watchdog_test(monitor: Monitor) -> None:
-    """As after a watchdog test."""
+    """A state as after a watchdog test."""
     await monitor.journal.log("eve", "engineer", "drilled", "FIC0", None, None, settings={WATCHDOG_SEEN: {}})
 
 
@@ -187,7 +187,7 @@ def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -
 
 @pytest.mark.slow
 def test_a_pv_that_comes_no_more_ends_it_though_the_connection_lives(tmp_path: Path) -> None:
-    """It was held to stand still, and u_FF stood with it."""
+    """Regression: PV was taken as standing still, and u_FF stood with it."""
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
         await in_force(monitor, plant)
@@ -273,7 +273,7 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
     """A server tells SP, mode and u_FF when they change; after a restart they are those of before, and u_FF is read."""
 
     async def nothing(journal: Journal) -> None:
-        """What a kill leaves: the entries, and no state."""
+        """State left by a kill: the entries, and no state."""
 
     class Sparing(Swinging):
         sent: dict[Signal, float]
@@ -385,7 +385,7 @@ def test_while_it_is_off_nothing_goes_to_the_plant_that_is_farther_from_0_than_w
 
 
 def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
-    """There is one watchdog for all loops."""
+    """All loops share one watchdog."""
     both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]
     monitor = Monitor(both, Store(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
     one, other = (monitor.loops[name].compensator for name in ("FIC0", "FIC1"))
@@ -683,7 +683,7 @@ def test_a_fit_whose_process_is_killed_is_told_and_the_next_one_begins(tmp_path:
 
 @pytest.mark.slow
 def test_nights_go_by_the_clock_of_the_watch(tmp_path: Path) -> None:
-    """Of a plant that hurries a night is over in seconds: the clock on the wall was waited for."""
+    """Regression: a night of a fast plant is over in seconds, and the clock on the wall was waited for."""
     clock = Clock()
     monitor = service.monitor(tmp_path, loops(2), clock)
 
@@ -703,7 +703,7 @@ def test_nights_go_by_the_clock_of_the_watch(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_fit_under_way_ends_with_the_service(tmp_path: Path) -> None:
-    """It was waited for, however long it took."""
+    """Regression: the fit was waited for, however long it took."""
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
         monitor.fits.ask("FIC0", "olaf")

@@ -1,4 +1,4 @@
-"""The connection to a plant by OPC UA, against the simulated plant on this machine: every fault, and what is told."""
+"""The connection to a plant by OPC UA, against the simulated plant on this machine: every fault, and its event."""
 
 import asyncio
 import contextlib
@@ -56,7 +56,7 @@ def served(test):
 
 
 class Watch:
-    """A source that runs beside the test, and what it gave."""
+    """A source that runs beside the test, with its values and events."""
 
     def __init__(self, plant, since=None, loops=None, **connection):
         self.loops = loops or parse_settings(plant.settings(), "loops.toml", Path())
@@ -76,7 +76,7 @@ class Watch:
     def of(self, loop, which=Signal.PV):
         return [v for v in self.values if v.loop == loop and v.signal is which]
 
-    def told(self, kind, loop=None):
+    def texts(self, kind, loop=None):
         return [e.text for e in self.events if e.kind == kind and (loop is None or e.loop == loop)]
 
     async def until(self, condition, seconds=120.0):
@@ -139,7 +139,7 @@ def gaps(values, scan):
 
 @pytest.fixture(scope="module")
 def faulty(shared):
-    """What a watch saw while in each of eight loops something else went wrong for a while."""
+    """Results of a monitor while each of eight loops has another fault for a while."""
     kinds = ["bad", "stuck", "future", "late", "duplicate", "type", "back", "silent"]
 
     async def run(plant):
@@ -198,7 +198,7 @@ def test_a_still_value_is_told_from_a_lost_one(faulty):
 def test_a_time_stamp_from_the_future_is_left_out(faulty):
     loop, values = during(faulty, "future")
     assert not values
-    [first, *_] = faulty.watch.told("future", loop)
+    [first, *_] = faulty.watch.texts("future", loop)
     assert "ahead of this computer's clock; it is left out" in first
     assert faulty.watch.of(loop)[-1].time > faulty.ended, "and does not lock out what comes after it"
 
@@ -207,21 +207,21 @@ def test_a_time_stamp_from_the_future_is_left_out(faulty):
 def test_late_values_are_left_out(faulty):
     loop, values = during(faulty, "late")
     assert len(values) > 5 and not gaps(values, 0.1)
-    assert "comes after that of" in faulty.watch.told("late", loop)[0]
+    assert "comes after that of" in faulty.watch.texts("late", loop)[0]
 
 
 @served
 def test_a_value_that_comes_twice_is_handed_on_once(faulty):
     loop, values = during(faulty, "duplicate")
     assert len(values) > 5 and not gaps(values, 0.1)
-    assert "comes twice" in faulty.watch.told("duplicate", loop)[0]
+    assert "comes twice" in faulty.watch.texts("duplicate", loop)[0]
 
 
 @served
 def test_a_tag_that_changes_its_type(faulty):
     loop, values = during(faulty, "type")
     assert values and all(not v.good and v.note == "is a str" for v in values)
-    there, back = faulty.watch.told("type_changed", loop)
+    there, back = faulty.watch.texts("type_changed", loop)
     assert "from Double to String" in there and "from String to Double" in back
     assert faulty.watch.of(loop)[-1].good
 
@@ -231,7 +231,8 @@ def test_a_clock_that_is_set_back(faulty):
     loop, values = during(faulty, "back")
     assert not values
     assert (
-        "clock went back by 3600 s; values are left out until it has passed" in faulty.watch.told("clock_back", loop)[0]
+        "clock went back by 3600 s; values are left out until it has passed"
+        in faulty.watch.texts("clock_back", loop)[0]
     )
     assert faulty.watch.of(loop)[-1].time > faulty.ended
 
@@ -243,7 +244,7 @@ def test_a_sound_loop_is_not_spoken_of(faulty):
 
 @served
 def test_the_same_thing_is_not_told_again_and_again(faulty):
-    assert len(faulty.watch.told("future")) <= 2  # three values a second until it was over
+    assert len(faulty.watch.texts("future")) <= 2  # three values a second until it was over
 
 
 # ---------------------------------------------------------------- faults of the connection
@@ -251,7 +252,7 @@ def test_the_same_thing_is_not_told_again_and_again(faulty):
 
 @pytest.mark.slow
 def test_server_gone_and_back_with_other_namespace_indices():
-    """Nothing is missing and nothing comes twice, though the server was away and its indices have moved."""
+    """No value is missing and none comes twice, though the server was away and its indices have moved."""
 
     async def run():
         async with SimPlant(2, scan=0.1) as plant:
@@ -261,10 +262,10 @@ def test_server_gone_and_back_with_other_namespace_indices():
             async with Watch(plant, loops=[by_index, whole[1]]) as watch:
                 await watch.heard("A", 10)
                 await plant.close()
-                await watch.until(lambda: watch.told("lost"))
+                await watch.until(lambda: watch.texts("lost"))
                 await asyncio.sleep(1.0)
                 await plant.open(namespaces=3)
-                await watch.until(lambda: watch.told("backfilled"))
+                await watch.until(lambda: watch.texts("backfilled"))
                 await watch.heard("A", 15)
         return watch
 
@@ -273,10 +274,10 @@ def test_server_gone_and_back_with_other_namespace_indices():
         values = [v for v in watch.of(loop) if v.note != "BadWaitingForInitialData"]
         assert ascending(values) and not gaps(values, 0.1)
         assert all(v.good for v in values)
-    assert not watch.told("duplicate") and not watch.told("overflow") and not watch.told("late")
-    assert "it is tried again" in watch.told("lost")[0]
-    assert "were read from the history" in watch.told("backfilled")[0]
-    assert f"namespace {NAMESPACE} has moved from index 2 to 5" in watch.told("namespace_moved")[0]
+    assert not watch.texts("duplicate") and not watch.texts("overflow") and not watch.texts("late")
+    assert "it is tried again" in watch.texts("lost")[0]
+    assert "were read from the history" in watch.texts("backfilled")[0]
+    assert f"namespace {NAMESPACE} has moved from index 2 to 5" in watch.texts("namespace_moved")[0]
 
 
 @pytest.mark.slow
@@ -293,14 +294,14 @@ def test_a_server_that_was_gone_for_an_hour():
 
         try:
             async with Watch(plant) as watch:
-                await watch.until(lambda: watch.told("connected"))
+                await watch.until(lambda: watch.texts("connected"))
                 await scans(10)
                 await watch.until(lambda: watch.of("FIC101") and watch.of("FIC101")[-1].time == plant.time)
                 await plant.close()
-                await watch.until(lambda: watch.told("lost"))
+                await watch.until(lambda: watch.texts("lost"))
                 await scans(3600)
                 await plant.open()
-                await watch.until(lambda: watch.told("backfilled"))
+                await watch.until(lambda: watch.texts("backfilled"))
                 await scans(10)
                 await watch.until(lambda: watch.of("FIC101")[-1].time == plant.time)
         finally:
@@ -310,7 +311,7 @@ def test_a_server_that_was_gone_for_an_hour():
     plant, watch = asyncio.run(run())
     values = [v for v in watch.of("FIC101") if v.good]
     assert [v.time for v in values] == [plant._begin + k for k in range(1, 3621)]
-    assert re.search(r"\d{4,} values", watch.told("backfilled")[0])
+    assert re.search(r"\d{4,} values", watch.texts("backfilled")[0])
     assert {e.kind for e in watch.events} == {"connected", "lost", "backfilled"}
 
 
@@ -320,16 +321,16 @@ def test_without_a_history_the_break_is_a_gap():
         async with SimPlant(1, scan=0.1, history=0.0) as plant, Watch(plant) as watch:
             await watch.heard("FIC101", 5)
             await plant.close()
-            await watch.until(lambda: watch.told("lost"))
+            await watch.until(lambda: watch.texts("lost"))
             await plant.open()
-            await watch.until(lambda: len(watch.told("connected")) >= 2)
+            await watch.until(lambda: len(watch.texts("connected")) >= 2)
             await watch.heard("FIC101", 5)
         return watch
 
     watch = asyncio.run(run())
     values = [v for v in watch.of("FIC101") if v.good]
-    assert 1 <= len(gaps(values, 0.1)) <= len(watch.told("lost")) and ascending(values)
-    assert not watch.told("backfilled")
+    assert 1 <= len(gaps(values, 0.1)) <= len(watch.texts("lost")) and ascending(values)
+    assert not watch.texts("backfilled")
 
 
 @pytest.mark.slow
@@ -342,7 +343,7 @@ def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
             await asyncio.sleep(1.5)  # several answers of the history, 20 values each
             since = {(v.loop, v.signal): v.time for v in first.values}
             async with Watch(plant, since) as second:
-                await second.until(lambda: second.told("backfilled"))
+                await second.until(lambda: second.texts("backfilled"))
                 await second.heard("PIC102", 40)
                 end = second.of("PIC102")[-1].time
                 await whole.until(lambda: whole.of("PIC102")[-1].time >= end)
@@ -374,7 +375,7 @@ def test_a_short_break_is_read_for_many_loops_at_once(shared, monkeypatch):
         await asyncio.sleep(3.0)
         since = {(name, Signal.PV): plant.time - 2.0 for name in plant.names}
         async with Watch(plant, since) as watch:
-            await watch.until(lambda: watch.told("backfilled"))
+            await watch.until(lambda: watch.texts("backfilled"))
             await watch.heard("LIC109", 3)
         return plant.names, since, watch
 
@@ -415,12 +416,12 @@ def test_a_history_that_gives_more_than_was_asked(monkeypatch):
     values = watch.of("FIC101")
     assert ascending(values) and not gaps(values, 0.1)
     assert since < values[0].time <= since + 0.11
-    assert "outside of what was asked" in watch.told("outside")[0]
+    assert "outside of what was asked" in watch.texts("outside")[0]
 
 
 @pytest.mark.verify
 def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
-    """It keeps its socket open and answers nothing: only its silence tells."""
+    """The server keeps its socket open and answers nothing: only its silence shows it."""
     port = free_port()
     settings = tmp_path / "loops.toml"
     command = [*GLAPP, "plant", "--loops", "1", "--scan", "0.1", "--port", str(port), "--settings", settings]
@@ -433,9 +434,9 @@ def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
                 async with Watch(plant, loops=read_settings(settings), timeout=1.0) as watch:
                     await watch.heard("FIC101", 10)
                     os.kill(served.pid, signal.SIGSTOP)
-                    await watch.until(lambda: watch.told("lost"))
+                    await watch.until(lambda: watch.texts("lost"))
                     os.kill(served.pid, signal.SIGCONT)
-                    await watch.until(lambda: len(watch.told("connected")) >= 2)
+                    await watch.until(lambda: len(watch.texts("connected")) >= 2)
                     await watch.heard("FIC101", 10)
                 return watch
 
@@ -482,11 +483,11 @@ def test_a_tag_that_is_not_there_and_a_mode_that_is_not_known(shared):
         return watch
 
     watch = shared(run)
-    assert "FIC101.NONE: BadNodeIdUnknown" in watch.told("tag_missing", "FIC101")[0]
-    assert "PIC102 OP: the server has no namespace urn:none" in watch.told("tag_missing", "PIC102")[0]
+    assert "FIC101.NONE: BadNodeIdUnknown" in watch.texts("tag_missing", "FIC101")[0]
+    assert "PIC102 OP: the server has no namespace urn:none" in watch.texts("tag_missing", "PIC102")[0]
     assert all(v.value == 1.0 for v in watch.of("FIC101", Signal.MODE) if v.good), "1 is automatic by itself"
     assert watch.of("TIC103", Signal.MODE)[-1].value == 0.0
-    assert "is not a mode known here" in watch.told("unknown_mode", "TIC103")[0]
+    assert "is not a mode known here" in watch.texts("unknown_mode", "TIC103")[0]
 
 
 @served
@@ -566,10 +567,10 @@ def test_the_servers_own_overflow_is_told(shared):
         async with Watch(plant) as watch:
             await watch.heard("FIC101", 3)
             await plant._write(("FIC101", Signal.SP), time.time(), 50.0, 0x480)
-            await watch.until(lambda: watch.told("overflow"))
+            await watch.until(lambda: watch.texts("overflow"))
         return watch
 
-    assert "FIC101 SP: the server has thrown values away" in shared(run).told("overflow", "FIC101")[0]
+    assert "FIC101 SP: the server has thrown values away" in shared(run).texts("overflow", "FIC101")[0]
 
 
 # ---------------------------------------------------------------- values, without a server
@@ -658,6 +659,8 @@ def test_a_history_that_is_shorter_than_the_break_or_is_not_there():
     begins = []
 
     def answers(*without):
+        """A server whose history lacks these tags."""
+
         async def history_read(asked):
             begins.append(asked.HistoryReadDetails.StartTime.timestamp())
             unsupported = ua.StatusCode(ua.StatusCodes.BadHistoryOperationUnsupported)
@@ -729,7 +732,7 @@ def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, kinds):
 
 @pytest.mark.parametrize("steps", range(5))
 def test_a_cancellation_is_not_lost_where_a_message_comes_with_it(steps):
-    """With wait_for of Python 3.11 the service went on listening after it was told to end."""
+    """Regression: with wait_for of Python 3.11 the service went on listening after it was told to end."""
 
     async def run():
         fed = Fed()
@@ -775,7 +778,7 @@ def refused(error):
 
 @served
 def test_writing(shared):
-    """What is written, what is refused, and what the plant does when we are silent."""
+    """Allowed writes, refused writes, and the plant without a heartbeat."""
     times = {}
 
     async def run(plant):
@@ -832,7 +835,7 @@ def test_writing(shared):
             with pytest.raises(WriteRefused) as error:
                 await write(0.1)
             assert refused(error) == "other_writer" and not source.enabled("FIC101")
-            assert watch.told("other_writer", "FIC101")
+            assert watch.texts("other_writer", "FIC101")
             with pytest.raises(WriteRefused) as error:
                 await write(0.0)
             assert refused(error) == "other_writer", "until it is enabled anew"
@@ -850,8 +853,8 @@ def test_writing(shared):
             # a lost connection takes the right away
             source.enable("FIC101")
             source._link.end("lost on purpose")
-            await watch.until(lambda: watch.told("withdrawn", "FIC101"))
-            await watch.until(lambda: len(watch.told("connected")) == 2)
+            await watch.until(lambda: watch.texts("withdrawn", "FIC101"))
+            await watch.until(lambda: len(watch.texts("connected")) == 2)
             plant._watchdog = _SHORT
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)  # no heartbeat came: the plant has ramped it out
             plant._watchdog = _PATIENT
@@ -898,7 +901,7 @@ def test_a_plant_does_not_let_others_be_written(shared):
 
 
 def test_nothing_but_the_service_can_reach_a_plant():
-    """Neither the laboratory nor what Python may ask for: nothing outside of the service imports a client."""
+    """Nothing outside of the service imports a client: neither the laboratory nor the Python API."""
     package = ROOT / "python" / "glapp"
     reach = {
         str(path.relative_to(package))
@@ -939,33 +942,33 @@ def test_security(certificates, monkeypatch):
 
     async def attempt(plant, **connection):
         async with Watch(plant, **connection) as watch:
-            await watch.until(lambda: watch.told("lost") or len(watch.of("FIC101")) > 2)
+            await watch.until(lambda: watch.texts("lost") or len(watch.of("FIC101")) > 2)
         return watch
 
     async def run():
         shown = Security(at / "plant.der", at / "plant.pem", {"glapp": "secret"})
         async with SimPlant(1, scan=0.1, security=shown) as plant:
             good = await attempt(plant, **right, password_file=at / "password")
-            assert good.values and not good.told("lost")
+            assert good.values and not good.texts("lost")
             for policy in ("Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"):
                 other = await attempt(plant, **{**right, "security": policy}, password_file=at / "password")
-                assert other.values and not other.told("lost"), policy
+                assert other.values and not other.texts("lost"), policy
             signed = {k: v for k, v in right.items() if k != "user"} | {"mode": "Sign"}
             assert not (await attempt(plant, **signed)).values, "this plant asks for a user"
             wrong = await attempt(plant, **right, password_file=at / "wrong")
-            assert not wrong.values and "BadUserAccessDenied" in wrong.told("lost")[0]
+            assert not wrong.values and "BadUserAccessDenied" in wrong.texts("lost")[0]
             by_environment = await attempt(plant, **right)
-            assert not by_environment.values and "BadUserAccessDenied" in by_environment.told("lost")[0]
+            assert not by_environment.values and "BadUserAccessDenied" in by_environment.texts("lost")[0]
             nobody = await attempt(plant, **{k: v for k, v in right.items() if k != "user"})
-            assert not nobody.values and nobody.told("lost")
+            assert not nobody.values and nobody.texts("lost")
             readable = await attempt(plant)
-            assert not readable.values and readable.told("lost")
+            assert not readable.values and readable.texts("lost")
             other = {**right, "server_certificate": at / "stranger.der", "password_file": at / "password"}
             stranger = await attempt(plant, **other)
-            assert not stranger.values and stranger.told("lost")
+            assert not stranger.values and stranger.texts("lost")
             other = {**right, "server_certificate": at / "none.der", "password_file": at / "password"}
             missing = await attempt(plant, **other)
-            assert "none.der: there is no such file" in missing.told("lost")[0]
+            assert "none.der: there is no such file" in missing.texts("lost")[0]
 
     asyncio.run(run())
 
@@ -1083,6 +1086,7 @@ def test_a_valve_that_is_repaired_wears_on_from_there():
     plant = SimPlant(2, scan=3600.0, begin=10.0, history=0.0, repair=4.0)
 
     async def widths():
+        """True width of FIC101 after each scan."""
         found = []
         for _ in range(6 * 24):
             await plant._one()

@@ -1,4 +1,4 @@
-"""Before and after a repair: what is compared, from when to when, and how a fall of the width is seen."""
+"""Before and after a repair: the recordings compared, their times, and how a fall of the width is seen."""
 
 import asyncio
 import json

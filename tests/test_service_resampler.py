@@ -48,7 +48,7 @@ def test_a_value_of_pv_is_a_sample_with_what_the_others_last_were() -> None:
 @pytest.mark.parametrize("batch", [1, 3, 10, 1000])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_same_samples_however_they_come(batch: int, seed: int) -> None:
-    """In batches of any size, out of order within the wait, and some of them twice."""
+    """Values come in batches of any size, out of order within the wait, and some of them twice."""
     straight = run(stream(), batch=1)
     chance = random.Random(seed)
     moved = sorted(stream(), key=lambda value: value[1] + chance.uniform(0.0, 2.9))
@@ -64,7 +64,9 @@ def test_the_same_samples_however_they_come(batch: int, seed: int) -> None:
     "told_first", [[], [(ALIVE, 19.0, 0.0)], [(SP, 22.0, 51.0)], [(ALIVE, 19.0, 0.0), (SP, 22.0, 51.0)]]
 )
 def test_what_a_loss_is_followed_by_fills_no_break(told_first: list[Given]) -> None:
-    """That all was well until the last value, or that SP was moved in the break: PV was held to have stood still."""
+    """A later value does not show that all was well until the last one, or that SP was moved in the break: PV was held
+    to have stood still.
+    """
     rows = Resampler(1.0, wait=2.0, lost=15.0)
     out = run([(SP, 0.0, 50.0), *((PV, float(k), 49.0 + k % 5) for k in range(20))], rows=rows)
     out += run([(LOST, 27.5, 0.0), *told_first, *((PV, float(k), 49.0) for k in range(28, 40))], rows=rows)
@@ -96,7 +98,7 @@ def test_what_is_too_late_is_dropped_and_told() -> None:
 
 
 def test_a_setpoint_that_comes_late_is_in_effect_from_then_on() -> None:
-    """It is sent once, when it changes: dropped, it would be wrong until it changes again."""
+    """A setpoint is sent once, when it changes: dropped, it would be wrong until it changes again."""
     rows = Resampler(1.0, wait=3.0)
     run([(SP, 0.0, 50.0), *((PV, float(k), 1.0) for k in range(20))], rows=rows)
     rows.take(SP, 10.0, 60.0, True, 20.0)
@@ -161,7 +163,7 @@ def test_a_still_pv_is_sampled_as_long_as_the_connection_lives_and_a_lost_one_is
         rows.take(ALIVE, k + 0.3, 0.0, True, k + 0.3)
         out += rows.release()
     assert [(sample.t, sample.pv) for sample in out] == [(float(k), 49.0) for k in range(9)]
-    # Nothing is heard for an hour, then the same value is sent once more, with the time at which it last changed.
+    # No value comes for an hour, then the same one once more, with the time at which it last changed.
     rows.take(PV, 0.0, 49.0, True, 3610.0)
     for k in range(5):
         rows.take(ALIVE, 3610.0 + k, 0.0, True, 3610.0 + k)

@@ -1,4 +1,4 @@
-"""Our own OPC UA server: what it says of each loop, that it says so when that changes, and that nobody can write."""
+"""Our own OPC UA server: its values for each loop, their changes, and that nobody can write."""
 
 import asyncio
 import socket
@@ -153,7 +153,7 @@ def test_nothing_can_be_written(monitor: Monitor) -> None:
 
 
 class Changes:
-    """What a subscription hands over."""
+    """Changes that a subscription hands over."""
 
     def __init__(self) -> None:
         self.seen: list[tuple[str, Any]] = []
@@ -243,7 +243,7 @@ def test_health_is_that_of_the_answer(
     limit: float | None,
     health: Health,
 ) -> None:
-    """It took OP's span as 0 to 100 whatever its unit was: 0.2 to 0.4 mA of 16 is more than 0.5 % of span."""
+    """Regression: OP's span was 0 to 100 in any unit; 0.2 to 0.4 mA of 16 is more than 0.5 % of span."""
     loop = Loop(name="FIC0", op_span=span, op_unit="mA", acceptable_dead_band=limit)
     fit = Fit(verdict, "seen", "mA", 0.3, low, high)
     asyncio.run(monitor.fits.keep_answer("FIC0", "olaf", service.answered(fit, loop)))

@@ -31,9 +31,9 @@ from glapp.station.parameters import PARAMETERS
 
 MOST = (5.0, 2.0)
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
-# With these all else may be set, and both widths count in turn.
+# All other settings can be made with these, and both widths count in turn.
 GIVEN = {"comp_size": 2.0, "comp_fitted": 1.5}
-# What is set, and what the others must be for it to count.
+# Settings, and the others that they need to count.
 BESIDE: dict[str, dict[str, float]] = {"comp_size": {"comp_source": 1.0}}
 CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json").read_text())
 NAMES = (*DETECTOR, *SETTINGS)
@@ -74,7 +74,7 @@ def tried(bound: Bound) -> list[float]:
 
 
 def test_what_is_listed_is_all_there_is(client: TestClient, monitor: Monitor) -> None:
-    """What a new parameter has to be put into: the listing, the window, and by that the tests below."""
+    """A new parameter must be put into the listing, the window, and by that the tests below."""
     shown = client.get("/loops/FIC0/parameters").json()
     listed = client.get("/loops/FIC0/bounds").json()
     assert list(shown) == list(listed) == list(NAMES) == list(PARAMETERS)
@@ -118,7 +118,7 @@ def test_each_parameter_is_allowed_within_its_bounds_and_refused_beyond(
 
 
 def test_no_release_is_longer_than_10_ti_and_300_s(client: TestClient) -> None:
-    """As the issue had it: what was accepted, and left u_FF in the plant."""
+    """Regression: such a release was accepted, and left u_FF in the plant."""
     for name, value, words in (
         (
             "comp_release",
@@ -172,7 +172,7 @@ def test_what_an_older_version_saved_is_not_used_and_that_is_told(tmp_path: Path
             assert f"loop FIC0, {name}: is {old[name]:.15g}" in text, (name, text)
         row = again.reader.commands("FIC0")[0]
         assert row["person"] == "glapp" and row["before"]["comp_release"] == 1e9
-        # And other parameters may be set.
+        # Other parameters can be set as well.
         asyncio.run(again.commands.change("FIC0", {"comp_share": 0.5}, "eve", "engineer"))
         again.store.close()
         once_more = service.monitor(tmp_path, loops(), clock, compensable={"FIC0": MOST})
@@ -229,7 +229,7 @@ def test_nodes_in_a_loops_toml_have_limits_that_are_numbers() -> None:
 @pytest.mark.parametrize("ti", [0.5, 8.0, 1000.0])
 @pytest.mark.parametrize("at", ["low", "high"])
 def test_u_ff_is_0_in_time_at_each_end_of_every_bound(ti: float, at: str) -> None:
-    """By a simulated clock: each parameter at either end of its bounds, and what it is then taken away within."""
+    """Simulated by a clock: each parameter at either end of its bounds, and the time within which u_FF is removed."""
     loop = loops()[0].model_copy(update={"controller": loops()[0].controller.model_copy(update={"ti": ti})})
     h = ti / 50.0
     base = {"comp_size": 4.0, "comp_share": 1.0, "comp_band": 0.2, "comp_withdraw": 0.0, "comp_estimate": 0.0}
@@ -274,7 +274,7 @@ ROOT = Path(__file__).parents[1]
     reason="node-opcua is not installed: make interop",
 )
 def test_u_ff_is_0_in_time_at_the_plants_own_node() -> None:
-    """In real time, as another maker's client sees it: eight corners of release, rate and limit, six losses."""
+    """Runs in real time, as another maker's client sees it: eight corners of release, rate and limit, six losses."""
     done = subprocess.run([sys.executable, "-m", "bench.service_bounds"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("\n| ") >= 7 and "The greatest |u_FF| seen" in done.stdout

@@ -1,4 +1,4 @@
-"""What the service remembers: nothing lost, nothing twice, whatever happens to the process, the file or the disk."""
+"""Storage of the service: nothing lost, nothing twice, whatever happens to the process, the file or the disk."""
 
 import asyncio
 import multiprocessing
@@ -49,7 +49,7 @@ def test_an_entry_comes_back_with_the_same_bits() -> None:
 
 @pytest.mark.slow
 def test_detections_are_those_of_the_estimator(tmp_path: Path) -> None:
-    """Nothing is added and nothing lost: the half-periods have the bits of `glapp.Estimator` on the samples."""
+    """The half-periods have the bits of `glapp.Estimator` on the samples."""
     [loop], clock = loops(), Clock()
     monitor = service.monitor(tmp_path, [loop], clock)
     fed(monitor, clock, values("FIC0", 400))
@@ -142,7 +142,9 @@ def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None
 
 @pytest.mark.verify
 def test_killed_at_random_moments(tmp_path: Path) -> None:
-    """kill -9 while it takes in, writes and saves; what the store has not is handed over again, as a history does."""
+    """kill -9 while it takes in, writes and saves; values that the store lacks are handed over again, as a history
+    does.
+    """
     folder, chance, kills, seconds = tmp_path / "killed", random.Random(5), 0, 150
     while True:
         last = kills == 6
@@ -347,7 +349,7 @@ def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     aside = restore(folder, copy, clock())
     assert aside is not None and aside.is_file()
     assert detections(folder, "FIC0") == at_copy != after
-    # What came since is handed over once more, as a server with history does: nothing is there twice.
+    # Values since then are handed over once more, as a server with history does: none is there twice.
     clock.now = BEGIN + 400
     again = service.monitor(folder, loops(), clock)
     since = again.ingest.since()["FIC0", Signal.PV]
@@ -530,7 +532,7 @@ def test_no_name_of_a_loop_leads_out_of_the_folder(tmp_path: Path, name: str) ->
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
 
-# What happens is told, but not a thousand times
+# Events are reported, but not a thousand times
 
 
 def test_what_happens_again_and_again_is_told_once_a_minute_with_its_count(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The operator's window without a browser: what is shown, what is asked of the service, who is kept out."""
+"""The operator's window without a browser: its content, its requests to the service, its refusals."""
 
 import asyncio
 import json
@@ -80,7 +80,7 @@ def client_of(app: FastAPI, folder: Path) -> ApiClient:
     return api
 
 
-# What is shown
+# Shown values
 
 
 @pytest.mark.slow
@@ -172,7 +172,7 @@ def test_a_service_that_stopped_is_told_with_its_age(view: View) -> None:
         assert view.behind == (None if behind is None else pytest.approx(behind))
     view._clock = lambda: time.time() + 130.0
     assert view.behind is not None and 129.0 < view.behind < 140.0
-    # Nor is it said for ever that a loop is being judged: the fit ended with the service.
+    # The page does not say for ever that a loop is being judged: the fit ended with the service.
     name = next(iter(view.shown["loops"]))
     view.shown["loops"][name] |= {"fitting": True, "fit": {"since": shown, "after": None, "about": 40.0}}
     assert view.progress(name) == ""
@@ -196,7 +196,7 @@ def test_no_database_is_told_and_taken_up_when_it_comes(tmp_path: Path) -> None:
 
 
 def test_a_database_that_was_put_in_its_place_is_read(tmp_path: Path) -> None:
-    """What the service sets aside is not what is shown."""
+    """A database that the service set aside is not shown."""
     old, new = Store(tmp_path / "old"), Store(tmp_path / "new")
     for store, moment in ((old, 1.0), (new, 2.0)):
         store.show(moment, json.dumps({"now": moment, "loops": {}}))
@@ -241,7 +241,7 @@ def test_limits_of_the_fits_decide_whether_a_width_moves() -> None:
     """Five widths a day apart: the slope's standard error is that of a width over √10."""
 
     def moves(errors: float) -> bool:
-        """With a slope of so many standard errors."""
+        """Trend with a slope of so many standard errors."""
         slope, half = errors * 0.1 / math.sqrt(10.0), 1.96 * 0.1
         widths = [2.0 + slope * day for day in range(5)]
         found = _through([(day, d, d - half, d + half) for day, d in enumerate(widths)])
@@ -250,7 +250,7 @@ def test_limits_of_the_fits_decide_whether_a_width_moves() -> None:
 
     assert [moves(errors) for errors in (2.9, 3.1, -3.1)] == [False, True, True]
     assert trend(range(4), [1.0, 2.0, 3.0, 4.0]) is None
-    # Where one of them has no limits the scatter decides, by Student's distribution.
+    # The scatter decides by Student's distribution where one of them has no limits.
     uneven = [(day, 2.0 + 0.07 * day + (0.02, -0.02)[day % 2], None, None) for day in range(7)]
     few, more = _through(uneven[:5]), _through(uneven)
     assert few is not None and more is not None and not few.moves and more.moves
@@ -383,7 +383,7 @@ def test_what_cannot_be_compensated_is_told() -> None:
 
 
 def test_the_half_period_under_way_is_that_of_the_detector() -> None:
-    """It has the half-periods of the service's detector."""
+    """The view has the half-periods of the service's detector."""
     from glapp.estimate import Estimator
 
     loop = loops()[0]
@@ -442,8 +442,8 @@ def test_a_step_test_is_read_as_it_goes_on() -> None:
     at = []
     for end in (90, 195, 295, 400):
         part = {name: column[:end] for name, column in values.items()}
-        at.append(step_test.place(step_test.read(part, loops()[0]), True))
-    assert at == [1, 2, 3, 4] and step_test.place(None, False) == 0
+        at.append(step_test.next_step(step_test.read(part, loops()[0]), True))
+    assert at == [1, 2, 3, 4] and step_test.next_step(None, False) == 0
     found = step_test.read(values, loops()[0])
     assert found is not None and "The gap is 1.98" in " ".join(step_test.lines_of(found, "%"))
     drawn = charts.step_test(found, dark=False)
@@ -490,7 +490,7 @@ def test_whether_pv_is_calmer_is_told_only_when_that_is_seen() -> None:
 
 @pytest.mark.slow
 def test_the_level_of_the_demonstration_is_calmer_by_its_medians() -> None:
-    """With the same loads with and without compensation: most of the scatter is of the loads."""
+    """The loads are the same with and without compensation: most of the scatter is of the loads."""
     settings = parse_settings(SimPlant(5).settings(), "loops.toml", Path())
     found = []
     for compensated in (False, True):
@@ -555,7 +555,7 @@ def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
     asyncio.run(go())
 
 
-# Who is kept out
+# Guards against strangers
 
 
 class Known:
@@ -711,7 +711,7 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
 def test_whoever_is_removed_reads_nothing_any_more(
     window: tuple[Station, FastAPI], plant: tuple[Monitor, FastAPI]
 ) -> None:
-    """For up to twelve hours such a session read everything."""
+    """Regression: for up to twelve hours such a session read everything."""
     _, app = window
     users = plant[0].users
     for change in (

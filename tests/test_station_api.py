@@ -1,4 +1,4 @@
-"""The window's own HTTP interface: what a program reads, and that it only reads."""
+"""The window's own HTTP interface: its answers to programs, and that it only reads."""
 
 import json
 import time
@@ -160,7 +160,7 @@ def test_logins_count_by_the_address_they_come_from(plant: tuple[Monitor, Statio
 def test_a_token_reads_nothing_when_its_user_is_removed(
     client: TestClient, plant: tuple[Monitor, Station, Any]
 ) -> None:
-    """It was believed for ten seconds."""
+    """Regression: the token was believed for ten seconds."""
     users = plant[0].users
     for change in (
         lambda: users.put("rick", "operator", None, time.time()),
@@ -192,7 +192,7 @@ def test_what_stands_behind_it_may_be_gone(tmp_path: Path) -> None:
 
 
 def asked(operation: Any, headers: dict[str, str], station: Station, schemathesis: Any) -> set[int]:
-    """Statuses of what is answered to requests that are as described, and to others."""
+    """Status codes for requests as described, and for others."""
     seen: set[int] = set()
     negative = operation.as_strategy(generation_mode=schemathesis.GenerationMode.NEGATIVE)
     of = schemathesis.specs.openapi.checks

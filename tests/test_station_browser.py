@@ -23,7 +23,7 @@ def unfolded(page: Any) -> None:
 
 
 def under_way(page: Any) -> None:
-    """Until the page has its signals: the half-period under way is told then."""
+    """Waits until the page has its signals: it then shows the half-period under way."""
     unfolded(page)
     page.get_by_text(re.compile("^Half-period under way")).wait_for()
 
@@ -168,7 +168,7 @@ def test_values_that_come_fast_are_drawn_together_and_none_is_left_out(browser: 
 
 @pytest.mark.verify
 def test_a_page_that_is_open_before_the_first_samples(browser: Any, window: Window) -> None:
-    """It had drawn nothing, and went on from that: no half-period under way was ever shown."""
+    """Regression: the page had drawn nothing, and never showed a half-period under way."""
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC1")
     page.get_by_text("No PV has come since the service began.").wait_for()

@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.verify, pytest.mark.xdist_group("demonstration in a br
 PASSWORDS = {"olaf": "operator-password", "vera": "viewer-password"}
 ROLES = {"olaf": "operator", "vera": "viewer"}
 WORDS = 150
-"""So many words stand on the overview before the first answer at most."""
+"""Largest number of words on the overview before the first answer."""
 
 
 def asked(url: str, method: str, body: Any, token: str = "") -> Any:
@@ -58,7 +58,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def entered(browser: Any, url: str, name: str | None = None, path: str = "/") -> Any:
-    """A page of somebody; without a name by what is filled in."""
+    """A page of a person, by name or by the filled-in fields."""
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     context.set_default_timeout(LONGEST)
     page = context.new_page()
@@ -118,7 +118,7 @@ def test_an_engineer_enables_sees_the_effect_and_withdraws(browser: Any, demo: s
     use, off = page.get_by_role("button", name="Use this width"), page.get_by_role("button", name="Switch off")
     seen = page.get_by_text(re.compile("✓ Seen .* the plant took it away"))
     use.or_(off).wait_for()
-    # What was done is not done again where a busy machine had the plant take u_FF away, and the test runs anew.
+    # Finished steps are not repeated where a busy machine had the plant take u_FF away, and the test runs anew.
     if off.count():
         off.click()
     page.get_by_text("The width is 1.81 %, the lower limit of the fit").wait_for()

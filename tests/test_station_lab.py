@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from glapp.errors import InputError
-from glapp.station.lab import AT_ONCE, FASTEST, KEPT, KINDS, THESIS, Lab, Part, Project, drawn
+from glapp.station.lab import AT_ONCE, FASTEST, KEPT, KINDS, THESIS, Lab, Part, Project, diagram
 
 
 def test_the_loop_of_the_thesis_shows_its_gap() -> None:
@@ -36,7 +36,7 @@ def test_time_goes_by_the_wall_whatever_the_steps() -> None:
 
 
 def test_it_keeps_real_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the ticks: here of a clock that goes on by uneven steps."""
+    """The speed does not depend on the ticks: here of a clock that goes on by uneven steps."""
     pytest.importorskip("nicegui")
     from glapp.station import lab_page
 
@@ -104,12 +104,12 @@ def test_what_is_drawn_is_bounded() -> None:
     lab.speed = FASTEST
     for _ in range(10):
         lab.advance(1.0)
-    points = lab.drawn(600.0)
+    points = lab.curves(600.0)
     assert set(points) == set(THESIS.shown) and all(1000 < len(one) <= 1200 for one in points.values())
     assert points["noise"][-1][0] == pytest.approx(lab.t, abs=1.0) and len(lab._times) == KEPT
     lab.shown = ("gap",)
     lab.advance(0.1)
-    assert list(lab.drawn(600.0)) == ["gap"]
+    assert list(lab.curves(600.0)) == ["gap"]
     lab.advance(60.0)  # the window stood still for a minute
     assert lab.late == pytest.approx(60_000.0 - AT_ONCE * 0.1, abs=1.0)
 
@@ -139,7 +139,7 @@ def test_what_is_no_loop_is_refused_with_its_place(project: Project, message: st
 
 
 def test_every_kind_can_be_made_by_a_form() -> None:
-    """With nothing but numbers."""
+    """The form is filled with nothing but numbers."""
     needed = {
         "Noise": "amplitude=1",
         "Resolution": "step=1",
@@ -165,7 +165,7 @@ def test_every_kind_can_be_made_by_a_form() -> None:
 
 def test_blocks_are_drawn_and_names_are_no_markup() -> None:
     odd = replace(THESIS, parts=(Part("<b>&", "Input"), *THESIS.parts), wires=("<b>& -> gap.x", *THESIS.wires))
-    root = ElementTree.fromstring(drawn(odd))
+    root = ElementTree.fromstring(diagram(odd))
     texts = [one.text for one in root.iter() if one.tag == "text"]
     assert "<b>&" in texts and texts.count("Pid") == 1 and len(list(root.iter("rect"))) == 9
     boxes = [(float(one.get("x", "0")), float(one.get("y", "0"))) for one in root.iter("rect")]
@@ -174,7 +174,7 @@ def test_blocks_are_drawn_and_names_are_no_markup() -> None:
 
 @pytest.mark.slow
 def test_it_has_no_way_to_the_service() -> None:
-    """Nothing of the service, the API or the network is imported by the laboratory."""
+    """The laboratory imports nothing of the service, the API or the network."""
     import subprocess
     import sys
 
@@ -195,7 +195,7 @@ def test_compensation_calms_and_too_much_is_withdrawn(size: float, calmer: bool,
         for k in range(round(seconds / 200.0)):
             lab["load.value"] = 5.0 * (k % 2)
             lab.advance(0.2)
-        pv = [x - 50.0 for _, x in lab.drawn(1000.0, KEPT)["noise"]]
+        pv = [x - 50.0 for _, x in lab.curves(1000.0, KEPT)["noise"]]
         return math.sqrt(sum(x * x for x in pv) / len(pv))
 
     before = spread(1400.0)

@@ -67,7 +67,7 @@ def entered(browser: Any, plant: Plant) -> Any:
 
 
 def guided(page: Any, plant: Plant) -> str:
-    """Do what the card says until the test has ended; gives what it says then."""
+    """Follow the card's instructions until the test has ended; gives its last text."""
     card = page.locator(".guided")
     said, until = "", time.monotonic() + TEST_TAKES
     while time.monotonic() < until:

@@ -85,7 +85,7 @@ RATIO = """(selector) => {
   const [a, b] = [light(over(parts(getComputedStyle(e).color), back)), light(back)].sort((x, y) => x - y);
   return (b + 0.05) / (a + 0.05);
 }"""
-"""Contrast of a text with what is behind it, by WCAG 2."""
+"""Contrast of a text with its background, by WCAG 2."""
 
 
 def opened(page: Any, window: Window, name: str) -> None:
@@ -221,7 +221,8 @@ def test_contrast_and_names_by_axe(browser: Any, window: Window, scheme: str) ->
                 for node in one["nodes"]:
                     if one["id"] == "color-contrast":
                         compared += 1
-                        # Where axe is not sure what is behind, or takes a dialog's toggle for one behind its backdrop.
+                        # Rules for which axe is not sure of the background, or takes a dialog's toggle for one behind
+                        # its backdrop.
                         if kind != "passes" and page.evaluate(RATIO, node["target"][0]) < 4.5:
                             wrong.append((node["target"], node.get("failureSummary")))
                     elif kind == "violations":

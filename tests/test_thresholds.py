@@ -17,15 +17,15 @@ from glapp.service.signal import Signal, Value
 from glapp.service.store import Store
 from glapp.service.users import Tries, Users
 
-TOLD = {"k": 1.0, "ti": 60.0, "h": 1.0, "op": True}
+GIVEN = {"k": 1.0, "ti": 60.0, "h": 1.0, "op": True}
 
 
 @pytest.mark.parametrize(("name", "within", "beyond"), [("k", 1.24, 1.26), ("ti", 74.0, 76.0), ("h", 1.9, 2.1)])
 def test_settings_of_a_day_are_others_beyond_their_factor(name: str, within: float, beyond: float) -> None:
-    assert not _settings_differ(TOLD, TOLD | {name: within}) and _settings_differ(TOLD, TOLD | {name: beyond})
-    least = TOLD[name]
-    assert not _settings_differ(TOLD, TOLD | {name: least**2 / within}) and _settings_differ(
-        TOLD, TOLD | {name: least**2 / beyond}
+    assert not _settings_differ(GIVEN, GIVEN | {name: within}) and _settings_differ(GIVEN, GIVEN | {name: beyond})
+    least = GIVEN[name]
+    assert not _settings_differ(GIVEN, GIVEN | {name: least**2 / within}) and _settings_differ(
+        GIVEN, GIVEN | {name: least**2 / beyond}
     )
 
 

@@ -1,4 +1,4 @@
-"""What the detector says of loops whose gap is known. Few seeds, wide bounds.
+"""Estimates of the detector on loops whose gap is known. Few seeds, wide bounds.
 
 `python -m bench.truth.zero_crossing` prints the whole table.
 """

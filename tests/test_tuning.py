@@ -57,7 +57,7 @@ def greatest(plant: Plant, controller: tuple[float, ...], which: str) -> float:
 
 class TestModels:
     def test_fotd_of_p2(self) -> None:
-        """In closed form: steepest at t = 3, where y = 1 − 13/e³ and the slope is 4.5/e³."""
+        """The closed form is steepest at t = 3, where y = 1 − 13/e³ and the slope is 4.5/e³."""
         model = fotd("P2")
         assert model.l == pytest.approx(3 - (math.exp(3) - 13) / 4.5, rel=1e-8)
         assert (model.l, model.t) == pytest.approx((1.42, 2.90), rel=0.01)
@@ -196,7 +196,7 @@ class TestAssess:
     @pytest.mark.parametrize("name", ["P2", "P3", "P5", "P6", "P7"])
     @pytest.mark.slow
     def test_iae_against_residues(self, name: str) -> None:
-        """Without dead time: the load response as a sum of exponentials, from partial fractions."""
+        """The load response without dead time is a sum of exponentials, from partial fractions."""
         t = migo(name, ms=2.0)
         k, ti, _, _ = t.controller
         num = np.polymul(t.plant.num, [ti, 0])
@@ -308,7 +308,7 @@ class TestMigo:
     @pytest.mark.slow
     @pytest.mark.parametrize("name", ["P2", "P5", "P6", "P7"])
     def test_pid_by_constrained_optimisation(self, name: str) -> None:
-        """For the same kd, SLSQP finds no better K and ki; for a kd a little larger the top is an edge."""
+        """SLSQP finds no better K and ki for the same kd; for a kd a little larger the top is an edge."""
         t = migo(name, "PID", m=1.4)
         k, ti, td, _ = t.controller
         c, r = 2.12 / 1.12, 1.8 / 1.12
@@ -424,7 +424,7 @@ class TestRules:
         assert (again.k, again.ti) == pytest.approx((k, ti), rel=1e-6)
 
     def test_ziegler_nichols_takes_the_tangent_of_the_process(self) -> None:
-        """Once it took Kp·L/T of the FOTD model, a third too much.
+        """Regression: the rule used Kp·L/T of the FOTD model, a third too much.
 
         For 1/(s + 1)³ the textbooks print a = 0.218, L = 0.806 and PID 5.50 / 1.61 / 0.403.
         """
@@ -441,7 +441,7 @@ class TestRules:
         assert t.gain_margin == pytest.approx(2 * math.pi, rel=1e-6)
 
     def test_lambda_pid_on_pade(self) -> None:
-        """With (1 − sL/2)/(1 + sL/2) for the dead time it is made to give (1 − sL/2)/(1 + λs), exactly."""
+        """With (1 − sL/2)/(1 + sL/2) for the dead time the closed loop is (1 − sL/2)/(1 + λs), exactly."""
         kp, t, late, lam = 2.0, 5.0, 1.0, 3.0
         k, ti, td, _ = lambda_tuning(Fotd(kp, t, late), "PID", lam=lam).controller
         s = 1j * np.geomspace(1e-3, 1e3, 40)
@@ -466,7 +466,7 @@ class TestRules:
         ],
     )
     def test_amigo_approximates_migo(self, rule: Any, kind: Any, names: Any, k_within: float, ki_within: float) -> None:
-        """What the formulas were fitted to; PID where τ > 0.3, PI by frequency where κ > 0.5."""
+        """The formulas were fitted to MIGO's designs; PID where τ > 0.3, PI by frequency where κ > 0.5."""
         for name in names:
             ours, theirs = rule(name, kind), migo(name, kind, m=1.4)
             assert ours.controller.k == pytest.approx(theirs.controller.k, rel=k_within), name

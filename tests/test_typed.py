@@ -1,4 +1,4 @@
-"""Python as people type it: files and tables where a recording is asked for, and what a notebook shows."""
+"""Python as people type it: files and tables in place of a recording, and the output in a notebook."""
 
 import numpy as np
 import pytest

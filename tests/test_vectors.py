@@ -195,6 +195,7 @@ def zero_crossing(_params: dict[str, float]) -> Callable[..., list[float]]:
 
 
 def derivative(_params: dict[str, float]) -> Callable[..., float]:
+    """The block's update, as the vectors call it."""
     return blocks.Derivative().update
 
 
@@ -394,7 +395,7 @@ def pid_advanced(params: dict[str, float]) -> Callable[..., list[float]]:
         _set(graph, "pid", mode=mode, manual=manual, compensate=enable)
         _set(graph, "valve", flags=flags)
         graph.scan(pv=pv, sp=sp, by=by, h=h)
-        # What the controller itself says of a bad value is not told there.
+        # The controller's own flag of a bad value is not reported there.
         wrong_sign = float(int(graph["pid.error"]) & 256)
         return [*(graph[f"pid.{name}"] for name in ("out", "ysp", *SHOWN[:-1])), wrong_sign]
 

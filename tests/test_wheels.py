@@ -1,4 +1,4 @@
-"""What builds and tries the wheels says what goes wrong, and goes on."""
+"""The programs that build and try the wheels report errors, and go on."""
 
 import importlib.util
 import sys

@@ -140,7 +140,7 @@ def pid_cases() -> Iterator[dict[str, Any]]:
 
 
 def saturation(params: Params, _h: Sequence[float], xs: Sequence[float]) -> list[float]:
-    """Keep a value within low and high; what is no number passes."""
+    """Keep a value within low and high; a value that is no number passes."""
     outputs = []
     for x in xs:
         if x < params["low"]:
@@ -565,7 +565,7 @@ def _smoother(tf: float) -> Callable[[float, float], tuple[float, bool]]:
 
 
 def compensation_cases() -> Iterator[dict[str, Any]]:
-    """Those of a size that is known, to which nothing is offered and which nothing hinders; those of an estimate."""
+    """Cases of a size that is known, to which nothing is offered and which nothing hinders; cases of an estimate."""
     for one in _compensation_cases():
         yield one | {"input": [[*row, *[NAN] * (8 - len(row))] for row in one["input"]]}
 
@@ -856,7 +856,7 @@ def _runs_away(
 
 
 def wrong_sign_cases() -> Iterator[dict[str, Any]]:
-    """What runs away, at either limit, and what only looks like it."""
+    """Cases that run away, at either limit, and cases that only look like it."""
     up = {"k": 2.0, "ti": 2.4, "low": 0.0, "high": 100.0}
 
     def rows(*changes: tuple[int, list[float]], turn: int = 1, way: float = 1.0) -> list[list[float]]:
@@ -990,7 +990,7 @@ def derivative_cases() -> Iterator[dict[str, Any]]:
 
 
 def half_period(_params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[Any]:
-    """Measure what lies between two crossings: its samples are kept, and looked at when it ends."""
+    """Measure a half-period between two crossings: its samples are kept, and evaluated at its end."""
     outputs: list[Any] = []
     kept: list[tuple[float, Sequence[float]]] = []
     for step, sample in zip(h, samples, strict=True):
@@ -1446,7 +1446,7 @@ def safety_net_cases() -> Iterator[dict[str, Any]]:
 
 
 def median_mean(params: Params, _h: Sequence[float], xs: Sequence[float]) -> list[list[float]]:
-    """Median of the last n, mean of what lies within 80–120 % of it (7.3)."""
+    """Median of the last n, mean of those within 80–120 % of it (7.3)."""
     return [_shown(xs[max(0, i + 1 - int(params["n"])) : i + 1]) for i in range(len(xs))]
 
 
@@ -1542,7 +1542,7 @@ def _differences(values: Sequence[float], order: int) -> list[float]:
 
 
 def noise_level_cases() -> Iterator[dict[str, Any]]:
-    """Noise on what moves, on what rests, and where there is none."""
+    """Noise on a moving signal, on one at rest, and none."""
     random = Random(71)
 
     def noise(n: int, size: float = 0.1) -> list[float]:
@@ -1646,7 +1646,7 @@ def _half_periods(
         begin = i
     if ending is not None:
         if rows:
-            # What is read at the closing crossing is not known: it is as at the opening one.
+            # Values at the closing crossing are not known: they are those at the opening one.
             measured = _measured(rows[begin:], rows[begin][1])
             sign = crossings[-1][1]
         else:
@@ -1659,7 +1659,7 @@ def _half_periods(
 
 
 class _Memory:
-    """What is remembered from one half-period to the next."""
+    """Memory from one half-period to the next."""
 
     def __init__(self, params: Params) -> None:
         self.params = params
@@ -2011,7 +2011,7 @@ class _Relay:
                 self.read_gain(total)
 
     def integrals(self) -> dict[str, float]:
-        """Of OP and PV, plain and with cos and sin at the middle of each step."""
+        """Integrals of OP and PV, plain and with cos and sin at the middle of each step."""
         t = 0.0
         turns = []
         for h, *_ in self.samples:
@@ -2188,7 +2188,7 @@ def _experiment(
 
 
 def auto_tuner_module(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
-    """The relay in a loop: it stands between a controller and what follows, and is told backward."""
+    """The relay in a loop: it stands between a controller and the parts after it, and gets backward signals."""
     module = _TunerModule(params)
     return [module.scan(step, *row) for step, row in zip(h, samples, strict=True)]
 
@@ -2198,7 +2198,7 @@ class _TunerModule:
 
     def __init__(self, params: Params) -> None:
         self.relay = _Relay(dict(params))
-        self.run, self.wish, self.told = False, 0.0, 0
+        self.run, self.wish, self.back_flags = False, 0.0, 0
 
     def scan(
         self, h: float, x: float, pv: float, run: float, flags: float, tracking: float, amplitude: float
@@ -2223,11 +2223,11 @@ class _TunerModule:
             elif not running:
                 relay.start(x)
             bad = 2 if math.isnan(pv) else 0
-            op = relay.update(pv, h, self.told | (0 if self.run else 1) | bad)
+            op = relay.update(pv, h, self.back_flags | (0 if self.run else 1) | bad)
             self.run = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
             y = op if running or not math.isnan(x) else x
-        self.told = int(flags)
-        if active and not self.told & FLAG_NOT_AUTO:
+        self.back_flags = int(flags)
+        if active and not self.back_flags & FLAG_NOT_AUTO:
             flags, tracking = flags + FLAG_NOT_AUTO, relay.op
         return [y, flags, tracking, relay.phase, relay.stop, refused, *relay.found]
 
@@ -2239,8 +2239,8 @@ def auto_tuner_module_cases() -> Iterator[dict[str, Any]]:
     yield _tuner_loop(
         "an experiment, and the controller goes on", ["End"], usual, 400, end={i: {"x": 4.0} for i in range(360, 400)}
     )
-    told = {i: {"flags": 4.0 if i < 5 else 9.0, "tracking": 0.5 * i, "run": 0.0} for i in range(3, 9)}
-    yield _tuner_loop("nothing runs", ["Handed"], usual, 12, end=told | {i: {"run": 0.0} for i in (9, 10, 11)})
+    handed = {i: {"flags": 4.0 if i < 5 else 9.0, "tracking": 0.5 * i, "run": 0.0} for i in range(3, 9)}
+    yield _tuner_loop("nothing runs", ["Handed"], usual, 12, end=handed | {i: {"run": 0.0} for i in (9, 10, 11)})
     yield _tuner_loop("ended by command", ["End"], usual, 60, end={i: {"run": 0.0} for i in range(50, 60)})
     yield _tuner_loop("begun again", ["End"], usual, 90, end={i: {"run": 0.0} for i in range(50, 60)})
     yield _tuner_loop("a limit reached further on", ["Told"], usual, 60, end={50: {"flags": 8.0}})
@@ -2333,7 +2333,7 @@ def pid_module(params: Params, h: Sequence[float], samples: Sequence[Sequence[fl
 
 
 class _Controller:
-    """What the controller remembers from scan to scan."""
+    """State of the controller from scan to scan."""
 
     def __init__(self, params: Params) -> None:
         self.b, self.c, self.tf = params.get("b", 1.0), params.get("c", 0.0), params.get("tf", 0.0)
@@ -2344,7 +2344,7 @@ class _Controller:
         self.output = self.manual = params.get("start", 0.0)
         self.ysp = self.yf = self.ff = self.integral = self.y_old = 0.0
         self.filter: tuple[float, float] | None = None
-        self.told: Sequence[float] = BACK
+        self.back: Sequence[float] = BACK
         self.last: Any = None
         self.gains: tuple[float, ...] = ()
 
@@ -2371,7 +2371,7 @@ class _Controller:
             self.ff = ff
         else:
             error |= 64
-        low, high, flags, tracking = self.told
+        low, high, flags, tracking = self.back
         limits = max(self.own[0], low), min(self.own[1], high)
         if not (low < high and limits[0] < limits[1]):
             limits, error = self.own, error | 128
@@ -2395,7 +2395,7 @@ class _Controller:
             self.output = self._law(gains, limits, int(flags), h, ysp_before, ff_before, decided != self.last)
         self.last, self.gains = decided, (*gains, self.b)
         self.manual = self.manual if self.mode == MANUAL and not tracked else self.output
-        self.told = back
+        self.back = back
         self.flags = FLAG_NOT_AUTO if by_hand or blind else 0
         self.flags |= (4 if self.output <= limits[0] else 0) | (8 if self.output >= limits[1] else 0) | self.held_back
         self.flags |= int(back[2]) & (FLAG_NOT_AUTO | 4 | 8)
@@ -2403,7 +2403,7 @@ class _Controller:
         return [self.output, self.ysp, self.yf, error, self.flags]
 
     def _take(self, h: float, pv: float, sp: float) -> int:
-        """Setpoint and filtered process value; gives what is wrong with them."""
+        """Setpoint and filtered process value; gives their errors."""
         error = 0 if 0.0 < h <= self.max_h else FLAG_GAP
         if self.mode == EXTERNAL:
             if math.isfinite(sp):
@@ -2464,7 +2464,7 @@ def _within(x: float, low: float, high: float) -> float:
 
 
 def pid_module_cases() -> Iterator[dict[str, Any]]:
-    """Modes, errors, limits told backward, rate, feed-forward and weights."""
+    """Modes, errors, backward limits, rate, feed-forward and weights."""
     pi = {"k": 0.8, "ti": 5.0, "start": 0.3}
     full = {"k": 1.1, "ti": 2.4, "td": 0.6, "b": 0.5, "c": 0.7, "tf": 0.2, "low": -0.8, "high": 1.2, "start": 0.3}
     ys = list(_walk(51, 60))
@@ -2508,8 +2508,8 @@ def pid_module_cases() -> Iterator[dict[str, Any]]:
     yield case("narrower limits told backward", ["Limits"], full, narrow, h=0.1)
     cross = rows(low={i: 0.7 for i in range(5, 30)}, high={i: 0.1 for i in range(5, 20)})
     yield case("limits that cross", ["Limits"], full, cross, h=0.1)
-    told = rows(flags={i: 1.0 for i in range(5, 25)}, tracking={i: 2.0 for i in range(5, 15)} | {20: NAN})
-    yield case("not followed", ["Tracking", "Bump"], full, told, h=0.1)
+    not_followed = rows(flags={i: 1.0 for i in range(5, 25)}, tracking={i: 2.0 for i in range(5, 15)} | {20: NAN})
+    yield case("not followed", ["Tracking", "Bump"], full, not_followed, h=0.1)
     by_hand = rows(
         mode={0: EXTERNAL, 8: MANUAL}, flags={i: 1.0 for i in range(5, 25)}, tracking={i: 0.1 * i for i in range(5, 25)}
     )
@@ -2642,22 +2642,22 @@ class _Detection:
         return _shown(self.widths[-int(self.params["n"]) :])[0] if self.widths else NAN
 
     def all(self) -> list[float]:
-        """What is shown."""
+        """All outputs."""
         whole = NAN if self.whole() < self.noise_floor else self.whole()
         over = self.over[0] + 2 * self.over[1]
         return [self.u_ff, *self.shown, self.noise_floor, whole, self.standing, over, self.error]
 
 
 def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
-    """The detection beside a controller, which tells it what is in effect."""
+    """The detection beside a controller, which reports the value in effect."""
     gains = params["k"], params["ti"], params.get("td", 0.0)
     controller = _Controller(params)
-    told_k = {"k": params.get("detector_k", params["k"])}
-    detection = _Detection(params | told_k, told_k["k"], *gains[1:], tf=params["detector_tf"])
+    detector_k = {"k": params.get("detector_k", params["k"])}
+    detection = _Detection(params | detector_k, detector_k["k"], *gains[1:], tf=params["detector_tf"])
     outputs = []
-    for step, (pv, sp, mode, manual, told, enable) in zip(h, samples, strict=True):
+    for step, (pv, sp, mode, manual, flags, enable) in zip(h, samples, strict=True):
         u_ff = detection.u_ff
-        u = controller.scan(gains, MOST, step, pv, sp, u_ff, mode, NAN, manual, -MOST, MOST, told, 0.0)[0]
+        u = controller.scan(gains, MOST, step, pv, sp, u_ff, mode, NAN, manual, -MOST, MOST, flags, 0.0)[0]
         flags = controller.flags | (0 if controller.mode == EXTERNAL else FLAG_NOT_AUTO)
         detection.learn(step, sp, pv, pv, u, u - u_ff, flags, enable != 0)
         outputs.append([u, *detection.all()])
@@ -2677,11 +2677,11 @@ class _Foreign:
         self.handed, self.known, self.off = [0.0] * 32, False, 0
 
     def scan(
-        self, step: float, pv: float, sp: float, op: float, told: float, back: float, enable: float
+        self, step: float, pv: float, sp: float, op: float, flags: float, back: float, enable: float
     ) -> list[float]:
         params, delay = self.params, self.delay
         lost = not math.isfinite(op) or (params["read_back"] == 1.0 and not math.isfinite(back))
-        flags = int(told) | (2 if lost else 0)
+        flags = int(flags) | (2 if lost else 0)
         if "low" in params:
             flags |= (4 if op <= params["low"] else 0) | (8 if op >= params["high"] else 0)
         self.known = self.known and step <= self.detection.params["max_h"]
@@ -2720,10 +2720,10 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     pvs: list[float] = []
     detection.compensation["rate"] = min(detection.compensation["rate"], controller.rate / 2.0)
     by, outputs = 0.0, []
-    for step, (pv, sp, given, mode, manual, told, enable) in zip(h, samples, strict=True):
+    for step, (pv, sp, given, mode, manual, flags, enable) in zip(h, samples, strict=True):
         by = given if math.isfinite(given) else by
         gains = _scheduled(rows, by) if rows else (k, ti, td)
-        back = -MOST, MOST, told, 0.0
+        back = -MOST, MOST, flags, 0.0
         rate = params.get("sp_rate", MOST)
         u = controller.scan(gains, rate, step, pv, sp, 0.0 + detection.u_ff, mode, NAN, manual, *back)[0]
         sent = (u - controller.ff) + detection.u_ff
@@ -2771,9 +2771,9 @@ class _TunedPid:
         self.gains = params["k"], params["ti"], params.get("td", 0.0)
         limits = {"op_low": params["low"], "op_high": params["high"], "max_h": params["ti"] / 2.0}
         self.relay = _Relay(params | limits)
-        self.run, self.told = False, 0
+        self.run, self.back_flags = False, 0
 
-    def scan(self, h: float, pv: float, sp: float, mode: float, told: float, tune: float, take: float) -> list[float]:
+    def scan(self, h: float, pv: float, sp: float, mode: float, flags: float, tune: float, take: float) -> list[float]:
         """Take one scan; a mode or a command that is no number is none."""
         relay, controller = self.relay, self.controller
         if take == 1.0:
@@ -2790,11 +2790,13 @@ class _TunedPid:
             slow = 12 if controller.rate * h < swing else 0
             by_hand = 1 if controller.mode == MANUAL or not self.run else 0
             bad = 2 if math.isnan(pv) else 0
-            u = relay.update(pv, h, self.told | slow | by_hand | bad)
+            u = relay.update(pv, h, self.back_flags | slow | by_hand | bad)
             self.run = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
-        self.told = int(told)
-        followed = not active or self.told & FLAG_NOT_AUTO
-        controller.told = (-MOST, MOST, told, 0.0) if followed else (-MOST, MOST, self.told | FLAG_NOT_AUTO, relay.op)
+        self.back_flags = int(flags)
+        followed = not active or self.back_flags & FLAG_NOT_AUTO
+        controller.back = (
+            (-MOST, MOST, flags, 0.0) if followed else (-MOST, MOST, self.back_flags | FLAG_NOT_AUTO, relay.op)
+        )
         return [u, controller.ysp, relay.phase, relay.stop, *relay.found, *self.gains]
 
 
@@ -2807,8 +2809,8 @@ def pid_tuner_cases() -> Iterator[dict[str, Any]]:
     manual = {60: {"mode": MANUAL}, 75: {"mode": EXTERNAL}}
     yield _tuned_loop("put into manual meanwhile", ["End", "Bump"], inside, 90, end=manual)
     yield _tuned_loop("PV bad for a scan", ["End", "Bump"], inside, 90, end={60: {"pv": NAN}})
-    yield _tuned_loop("a limit reached further on", ["End", "Bump"], inside, 90, end={60: {"told": 8.0}})
-    yield _tuned_loop("somebody else at the output", ["End", "Bump"], inside, 90, end={60: {"told": 1.0}})
+    yield _tuned_loop("a limit reached further on", ["End", "Bump"], inside, 90, end={60: {"flags": 8.0}})
+    yield _tuned_loop("somebody else at the output", ["End", "Bump"], inside, 90, end={60: {"flags": 1.0}})
     yield _tuned_loop("a rate too low for the relay", ["End"], inside | {"rate": 19.0}, 40)
     yield _tuned_loop("begun in manual", ["End"], inside, 40, end={0: {"mode": MANUAL}})
 
@@ -2827,7 +2829,7 @@ def _tuned_loop(
     rows = []
     for i in range(n):
         row = {"pv": round(x[-1] + 0.02 * (random.random() - 0.5), 5), "sp": 0.5 if i > take > 0 else 0.0}
-        row |= {"mode": NAN if i else EXTERNAL, "told": 0.0, "tune": 1.0 if i == 10 else NAN}
+        row |= {"mode": NAN if i else EXTERNAL, "flags": 0.0, "tune": 1.0 if i == 10 else NAN}
         row |= {"take": 1.0 if i == take else 0.0} | (end or {}).get(i, {})
         rows.append(list(row.values()))
         process.respond(x, loop.scan(0.2, *rows[-1])[0] - 5.0, 0.2)
@@ -2849,14 +2851,14 @@ def _swinging(n: int, half: int) -> list[float]:
 
 
 def backlash_detection_cases() -> Iterator[dict[str, Any]]:
-    """Detections, flags that reject them, and compensation of what they show."""
+    """Detections, flags that reject them, and compensation by them."""
     beside = {"k": 0.5, "ti": 1.0, "detector_tf": 0.1, "kp": 2.0, "n": 3.0, "start": 50.0}
     limited = beside | {"low": 0.0, "high": 100.0}
     compensating = limited | {"comp_size": 1.5, "comp_band": 0.1, "comp_rate": 3.0}
     pvs = _swinging(220, 24)
 
     def rows(**changes: dict[int, float]) -> list[list[float]]:
-        names = ["pv", "sp", "mode", "manual", "told", "enable"]
+        names = ["pv", "sp", "mode", "manual", "flags", "enable"]
         made = [[pv, 50.0, NAN, NAN, 0.0, 0.0] for pv in pvs]
         made[0][2] = EXTERNAL
         for name, values in changes.items():
@@ -2866,8 +2868,8 @@ def backlash_detection_cases() -> Iterator[dict[str, Any]]:
 
     yield case("detections", [], beside, rows(), h=0.25)
     yield case("K below 0", ["Sign"], beside | {"k": -0.5}, rows(), h=0.25)
-    told = rows(told={60: 8.0, 110: 4.0}, mode={0: EXTERNAL, 150: AUTO, 155: EXTERNAL})
-    yield case("flags of the scan in which they are told", ["Flags"], limited, told, h=0.25)
+    limits = rows(flags={60: 8.0, 110: 4.0}, mode={0: EXTERNAL, 150: AUTO, 155: EXTERNAL})
+    yield case("flags of the scan in which they are told", ["Flags"], limited, limits, h=0.25)
     on = {i: 1.0 for i in range(30, 220)}
     yield case("compensation", ["Compensation"], compensating, rows(enable=on), h=0.25)
     yield case("compensation by the error", ["Compensation"], compensating | {"comp_way": 1.0}, rows(enable=on), h=0.25)
@@ -2896,9 +2898,9 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     def theirs(
         params: Params, truly: int, enable: Callable[[int], float], h: Sequence[float] = (), **changes: dict[int, float]
     ) -> list[list[float]]:
-        """What is read of a PI controller that truly has u_FF `truly` scans after it was made."""
+        """Signals read of a PI controller that truly has u_FF `truly` scans after it was made."""
         made: list[list[float]] = []
-        names = ["pv", "sp", "op", "told", "back", "enable"]
+        names = ["pv", "sp", "op", "flags", "back", "enable"]
         integral, handed, beside = 50.0, [0.0] * truly, _Foreign(params)
         for i, pv in enumerate(pvs):
             e = 50.0 - pv
@@ -2914,8 +2916,8 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     def from_30(i: int) -> float:
         return float(i >= 30)
 
-    def one(comment: str, flags: list[str], params: Params, truly: int, **changes: dict[int, float]) -> dict[str, Any]:
-        return case(comment, flags, params, theirs(params, truly, from_30, **changes), h=0.25)
+    def one(comment: str, marks: list[str], params: Params, truly: int, **changes: dict[int, float]) -> dict[str, Any]:
+        return case(comment, marks, params, theirs(params, truly, from_30, **changes), h=0.25)
 
     yield one("a scan late", [], sized, 1)
     yield one("three scans late", ["Delay"], sized | {"delay": 3.0}, 3)
@@ -2928,9 +2930,9 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     yield one("OP is lost for a while", ["Loss"], sized, 1, op=lost)
     yield one("what is read back is lost for a while", ["Loss"], back, 3, back=lost)
     yield one("PV is lost for a while", ["Loss"], back, 3, pv=lost)
-    yield one("communication is lost for a while", ["Loss"], back, 3, told={i: 2.0 for i in range(100, 110)})
-    yield one("manual for a while", ["Loss"], back, 3, told={i: 1.0 for i in range(100, 110)})
-    yield one("at a limit that is told", ["Loss"], sized, 1, told={i: 8.0 for i in range(100, 104)})
+    yield one("communication is lost for a while", ["Loss"], back, 3, flags={i: 2.0 for i in range(100, 110)})
+    yield one("manual for a while", ["Loss"], back, 3, flags={i: 1.0 for i in range(100, 110)})
+    yield one("at a limit that is told", ["Loss"], sized, 1, flags={i: 8.0 for i in range(100, 104)})
     yield one("at a limit that is seen", ["Loss"], sized | {"low": 0.0, "high": 51.5}, 1)
     held = {i: 0.6 for i in range(4)}
     yield one("u_FF is held from before", ["Start"], back, 3, back=held)
@@ -3004,11 +3006,11 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     yield case("Kp by default", ["KpDefault", "Compensation"], spanned | {"comp_size": 4.0}, late, h=0.25)
     yield case("Kp by default, K below 0", ["KpDefault", "Sign"], spanned | {"k": -0.5}, plain, h=0.25)
     backward = {range(60, 70): 8.0, range(90, 95): 4.0, range(120, 126): 1.0}
-    told = [
+    limits = [
         [*row[:5], sum((flag for at, flag in backward.items() if i in at), 0.0), row[6]] for i, row in enumerate(plain)
     ]
     yield case(
-        "limits further on, and somebody else at the output", ["Told", "Compensation"], compensating, told, h=0.25
+        "limits further on, and somebody else at the output", ["Told", "Compensation"], compensating, limits, h=0.25
     )
     hand = {80: (MANUAL, 47.0), 90: (NAN, 53.0), 110: (EXTERNAL, NAN)}
     by_hand = [[*row[:3], *(hand.get(i) or row[3:5]), *row[5:]] for i, row in enumerate(plain)]
@@ -3081,7 +3083,7 @@ BLOCKS: dict[
         ["pv", "sp", "ff", "mode", "own_sp", "manual", "low", "high", "flags", "tracking"],
         ["u", "ysp", "yf", "error", "flags"],
         "The controller as a module: mode 0 manual, 1 auto, 2 external, where null leaves mode, own_sp and manual as "
-        "they are; low, high, flags and tracking are told backward after the scan. It begins in auto with the output "
+        "they are; low, high, flags and tracking are passed backward after the scan. It begins in auto with the output "
         "at start.",
         {
             "Sign": "a limit, or an error, of the wrong sign",
@@ -3100,12 +3102,12 @@ BLOCKS: dict[
     "backlash_detection": (
         backlash_detection,
         backlash_detection_cases,
-        ["pv", "sp", "mode", "manual", "told", "enable"],
+        ["pv", "sp", "mode", "manual", "flags", "enable"],
         ["u", "u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error"],
-        "Detection and compensation beside a controller: pv and sp enter both, u_FF enters the controller, told are "
-        "the flags that the controller is told backward. mode and manual as in pid_module; detector_tf is the "
+        "Detection and compensation beside a controller: pv and sp enter both, u_FF enters the controller, flags are "
+        "those that the controller receives backward. mode and manual as in pid_module; detector_tf is the "
         "detector's filter; count: detections behind the estimate since it was last replaced; over: 1 equal, 2 relay; "
-        "error: 256 where K has the wrong sign. detector_k is the gain that the detector is told, where it is another.",
+        "error: 256 where K has the wrong sign. detector_k is the gain that the detector gets, where it is another.",
         {
             "Sign": "a direction that K does not turn",
             "Flags": "a flag that belongs to another scan than its sample",
@@ -3118,10 +3120,10 @@ BLOCKS: dict[
         auto_tuner_module_cases,
         ["x", "pv", "run", "flags", "tracking", "amplitude"],
         ["y", "flags", "tracking", "phase", "stop", "refused", "ku", "tu", "kp", "kappa"],
-        "The autotuner as a module: x from the controller, y to the valve. run begins an experiment where it becomes 1 "
-        "and ends it where it becomes 0. flags and tracking are told backward after the scan, and, as outputs, told on "
-        "to the controller. amplitude is set before the scan; refused: number of the parameter that is out of bounds "
-        "then, the last good set stays. phase, stop, ku, tu, kp, kappa as in auto_tuner.",
+        "The autotuner as a module: x from the controller, y to the valve. run begins an experiment where it becomes "
+        "1 and ends it where it becomes 0. flags and tracking are passed backward after the scan, and, as outputs, "
+        "passed on to the controller. amplitude is set before the scan; refused: number of the parameter that is out "
+        "of bounds then, the last good set stays. phase, stop, ku, tu, kp, kappa as in auto_tuner.",
         {
             "End": "an output that is not where it was, or not handed on afterwards",
             "Handed": "a value, a flag or a value in effect that is not handed on",
@@ -3135,10 +3137,10 @@ BLOCKS: dict[
     "pid_tuner": (
         pid_tuner,
         pid_tuner_cases,
-        ["pv", "sp", "mode", "told", "tune", "take"],
+        ["pv", "sp", "mode", "flags", "tune", "take"],
         ["u", "ysp", "phase", "stop", "ku", "tu", "kp", "kappa", "k", "ti", "td"],
         "The autotuner inside the controller: tune 1 begins an experiment, 0 ends it, null leaves it; take 1 takes "
-        "AMIGO's PI over before the scan. mode and told as in pid_advanced; amplitude, wait, longest, pv_low, pv_high "
+        "AMIGO's PI over before the scan. mode and flags as in pid_advanced; amplitude, wait, longest, pv_low, pv_high "
         "as in auto_tuner. k, ti, td: in force.",
         {
             "Bump": "an output that jumps when the controller goes on",
@@ -3149,7 +3151,7 @@ BLOCKS: dict[
     "pid_advanced": (
         pid_advanced,
         pid_advanced_cases,
-        ["pv", "sp", "by", "mode", "manual", "told", "enable"],
+        ["pv", "sp", "by", "mode", "manual", "flags", "enable"],
         ["u", "ysp", "u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error"],
         "The controller with the detection inside, as in backlash_detection; by: the scheduling variable of the rows "
         "at, k, ti, td.",
@@ -3284,9 +3286,9 @@ BLOCKS: dict[
     "foreign_detection": (
         foreign_detection,
         foreign_detection_cases,
-        ["pv", "sp", "op", "told", "back", "enable"],
+        ["pv", "sp", "op", "flags", "back", "enable"],
         ["u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error", "delta"],
-        "Detection and compensation beside a controller that is not ours. told: 1 not in "
+        "Detection and compensation beside a controller that is not ours. flags: 1 not in "
         "automatic, 2 bad, 4 at the lower, 8 "
         "at the upper limit. back: u_FF as it is read back, where read_back is 1. OP "
         "holds the u_FF made delay scans ago; "
@@ -3625,7 +3627,7 @@ NULLS: dict[str, dict[str, str]] = {
     "wrong_sign": {"yf": "no number"},
     "zero_crossing": {"e": "no number"},
 }
-"""What null means, input by input, where a case has one."""
+"""Meaning of null, input by input, where a case has one."""
 
 
 def case(comment: str, flags: list[str], params: Params, samples: list[Any], h: Any = None) -> dict[str, Any]:
@@ -3678,14 +3680,14 @@ def _text(head: dict[str, Any], cases: list[dict[str, Any]]) -> str:
 
 
 def _json(value: Any) -> str:
-    """JSON of a value, with null for what is not a number."""
-    return json.dumps(_told(value), ensure_ascii=False, allow_nan=False)
+    """JSON of a value, with null for a value that is no number."""
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False)
 
 
-def _told(value: Any) -> Any:
-    """A value with None for what is not a number."""
+def _plain(value: Any) -> Any:
+    """A value with None for a value that is no number."""
     if isinstance(value, list):
-        return [_told(x) for x in value]
+        return [_plain(x) for x in value]
     return None if isinstance(value, float) and math.isnan(value) else value
 
 

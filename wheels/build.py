@@ -42,13 +42,13 @@ class Platform:
     """A platform for which there is a wheel."""
 
     triple: str
-    """Its name in Rust."""
+    """Name of the platform in Rust."""
     rules: str
     """The rules that its wheel keeps, as the name of the file tells them."""
     runs_on: tuple[str, str] | None = None
     """System and processor, as Python names them, that run it."""
     linker: str | None = None
-    """Its linker; None: Zig."""
+    """Linker of the platform; None: Zig."""
 
 
 PLATFORMS = {
@@ -63,7 +63,7 @@ PLATFORMS = {
 
 
 class Missing(Exception):  # noqa: N818 (it is told, and the platform is skipped)
-    """What this machine lacks."""
+    """A tool that this machine lacks."""
 
 
 def asked(rustc: str, *what: str) -> Path:
@@ -73,7 +73,7 @@ def asked(rustc: str, *what: str) -> Path:
 
 
 def standard_library(triple: str) -> dict[str, str]:
-    """What tells cargo where the standard library of a platform comes from."""
+    """Options for cargo on the standard library of a platform."""
     ours = os.environ.get("RUSTC", "rustc")
     if asked(ours, "target-libdir", "--target", triple).is_dir():
         return {}
@@ -99,7 +99,7 @@ def built(of: Platform, folder: Path) -> Path:
     if of.triple.endswith("darwin") and platform.system() != "Darwin":
         # Zig has what every program needs of macOS. Its time zone is asked of a framework: the names of that are here.
         environment["RUSTFLAGS"] = f"-L framework={HERE}"
-        # What strips a library of macOS: every toolchain of rustup has it, and Debian's compiler looks for it.
+        # Tool that strips a library of macOS: every toolchain of rustup has it, and Debian's compiler looks for it.
         tools = next(asked("rustc", "sysroot").glob("lib/rustlib/*/bin/rust-objcopy"), None) or shutil.which(
             "rust-objcopy"
         )
@@ -115,7 +115,7 @@ def built(of: Platform, folder: Path) -> Path:
 
 
 def run(command: list[str], folder: Path, environment: dict[str, str]) -> str:
-    """What a command prints.
+    """Output of a command.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def installed(wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
     subprocess.run([sys.executable, "-m", "venv", folder / "empty"], check=True)
     python = next(path for path in (folder / "empty/bin/python", folder / "empty/Scripts/python.exe") if path.exists())
     subprocess.run([python, "-m", "pip", "install", "--quiet", wheel, *TESTED_BY], check=True)
-    # Nothing of what stands beside this file may be imported in place of the wheel.
+    # No file beside this one may be imported in place of the wheel.
     return [str(python)], {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
@@ -156,7 +156,7 @@ def installed_under(command: list[str], wheel: Path, folder: Path) -> tuple[list
     asked = "import sys; print('%d.%d' % sys.version_info[:2])"
     version = run([*command, "-c", asked], folder, dict(os.environ)).strip()
     rules = wheel.stem.rsplit("-", 1)[1].split(".")
-    # What it needs may ask for a newer system than glapp does.
+    # A package it needs may ask for a newer system than glapp does.
     rules += [rule.replace("_2_17_", "_2_28_") for rule in rules if "_2_17_" in rule]
     of = [f"--platform={rule}" for rule in rules] + ["--python-version", version, "--only-binary=:all:"]
     install = [sys.executable, "-m", "pip", "install", "--quiet", *of, "--target", folder / "site", wheel, *TESTED_BY]
@@ -173,7 +173,7 @@ def alike(theirs: tuple[str, str, float | None], ours: tuple[str, str, float | N
 
 
 def tried(wheel: Path, under: list[str], rows: int | None = None) -> str:
-    """What was tried of a wheel in an empty environment, on the first rows of each recording or on all.
+    """Test of a wheel in an empty environment, on the first rows of each recording or on all.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def source(folder: Path) -> Path:
 
 
 def main() -> int:
-    """Build, try and tell; 1 where a wheel does not do what it should."""
+    """Build, try and report; 1 where a wheel fails."""
     parser = argparse.ArgumentParser(description="Wheels for every platform.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("platforms", nargs="*", choices=[[], *PLATFORMS], metavar="PLATFORM", help=", ".join(PLATFORMS))

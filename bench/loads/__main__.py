@@ -1,4 +1,4 @@
-"""Which loads and recorders are taken for a gap, and which gaps are told under them: `python -m bench.loads`.
+"""False gaps under loads and recorders, and gaps told under them: `python -m bench.loads`.
 
 Every answer goes to out/loads.jsonl as soon as it is there. `--against FILE` holds the answers against those in an
 older such file, record by record.
@@ -29,7 +29,7 @@ EACH = 200
 
 
 def ask(name: str) -> LoadsAnswer:
-    """What is said of the record of that name."""
+    """Answer on the record of that name."""
     return LoadsAnswer.to(record(name), SAMPLES)
 
 
@@ -47,7 +47,7 @@ def table(answers: Sequence[LoadsAnswer]) -> str:
         numbers = [
             *counted(of),
             len(known),
-            *(sum(a.told == outcome for a in known) for outcome in ("right", "silent")),
+            *(sum(a.outcome == outcome for a in known) for outcome in ("right", "silent")),
         ]
         error = f"{100 * np.median([(a.d or 0.0) / a.truth.d - 1 for a in sided]):+.1f} %" if sided else ""
         body.append([row, *map(str, numbers), error, f"{sum(a.holds for a in sided)} of {len(sided)}"])

@@ -1,4 +1,4 @@
-"""What is said of a record, beside its truth."""
+"""Answer on a record, beside its truth."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import glapp
 from .records import Record, Truth
 
 WIDTHS = ("backlash", "stiction", "both")
-Told = Literal["right", "wrong", "silent"]
+Outcome = Literal["right", "wrong", "silent"]
 
 
-def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
-    """What a verdict with its limits tells of a gap that is `d` wide, 0 for none.
+def outcome_of(verdict: str, d: float, low: float | None, high: float | None) -> Outcome:
+    """Outcome of a verdict with its limits for a gap `d` wide, 0 for none.
 
     Right: a width whose interval holds the truth, a lower bound below it, *sound* where there is no gap.
     Wrong: what does not hold. Silent: nothing of it, and *sound, none above x* where the gap is narrower.
@@ -37,7 +37,7 @@ def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
 
 @dataclass(frozen=True)
 class LoadsAnswer:
-    """What `glapp.analyze` said of a record, through its fit.
+    """Answer of `glapp.analyze` on a record, through its fit.
 
     - `d`, `low`, `high`, `lr`: as in `glapp.fit.Fit`; lr is `lr_no_gap`.
     - `lowest`: the least number among width and limits, of the whole and of each window [% of OP].
@@ -67,13 +67,13 @@ class LoadsAnswer:
 
     @property
     def holds(self) -> bool:
-        """Whether all is true that it says of the width; silence is."""
-        return self.told != "wrong"
+        """Whether the answer is true of the width; silence counts as true."""
+        return self.outcome != "wrong"
 
     @property
-    def told(self) -> Told:
-        """See `told`."""
-        return told(self.verdict, self.truth.d, self.low, self.high)
+    def outcome(self) -> Outcome:
+        """Outcome of the answer, see `outcome_of`."""
+        return outcome_of(self.verdict, self.truth.d, self.low, self.high)
 
     @property
     def contradicts(self) -> bool:
@@ -122,10 +122,10 @@ COUNTED = ("no gap", "width", "bound", "gap", "right", "wrong", "silent")
 
 
 def counted(answers: Sequence[LoadsAnswer]) -> list[int]:
-    """How many are about no gap, and a width or a bound to them; about a gap, and told rightly, wrongly or not."""
+    """Counts of records without a gap with their widths and bounds, and of others by right, wrong and no answer."""
     none, gap = ([a for a in answers if (a.truth.d > 0) == there] for there in (False, True))
     numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
-    return [*numbers, len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
+    return [*numbers, len(gap), *(sum(a.outcome == outcome for a in gap) for outcome in ("right", "wrong", "silent"))]
 
 
 def read(path: Path) -> list[LoadsAnswer]:
@@ -135,22 +135,24 @@ def read(path: Path) -> list[LoadsAnswer]:
 
 
 def against(before: Iterable[LoadsAnswer], now: Sequence[LoadsAnswer]) -> str:
-    """What changed for each record that both have."""
+    """Change for each record that both have."""
     then = {answer.key: answer for answer in before}
     both = [(then[answer.key], answer) for answer in now if answer.key in then]
     lines = [f"{len(both)} records are in both."]
     for row in dict.fromkeys(answer.truth.row for answer in now):
         for what, there in (("no gap", False), ("gap", True)):
-            of = [(old.told, new.told) for old, new in both if old.truth.row == row and (old.truth.d > 0) == there]
+            of = [
+                (old.outcome, new.outcome) for old, new in both if old.truth.row == row and (old.truth.d > 0) == there
+            ]
             if not of:
                 continue
             counts = (f"{t} {sum(o == t for o, _ in of)} -> {sum(n == t for _, n in of)}" for t in ("right", "wrong"))
             lost, gained = (sum((o == "right", n == "right") == way for o, n in of) for way in ((1, 0), (0, 1)))
             lines.append(f"{row}, {what}: {', '.join(counts)}; lost {lost}, gained {gained} of {len(of)}")
-    changed = [(old, new) for old, new in both if old.told != new.told]
+    changed = [(old, new) for old, new in both if old.outcome != new.outcome]
     lines += [
         f"{new.truth.name} {new.truth.samples} (d {new.truth.d:.3g}): "
-        f"{old.told} -> {new.told}: {old} -> {new}; {new.reason}"
-        for old, new in sorted(changed, key=lambda pair: (pair[0].told, pair[1].told, pair[0].truth.name))
+        f"{old.outcome} -> {new.outcome}: {old} -> {new}; {new.reason}"
+        for old, new in sorted(changed, key=lambda pair: (pair[0].outcome, pair[1].outcome, pair[0].truth.name))
     ]
     return "\n".join(lines)

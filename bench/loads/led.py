@@ -1,4 +1,4 @@
-"""What is said under loads that swing where the setpoint moves: `python -m bench.loads.led`.
+"""Answers under loads that swing where the setpoint moves: `python -m bench.loads.led`.
 
 The loops are those rows of `bench.loads` in which OP swings evenly; the setpoint steps, or walks as in a cascade.
 """
@@ -35,6 +35,7 @@ def led(name: str) -> Record:
     random = Random(f"led/{name}/{how}")
 
     def moves(kp: float) -> Piece:
+        """Moves of the setpoint in units of OP, by `how`, times Kp."""
         size, end = random.uniform(1.0, 10.0) * kp, SAMPLES * H
         if how == "steps":
             every, steps = log_uniform(random, 100.0, 600.0), [(0.0, 50.0 * kp)]
@@ -51,7 +52,7 @@ def led(name: str) -> Record:
 
 
 def ask(name: str) -> LoadsAnswer:
-    """What is said."""
+    """Answers on a record."""
     return LoadsAnswer.to(led(name), SAMPLES)
 
 
@@ -76,7 +77,7 @@ def main() -> None:
         asked = track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty())
         answers = dict(zip(names, asked, strict=True))
     for name, answer in answers.items():
-        if answer.told == "wrong":
+        if answer.outcome == "wrong":
             print(name, answer)
     print(table(answers))
 

@@ -40,7 +40,7 @@ SAMPLES = 1500
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true of a record.
+    """Truth of a record.
 
     - `name`: the record's, from which it is made again.
     - `samples`: so many of it, from its beginning.
@@ -64,7 +64,7 @@ class Truth:
 
     @property
     def row(self) -> str:
-        """What the load or the recorder does."""
+        """The load or the recorder of a row."""
         return self.name.split("/")[0]
 
 
@@ -127,7 +127,7 @@ def record(name: str, samples: int = SAMPLES, moves: Callable[[float], Piece] | 
     elif row == "PV filtered":
         filtered = log_uniform(of_recorder, 1.0, 10.0)
         if of_recorder.random() < 0.5:
-            # What the controller sees is filtered too: the filter belongs to process and noise.
+            # The controller's input is filtered too: the filter belongs to process and noise.
             lags.append(filtered)
             noise = [Coloured(sigma=sigma / math.sqrt(1 + 2 * filtered / H), tau=filtered)]
             filtered = 0.0
@@ -278,7 +278,7 @@ def _steps(random: Random, size: float, samples: int) -> Floats:
 
 
 def _ordinary(random: Random, size: float, samples: int) -> Floats:
-    """What is not about the load: a walk or steps, half of them each."""
+    """Settings apart from the load: a walk or steps, half of them each."""
     return random.choice((_walk, _steps))(random, size, samples)
 
 
@@ -305,7 +305,7 @@ ROWS = (
     "walk",
     "steps",
 )
-"""In the order of the table; the last two are what the fit is made for."""
+"""Rows in the order of the table; the last two are the fit's own model."""
 
 SIZES: dict[str, tuple[float, float]] = {
     "triangle fast": (5.0, 20.0),
@@ -325,7 +325,7 @@ def _lagged(x: Floats, lag: float) -> Floats:
 
 
 def _outliers(random: Random, size: float, samples: int) -> Floats:
-    """What single samples, 0.07 to 3 % of all, are off by: half the size to all of it, up or down."""
+    """Errors of single samples, 0.07 to 3 % of all: half the size to all of it, up or down."""
     off = np.zeros(samples)
     share = log_uniform(random, 0.0007, 0.03)
     at = random.uniform(0.0, min(1 / share, SAMPLES))  # one at least within the usual length
@@ -336,7 +336,7 @@ def _outliers(random: Random, size: float, samples: int) -> Floats:
 
 
 def _shifts(random: Random, samples: int) -> Floats:
-    """What a transmitter that is set anew, or a recorder's new scale, adds: steps of 2 to 20, 150 to 900 s apart."""
+    """Steps of a transmitter that is set anew, or of a recorder's new scale: of 2 to 20, 150 to 900 s apart."""
     shifts, at = np.zeros(samples), random.uniform(50.0, 500.0)
     while at < samples * H:
         shifts[round(at / H) :] += random.choice((-1.0, 1.0)) * log_uniform(random, 2.0, 20.0)
@@ -345,7 +345,7 @@ def _shifts(random: Random, samples: int) -> Floats:
 
 
 def swinging_door(x: Floats, band: float) -> Floats:
-    """What a historian gives back that kept only the corners of x, at even steps, and draws lines between them.
+    """Signal from a historian that kept only the corners of x, at even steps, and draws lines between them.
 
     A corner is kept as soon as no line from the one before passes all samples since within ± `band`.
     """

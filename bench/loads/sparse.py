@@ -1,4 +1,4 @@
-"""What is said where few samples lie in a process' lag: `python -m bench.loads.sparse`.
+"""Answers where few samples lie in a process' lag: `python -m bench.loads.sparse`.
 
 The loops are those of `bench.loads`, longer, and only every r-th row is recorded: 0.4 to 5 of them in a lag.
 """
@@ -42,7 +42,7 @@ def sparse(name: str) -> Record:
 
 
 def ask(name: str) -> tuple[float, LoadsAnswer]:
-    """Samples in the lag, and what is said."""
+    """Number of samples in the lag, and the answer."""
     of = sparse(name)
     return of.lag / of.truth(SAMPLES).h, LoadsAnswer.to(of, SAMPLES)
 

@@ -1,4 +1,4 @@
-"""Sixty exports as makers of historians and control systems lay them out, and what is read of each unaided.
+"""Sixty exports in the layouts of makers of historians and control systems, and the reader's result on each.
 
 `record`, `historians`, `systems` and `data` write the files with what is to be read of them, and know nothing of the
 reader; `score` reads and compares.
@@ -11,7 +11,7 @@ __all__ = ["FORMS", "data", "guide", "historians", "systems"]
 
 
 def guide() -> str:
-    """The table of bench/results/file_forms.md: every form, its maker's document, and what a person has to say."""
+    """The table of bench/results/file_forms.md: every form, its maker's document, and the settings it needs."""
     lines = ["| form | maker | as shown in | what has to be said |", "|---|---|---|---|"]
     for form in FORMS.values():
         keys = ", ".join(f"`{key}`" for key in form.make().answer) or "nothing"

@@ -18,7 +18,7 @@ from .score import of
 
 
 def main() -> None:
-    """Write all forms, read them, and show what came of each."""
+    """Write all forms, read them, and print the outcomes."""
     parser = argparse.ArgumentParser(prog="python -m bench.makers", description=__doc__.split("\n\n")[0])
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="keep the files here")
     parser.add_argument("--docs", action="store_true", help="print the table of bench/results/file_forms.md")
@@ -32,7 +32,7 @@ def main() -> None:
         outcomes = [of(form, folder) for form in FORMS.values()]
     table = Table("form", "maker", "end", "said", box=None)
     for form, outcome in zip(FORMS.values(), outcomes, strict=True):
-        table.add_row(form.name, form.maker, outcome.end, outcome.said.replace(str(folder), ""))
+        table.add_row(form.name, form.maker, outcome.end, outcome.message.replace(str(folder), ""))
     console = Console()
     console.print(table)
     counts = Counter(outcome.end for outcome in outcomes)

@@ -34,12 +34,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Export:
-    """A file, and what is to be read from it."""
+    """A file, and its correct content."""
 
     ending: str
     content: bytes
     loop: str | None = TAG
-    """What the loop's name has in it; None where no column tells, and the file's name is the loop's."""
+    """Part of the loop's name; None where no column tells, and the file's name is the loop's."""
     t: Floats = field(default_factory=lambda: K * STEP)
     sp: Floats | None = field(default_factory=lambda: SP)
     pv: Floats = field(default_factory=lambda: PV)
@@ -50,7 +50,7 @@ class Export:
     bad: Sequence[int] = ()
     """Rows of which PV is not good."""
     answer: dict[str, Any] = field(default_factory=dict)
-    """The one answer that reads it, where the data leave open what is meant: a key of the loop's settings."""
+    """The setting that reads it, where the data are ambiguous: a key of the loop's settings."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What is read of a form: right, right after one answer, refused, or wrong."""
+"""Outcome of reading a form: right, right after one answer, refused, or wrong."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Outcome:
 
     form: str
     end: str
-    said: str = ""
+    message: str = ""
 
 
 def of(form: Form, folder: Path) -> Outcome:
@@ -52,7 +52,7 @@ def _read(path: Path, answer: dict[str, Any] | None) -> list[tuple[Recording, Ba
 
 
 def _compare(read: list[tuple[Recording, Batch]], want: Export, path: Path) -> str:
-    """What differs, in a few words; "" where nothing does."""
+    """Differences in a few words; "" where there are none."""
     if len(read) != 1:
         return f"{len(read)} loops: {', '.join(recording.name for recording, _ in read)}"
     [(recording, got)] = read

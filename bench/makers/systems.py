@@ -219,6 +219,7 @@ def twincat_scope() -> Export:
     names = [f"{TAG}.PV", f"{TAG}.SP", f"{TAG}.OP"]
 
     def twice(first: str, of: list[str]) -> list[str]:
+        """Cells of a line with a name before each value, for time and signal."""
         return [cell for each in of for cell in (first, each)]
 
     head = [

@@ -1,1 +1,1 @@
-"""The corpus of ordinary loops, and what the fit says of it: `python -m bench.ordinary`."""
+"""The corpus of ordinary loops, and the answers of the fit: `python -m bench.ordinary`."""

@@ -1,4 +1,4 @@
-"""Ask about the corpus of ordinary loops, and count what is said: `python -m bench.ordinary`.
+"""Ask about the corpus of ordinary loops, and count the answers: `python -m bench.ordinary`.
 
 Every answer goes, with all its evidence, to one line of a file as soon as it is there; what the file has is not asked
 again. `--score FILE` counts the lines of files that are there and fits nothing.
@@ -29,7 +29,7 @@ from .score import tables
 OUT = Path(__file__).parents[2] / "out" / "ordinary.jsonl"
 
 SEVERAL = (1, 2, 4, 8)
-"""So many days of one valve are asked about together with `--several`."""
+"""Numbers of days of one valve that are asked about together with `--several`."""
 
 WITH_FAULT = (0, 6)
 """Of eight numbers of part D these have all their twins, one of them in and one out of what the fit models; the others
@@ -37,7 +37,7 @@ only those without a gap or friction."""
 
 
 def tasks(rows: list[str], which: str, numbers: int, seed: int, several: bool) -> Iterator[tuple[str, int]]:
-    """What is asked, the first numbers of all rows first."""
+    """Tasks, the first numbers of all rows first."""
     wanted = [n for n in range(2 * numbers) if half(n, seed) in which][: numbers * len(which)]
     for number in wanted:
         for row in rows:

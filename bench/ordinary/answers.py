@@ -1,4 +1,4 @@
-"""What is said of a record, with all that can decide it, on one line."""
+"""Answer on a record, with all that can decide it, on one line."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ OLD = {
 
 
 @dataclass(frozen=True)
-class Said:
-    """What an answer claims.
+class Claim:
+    """Claim of an answer.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Said:
 
 @dataclass(frozen=True)
 class Line:
-    """A record, or several of one valve, and all that was said.
+    """A record, or several of one valve, with its answers.
 
     - `truth`: of the first, where there are several.
     - `recordings`: how many days of one valve were asked about together.
@@ -86,18 +86,18 @@ class Line:
 
     @property
     def key(self) -> tuple[str, int]:
-        """What it is about."""
+        """Key of the record."""
         return self.truth.name, self.recordings
 
     @property
     def fit(self) -> dict[str, Any]:
-        """The fit's part of the document; empty where there is none."""
+        """The fit's part of the document; empty without a fit."""
         return self.document.get("fit") or {}
 
-    def said(self, again: bool = False) -> Said:
-        """What is claimed; `again`: as the ladder of today judges the stored evidence, without a fit."""
+    def claim(self, again: bool = False) -> Claim:
+        """Claim of an answer; `again`: as the ladder of today judges the stored evidence, without a fit."""
         if self.error is not None:
-            return Said("refused", None, None, None, None, None)
+            return Claim("refused", None, None, None, None, None)
         answer, fit, best = self.document.get("answer") or {}, self.fit, self.evidence
         numbers = {name: fit.get(name) for name in ("d", "low", "high")}
         refused = "refused" in (answer.get("verdict"), answer.get("confidence"))
@@ -108,17 +108,17 @@ class Line:
         if "confidence" in answer:
             kept = {"d": answer["width"], "low": answer["low"], "high": answer["high"]}
             numbers = {name: numbers[name] if value is None else value for name, value in kept.items()}
-            return Said(answer["confidence"], answer["cause"], answer["width_kind"], **numbers)
+            return Claim(answer["confidence"], answer["cause"], answer["width_kind"], **numbers)
         for part in (fit, best):
             if "confidence" in part:
                 return _judged(part, numbers)
         if refused:
-            return Said("refused", None, None, **numbers)
+            return Claim("refused", None, None, **numbers)
         confidence, cause, kind = OLD.get(fit.get("verdict", ""), ("cannot_tell", None, None))
         return _judged({"confidence": confidence, "cause": cause, "width_kind": kind}, numbers)
 
     def to_json(self) -> str:
-        """The answer as one line of JSON; what is no number is null."""
+        """The answer as one line of JSON, null for a value that is no number."""
         return json.dumps(_plain(asdict(self)), allow_nan=False)
 
     @classmethod
@@ -128,16 +128,16 @@ class Line:
         return cls(**line | {"truth": Truth(**line["truth"])})
 
 
-def _judged(told: Mapping[str, Any], numbers: Mapping[str, float | None]) -> Said:
-    """What the fit says; that none is seen is *sound* where its bound is within what is acceptable."""
-    confidence, high = told["confidence"], numbers["high"]
+def _judged(fit: Mapping[str, Any], numbers: Mapping[str, float | None]) -> Claim:
+    """Verdict of the fit; a valve without a gap is *sound* where its bound is within the acceptable limit."""
+    confidence, high = fit["confidence"], numbers["high"]
     if confidence == "none_seen" and high is not None and high <= LIMIT:
         confidence = "sound"
-    return Said(confidence, told["cause"], told["width_kind"], **numbers)
+    return Claim(confidence, fit["cause"], fit["width_kind"], **numbers)
 
 
 def ask(name: str, recordings: int = 1) -> Line:
-    """Everything that is said of a record, or of so many days of one valve together."""
+    """All answers on a record, or on so many days of one valve together."""
     made = [record(name if day == 0 else f"{name}/{day}") for day in range(recordings)]
     document: dict[str, Any] = {}
     evidence: dict[str, Any] = {}
@@ -163,7 +163,7 @@ def read(path: Path) -> list[Line]:
 
 
 def done(path: Path) -> set[tuple[str, int]]:
-    """What a file has already; a line that was cut off while it was written is taken out of it."""
+    """Finished lines of a file; a line that was cut off while it was written is removed from it."""
     if not path.exists():
         return set()
     texts = path.read_text(encoding="utf-8").splitlines(keepends=True)

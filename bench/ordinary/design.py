@@ -1,4 +1,4 @@
-"""What an ordinary loop is: a row, a number and a seed name one, and everything in it follows from the name.
+"""Design of the ordinary loops: a row, a number and a seed name one, and everything in it follows from the name.
 
 "steps/gap/17/1" is number 17 of the row of steps with seed 1, its valve with a gap; "steps/none/17/1" is the same loop
 without. Even numbers are part A, on which rules may be chosen; odd ones are part B, which judged until it had been
@@ -42,8 +42,9 @@ from ..truth.records import compressed
 Floats = npt.NDArray[np.float64]
 Half = Literal["A", "B", "C", "D"]
 Fault = Literal["none", "gap", "friction", "both", "driven"]
-"""What is wrong: nothing; a clearance; friction of the stem; both; nothing, but a load of the period and swing that the
-gap, or the friction, of the same number makes by itself."""
+"""Fault: none; a clearance; friction of the stem; both; none, but a load of the period and swing that the gap, or the
+friction, of the same number makes by itself.
+"""
 
 HOUR = 3600.0
 
@@ -84,10 +85,10 @@ CYCLES = ("gap cycle", "perstorp", "friction cycle")
 """Rows of limit cycles, each with a driven twin."""
 
 OUTSIDE = ("positioner", "valve curve", "sensor filter", "fractional lag")
-"""Ways out of what the fit models."""
+"""Properties outside of the fit's model."""
 
 ATTEMPTS = 60
-"""So many loops are drawn for a limit cycle until one has it."""
+"""Number of loops that are drawn for a limit cycle until one has it."""
 
 ALIKE = 0.5
 """A lasting cycle is like itself a period later by this correlation."""
@@ -136,7 +137,7 @@ class Drive(NamedTuple):
 
     @property
     def late(self) -> float:
-        """What it adds to the loop's dead time [s]."""
+        """Part of the loop's dead time [s]."""
         return self.lag / (1 + self.positioner)
 
 
@@ -196,7 +197,7 @@ class Drawn:
 
     @property
     def gain(self) -> float:
-        """Kp; of a process that integrates what a change of OP by 1 % makes of PV within Ti [PV unit/%]."""
+        """Kp; for an integrating process the change of PV within Ti by a change of OP by 1 % [PV unit/%]."""
         plant = self.scenario.plant
         if plant.gain is not None:
             return plant.gain
@@ -383,7 +384,7 @@ def _cycle(name: str, row: str, fault: Fault, number: int, seed: int) -> Drawn:
 
 @lru_cache(maxsize=64)
 def _that_swings(row: str, number: int, seed: int) -> int:
-    """Which of the loops of that number is the first whose simulation has a lasting cycle."""
+    """The first of the loops of that number whose simulation has a lasting cycle."""
     fault: Fault = "friction" if row == "friction cycle" else "gap"
     for attempt in range(ATTEMPTS):
         name = f"{row}/{fault}/{number}/{seed}"
@@ -598,7 +599,7 @@ def _faulty(made: Drawn, width: float, drive: Drive, random: Random) -> Drawn:
 
 
 def _drive(random: Random, outside: tuple[str, ...], lag: float) -> Drive:
-    """What moves the valve, whose actuator has that lag [s] where there is no positioner."""
+    """Drive of the valve, whose actuator has that lag [s] where there is no positioner."""
     positioner = curve = 0.0
     if "positioner" in outside:
         positioner, lag = log_uniform(random, 1.0, 6.0), max(lag, log_uniform(random, 0.5, 3.0))
@@ -608,7 +609,7 @@ def _drive(random: Random, outside: tuple[str, ...], lag: float) -> Drive:
 
 
 def _outside(random: Random, number: int) -> tuple[str, ...]:
-    """Which of `OUTSIDE`: none for numbers 0 and 1 of any four, one or two for the others."""
+    """Choice from `OUTSIDE`: none for numbers 0 and 1 of any four, one or two for the others."""
     first, second, two = random.choice(OUTSIDE), random.choice(OUTSIDE), random.random() < 0.3
     if number % 4 < 2:
         return ()
@@ -665,7 +666,7 @@ def two_digits(x: float) -> float:
 def _tuned(
     random: Random, kp: float, lags: list[float], dead_time: float, speed: float | None
 ) -> tuple[float, float, float]:
-    """K, Ti and Td by SIMC or Lambda (half rule for the second lag), and what a person then made of it."""
+    """K, Ti and Td by SIMC or Lambda (half rule for the second lag), as changed by a person."""
     if speed is not None:
         late = dead_time + sum(lags)
         arrest = late * log_uniform(random, 2.0, 15.0)
@@ -714,7 +715,7 @@ def _margins(
 
 
 class Scene(NamedTuple):
-    """What a load is drawn from.
+    """Facts that a load is drawn from.
 
     Its random numbers and size [%], samples of the simulation and their step [s], time between recorded samples and
     time scale of the loop [s].
@@ -825,7 +826,7 @@ LOADS: dict[str, Callable[[Scene], Load]] = {
     "saw": lambda scene: _neighbour(scene, "saw"),
     "square": lambda scene: _neighbour(scene, "square"),
 }
-"""What a load does; rows that are not about the load draw one of them."""
+"""Load of each row; rows that are not about the load draw one of them."""
 
 
 def _outer(random: Random, pv: float, size: float, h: float, t_end: float, whole: float) -> Outer:
@@ -878,7 +879,7 @@ def _manual(random: Random, t_end: float, op: float, whole: float) -> tuple[Manu
 
 
 def _recorder(random: Random, row: str) -> tuple[str, float, float]:
-    """How the historian keeps values, and its bands of PV and OP."""
+    """Recorder of the historian, and its bands of PV and OP."""
     pv_band, op_band = log_uniform(random, 0.05, 0.5), random.choice((0.0, 0.05, 0.1, 0.25))
     events = random.random() < 1 / 3
     if row == "exceptions":

@@ -1,4 +1,4 @@
-"""Which gaps could be told by somebody who knows neither process nor load: `python -m bench.ordinary.oracle FILE`.
+"""Gaps that an oracle without knowledge of process and load could tell: `python -m bench.ordinary.oracle FILE`.
 
 The oracle of `bench.truth.ladder` on its last rung: it is told the true valve, the noise, and of process and load only
 the kind; gain, lags, dead time and the load's places are sought, with the true valve and without a gap. It is asked
@@ -41,10 +41,10 @@ from .score import share
 
 MOST_ROWS = 14401
 KINDS = {"steps": "steps", "bends": "ramps", "drift": "walk"}
-"""Loads, and what the ladder calls them."""
+"""Loads, and their names in the ladder."""
 
 ROWS = ("drift", "steps", "bends", "historian", "friction", "manual", "cascade", "standing", "rings")
-"""Rows with such loads in which no other thing moves the loop than what the oracle is told of."""
+"""Rows with such loads in which only known causes move the loop."""
 
 
 class Record(Known):
@@ -136,7 +136,7 @@ class Record(Known):
 
 @dataclass(frozen=True)
 class Seen:
-    """What the oracle sees of a record.
+    """Result of the oracle on a record.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Seen:
         moves = [op - record.rest, *(record.valve(op, part * whole) - record.rest for part in tried)]
         if d > 0 and record.scenario.valve is not None:
             moves.append(record.valve(op) - record.rest)
-        # What is not known of OP between the rows is more noise.
+        # The unknown course of OP between the rows is more noise.
         variance = max(1.0, min(cost.left for cost in known(record, record.true, moves)))
         costs: list[Cost] = sought(record, record.true, moves, variance)
         nearest = sorted(range(1, len(moves)), key=lambda i: costs[i].cost)[:FOLLOWED]
@@ -175,7 +175,7 @@ class Seen:
 
 
 def ask(name: str) -> Seen | str:
-    """What the oracle sees of the record, or why it cannot be asked."""
+    """Result of the oracle on the record, or the reason why it cannot be asked."""
     try:
         return Seen.of(name)
     except linalg.LinAlgError as error:
@@ -195,7 +195,7 @@ def fitting(line: Line) -> bool:
 
 
 def main() -> None:
-    """Ask about the records of a file of answers, and say how many of the gaps that it sees are told."""
+    """Ask about the records of a file of answers, and print how many of the gaps that the oracle sees are found."""
     parser = argparse.ArgumentParser(prog="python -m bench.ordinary.oracle", description=__doc__.split("\n\n")[0])
     parser.add_argument("answers", type=Path, help="lines of python -m bench.ordinary")
     parser.add_argument("--most", type=int, default=60, help="so many records with a gap")
@@ -207,7 +207,7 @@ def main() -> None:
     out = given.answers.with_suffix(".oracle.jsonl")
     asked = [Seen(**json.loads(text)) for text in out.read_text("utf-8").splitlines()] if out.exists() else []
     none = [line for line in lines.values() if line.truth.d == 0][: given.most]
-    # In the order of the file, so that what is there early has both.
+    # Read in the order of the file, so that rows there early have both.
     names = [name for name, line in lines.items() if line in gaps or line in none]
     left = [name for name in names if name not in {seen.name for seen in asked}]
     with ProcessPoolExecutor(given.jobs) as pool, out.open("a", encoding="utf-8") as file:
@@ -222,7 +222,7 @@ def main() -> None:
 
 
 def table(lines: list[Line], ratios: dict[str, float], again: bool = False) -> str:
-    """Of the gaps that the oracle sees, how many are told."""
+    """Table of the gaps that the oracle sees, with the number that the fit tells."""
     asked: dict[tuple[str, bool], float] = {}
     for line in lines:
         key = (line.truth.kind, line.truth.apart)
@@ -237,7 +237,7 @@ def table(lines: list[Line], ratios: dict[str, float], again: bool = False) -> s
     }
     body = []
     for name, of in groups.items():
-        confidences = [line.said(again).confidence for line in of]
+        confidences = [line.claim(again).confidence for line in of]
         found = share([c == "found" for c in confidences])
         body.append([name, str(len(of)), found, share([c in ("found", "likely") for c in confidences])])
     most = ", ".join(f"{kind}{' far apart' * apart} {ratio:.0f}" for (kind, apart), ratio in sorted(asked.items()))

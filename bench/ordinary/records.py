@@ -1,4 +1,4 @@
-"""Records of the corpus: what a historian kept of a simulated loop, and its truth."""
+"""Records of the corpus: a historian's data of a simulated loop, and its truth."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ LEAST_MOVE = 0.02
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true of a record, known to no method.
+    """Truth of the record, known to no method.
 
     Attributes
     ----------
@@ -260,7 +260,7 @@ def _truth(drawn: Drawn, simulation: Simulation, kept: slice, rows: int) -> Trut
 
 
 def reversals(x: Floats, least: float) -> tuple[int, int]:
-    """How often x turned upwards and downwards, with a move of `least` or more each way."""
+    """Numbers of turns of x upwards and downwards, with a move of `least` or more each way."""
     moves = np.sign(np.diff(x))
     at = np.flatnonzero(moves)
     turned = at[1:][moves[at[1:]] != moves[at[:-1]]]
@@ -281,7 +281,7 @@ def reversals(x: Floats, least: float) -> tuple[int, int]:
 
 
 def width(drawn: Drawn) -> tuple[float, float, float, float]:
-    """Total width, its least and greatest, and the slip jump: what a slow sweep of the valve shows [% of OP]."""
+    """Total width, its least and greatest, and the slip jump, by a slow sweep of the valve [% of OP]."""
     scenario: Scenario = drawn.scenario
     if scenario.valve is None or scenario.valve.stem is None:
         d = scenario.d if scenario.valve is None else scenario.valve.d
@@ -326,5 +326,5 @@ def swept(valve: Valve, about: float) -> tuple[float, float, float, float]:
 
 
 def twins(row: str, number: int, seed: int = 1) -> list[Record]:
-    """All records of a number, that differ in what is wrong with the valve alone."""
+    """All records of a number, which differ in the fault of the valve alone."""
     return [record(name) for name in names(row, number, seed)]

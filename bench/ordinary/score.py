@@ -11,7 +11,7 @@ from scipy import stats
 
 from ..truth.records import TRAVERSALS
 from ..truth.score import markdown
-from .answers import CLAIMED, Line, Said
+from .answers import CLAIMED, Claim, Line
 from .design import CYCLES, ROWS
 from .records import LIMIT
 
@@ -20,15 +20,15 @@ TURNS = 10
 
 
 class Judged(NamedTuple):
-    """A line and what is claimed in it."""
+    """A line and its claim."""
 
     line: Line
-    said: Said
+    claim: Claim
 
     @property
     def claimed(self) -> bool:
         """Whether a gap is found, or likely."""
-        return self.said.confidence in CLAIMED
+        return self.claim.confidence in CLAIMED
 
 
 Group = Sequence[Judged]
@@ -36,7 +36,7 @@ Group = Sequence[Judged]
 
 def tables(lines: Iterable[Line], again: bool = False) -> str:
     """All tables in Markdown."""
-    every = [Judged(line, line.said(again)) for line in lines]
+    every = [Judged(line, line.claim(again)) for line in lines]
     one = [j for j in every if j.line.recordings == 1]
     of = " and ".join(sorted({j.line.truth.half for j in every}))
     parts = [
@@ -62,7 +62,7 @@ def titled(title: str, table: str) -> str:
 
 
 def share(of: Sequence[bool]) -> str:
-    """How many of how many, in per cent with 95 % limits."""
+    """Share in per cent with 95 % limits."""
     n, k = len(of), sum(of)
     if n == 0:
         return "-"
@@ -81,7 +81,7 @@ def _by_row(group: Group) -> dict[str, list[Judged]]:
 
 
 def gapless(one: Group) -> str:
-    """Of records without a gap, how many are called one: row by row, and all."""
+    """Number of records without a gap that are called one: row by row, and all."""
     without = [j for j in one if j.line.truth.d == 0]
     groups = {}
     for row, of in _by_row(without).items():
@@ -93,9 +93,9 @@ def gapless(one: Group) -> str:
         [
             name,
             str(len(of)),
-            share([j.said.confidence == "found" for j in of]),
+            share([j.claim.confidence == "found" for j in of]),
             share([j.claimed for j in of]),
-            share([j.said.confidence == "sound" for j in of]),
+            share([j.claim.confidence == "sound" for j in of]),
         ]
         for name, of in groups.items()
         if of
@@ -109,15 +109,15 @@ def cycles(one: Group) -> str:
     for row in CYCLES:
         of = [j for j in one if j.line.truth.row == row and j.line.truth.d > 0]
         if of:
-            sided = [j for j in of if j.said.sided]
+            sided = [j for j in of if j.claim.sided]
             driven = [j for j in one if j.line.truth.row == row and j.line.truth.fault == "driven"]
             body.append(
                 [
                     row,
                     str(len(of)),
-                    share([j.said.confidence == "found" for j in of]),
+                    share([j.claim.confidence == "found" for j in of]),
                     share([j.claimed for j in of]),
-                    counts([j.said.holds(j.line.truth.d) for j in sided]),
+                    counts([j.claim.holds(j.line.truth.d) for j in sided]),
                     share([j.claimed for j in driven]),
                 ]
             )
@@ -126,7 +126,7 @@ def cycles(one: Group) -> str:
 
 
 def seen(one: Group) -> str:
-    """Of gaps that the rule of bench.truth calls identifiable, how many are told, row by row."""
+    """Number of gaps found of those that the rule of bench.truth calls identifiable, row by row."""
     there = [j for j in one if j.line.truth.identifiable]
     groups: dict[str, Group] = {
         "rows near": [j for j in there if not j.line.truth.apart],
@@ -139,10 +139,10 @@ def seen(one: Group) -> str:
         [
             name,
             str(len(of)),
-            share([j.said.confidence == "found" for j in of]),
+            share([j.claim.confidence == "found" for j in of]),
             share([j.claimed for j in of]),
-            counts([j.said.holds(j.line.truth.d) for j in of if j.said.sided]),
-            counts([j.said.holds(j.line.truth.d) for j in of if not j.claimed and j.said.high is not None]),
+            counts([j.claim.holds(j.line.truth.d) for j in of if j.claim.sided]),
+            counts([j.claim.holds(j.line.truth.d) for j in of if not j.claimed and j.claim.high is not None]),
         ]
         for name, of in groups.items()
         if of
@@ -152,29 +152,29 @@ def seen(one: Group) -> str:
 
 
 def reasons(one: Group) -> str:
-    """Reasons of those that are identifiable and not told, the most frequent first."""
+    """Reasons of the identifiable gaps that are not found, the most frequent first."""
     silent = [j for j in one if j.line.truth.identifiable and not j.claimed]
-    found: Counter[str] = Counter(f"{j.said.confidence}: {j.line.fit.get('reason_code') or 'no fit'}" for j in silent)
+    found: Counter[str] = Counter(f"{j.claim.confidence}: {j.line.fit.get('reason_code') or 'no fit'}" for j in silent)
     return markdown(["reason", "records"], [[why, str(n)] for why, n in found.most_common()]) if silent else ""
 
 
 def intervals(one: Group) -> str:
-    """Coverage and how wide the intervals are, of what is found and what is likely."""
+    """Coverage and width of the intervals of found and of likely gaps."""
     body = []
     for confidence in CLAIMED:
-        of = [j for j in one if j.said.confidence == confidence and j.line.truth.d > 0]
-        sided = [j for j in of if j.said.sided]
-        bounds = [j for j in of if j.said.width_kind == "bound" and j.said.low is not None]
+        of = [j for j in one if j.claim.confidence == confidence and j.line.truth.d > 0]
+        sided = [j for j in of if j.claim.sided]
+        bounds = [j for j in of if j.claim.width_kind == "bound" and j.claim.low is not None]
         if of:
-            ratios = [j.said.high / j.said.low for j in sided if j.said.low]  # type: ignore[operator]
+            ratios = [j.claim.high / j.claim.low for j in sided if j.claim.low]  # type: ignore[operator]
             body.append(
                 [
                     confidence,
                     str(len(of)),
-                    share([j.said.sided for j in of]),
-                    share([j.said.holds(j.line.truth.d) for j in sided]),
+                    share([j.claim.sided for j in of]),
+                    share([j.claim.holds(j.line.truth.d) for j in sided]),
                     f"{np.median(ratios):.2f}" if ratios else "-",
-                    counts([j.line.truth.d >= j.said.low for j in bounds]),  # type: ignore[operator]
+                    counts([j.line.truth.d >= j.claim.low for j in bounds]),  # type: ignore[operator]
                 ]
             )
     head = ["gaps called", "records", "with an interval", "interval holds", "median high/low", "bound holds"]
@@ -184,16 +184,16 @@ def intervals(one: Group) -> str:
 def sound(one: Group) -> str:
     """Sound of valves with a gap, and of those without whose OP turned often enough."""
     wide = [j for j in one if j.line.truth.d > LIMIT]
-    told = [j for j in wide if j.said.confidence == "sound"]
-    narrow = [j for j in one if 0 < j.line.truth.d <= LIMIT and j.said.confidence in ("sound", "none_seen")]
+    told = [j for j in wide if j.claim.confidence == "sound"]
+    narrow = [j for j in one if 0 < j.line.truth.d <= LIMIT and j.claim.confidence in ("sound", "none_seen")]
     turned = [j for j in one if j.line.truth.d == 0 and j.line.truth.op_turns >= TURNS]
     still = [j for j in one if j.line.truth.row == "standing" and j.line.truth.d > 0]
 
     def wrong(j: Judged) -> bool:
-        return j.said.high is None or j.line.truth.d > j.said.high
+        return j.claim.high is None or j.line.truth.d > j.claim.high
 
     def called(j: Judged) -> bool:
-        return j.said.confidence == "sound"
+        return j.claim.confidence == "sound"
 
     rows: dict[str, list[bool]] = {
         f"gaps wider than {LIMIT:g} %: called sound": [called(j) for j in wide],
@@ -206,15 +206,15 @@ def sound(one: Group) -> str:
 
 
 def unsound(one: Group) -> str:
-    """What keeps a valve without a gap from being called sound although OP turned often, the most frequent first."""
+    """Reasons why a valve without a gap is not called sound although OP turned often, the most frequent first."""
     turned = [j for j in one if j.line.truth.d == 0 and j.line.truth.op_turns >= TURNS]
-    found = Counter(_doubt(j) for j in turned if j.said.confidence != "sound")
+    found = Counter(_doubt(j) for j in turned if j.claim.confidence != "sound")
     return markdown(["reason", "records"], [[why, str(n)] for why, n in found.most_common()]) if found else ""
 
 
 def _doubt(j: Judged) -> str:
     """Why a valve is not called sound, of several reasons the first."""
-    evidence, high = j.line.evidence.get("evidence"), j.said.high
+    evidence, high = j.line.evidence.get("evidence"), j.claim.high
     if evidence is None:
         return "not fitted"
     doubts = {
@@ -234,7 +234,7 @@ def jumps(line: Line) -> bool:
 
 
 def causes(one: Group) -> str:
-    """What is called which cause."""
+    """Causes named, by true cause."""
     groups: dict[str, Callable[[Line], bool]] = {
         "clearance": lambda line: line.truth.fault == "gap",
         "friction": lambda line: line.truth.fault == "friction",
@@ -247,14 +247,14 @@ def causes(one: Group) -> str:
     for name, holds in groups.items():
         of = [j for j in one if holds(j.line)]
         if of:
-            told = Counter(j.said.cause for j in of if j.claimed)
-            right = [j.claimed and j.said.cause in ("stiction", "both") for j in of]
+            told = Counter(j.claim.cause for j in of if j.claimed)
+            right = [j.claimed and j.claim.cause in ("stiction", "both") for j in of]
             body.append([name, str(len(of)), *(str(told[cause]) for cause in names), str(told[None]), share(right)])
     return markdown(["truth", "records", *names, "no cause", "stiction or both"], body) if body else ""
 
 
 def process(one: Group) -> str:
-    """How often the limits of gain, dead time and lags hold, inside the fit's family, without an integrator."""
+    """Coverage of the limits of gain, dead time and lags, inside the fit's family, without an integrator."""
     body = []
     for near in (True, False):
         of = [
@@ -282,7 +282,7 @@ def process(one: Group) -> str:
 
 
 def several(every: Group) -> str:
-    """What several days of one valve say together, beside what the first says alone."""
+    """Joint answers of several days of one valve, beside that of the first alone."""
     alone = {j.line.truth.name: j for j in every if j.line.recordings == 1}
     numbers = sorted({j.line.recordings for j in every})
     if len(numbers) < 2:
@@ -291,20 +291,20 @@ def several(every: Group) -> str:
     body = []
     for n in numbers:
         of = [j for j in every if j.line.recordings == n and j.line.truth.name in names and j.line.truth.d > 0]
-        sided = [j for j in of if j.said.sided]
+        sided = [j for j in of if j.claim.sided]
         narrower = []
         for j in sided:
             first = alone.get(j.line.truth.name)
-            if first is not None and first.said.sided:
-                widths = [said.high - said.low for said in (j.said, first.said)]  # type: ignore[operator]
+            if first is not None and first.claim.sided:
+                widths = [claim.high - claim.low for claim in (j.claim, first.claim)]  # type: ignore[operator]
                 narrower.append(widths[0] / max(widths[1], 1e-9))
         body.append(
             [
                 str(n),
                 str(len(of)),
-                share([j.said.confidence == "found" for j in of]),
+                share([j.claim.confidence == "found" for j in of]),
                 share([j.claimed for j in of]),
-                share([j.said.holds(j.line.truth.d) for j in sided]),
+                share([j.claim.holds(j.line.truth.d) for j in sided]),
                 f"{np.median(narrower):.2f} of {len(narrower)}" if narrower else "-",
             ]
         )
@@ -313,7 +313,7 @@ def several(every: Group) -> str:
 
 
 def times(one: Group) -> str:
-    """How long a record takes."""
+    """Times of a record."""
     if not one:
         return ""
     seconds = [j.line.seconds for j in one]

@@ -1,4 +1,4 @@
-"""What the public programs say about a recording: run by `bench/run.py` in an environment of their own.
+"""Answers of the public programs on a recording: run by `bench/run.py` in an environment of their own.
 
 `stictionanalyser` is an add-on of a commercial server. As installed it cannot be imported: its screen needs names that
 IPython and ipyvuetify no longer have, and its analysis imports the server's module, of which nothing is called between

@@ -33,7 +33,7 @@ SAID = ("verdict", "d", "low", "high", "at_least", "reason")
 
 
 def ask(name: str, methods: tuple[str, ...]) -> list[tuple[str, MethodAnswer, float]]:
-    """What the methods say of one record, and how long each took [s]."""
+    """Answers of the methods on one record, and their times [s]."""
     made = record(name)
     assert made is not None
     answers = []

@@ -1,4 +1,4 @@
-"""What a method says of a record, in words that are the same for all."""
+"""Answer of a method on a record, in terms common to all."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 Verdict = Literal[
     "backlash", "stiction", "both", "valve", "at_least", "oscillation", "sound", "not valve", "cannot_tell"
 ]
-"""*valve*: stiction or backlash, which of them is not said. *not valve*: the cause lies elsewhere, or there is none."""
+"""*valve*: stiction or backlash, without a choice. *not valve*: the cause lies elsewhere, or there is none."""
 
 FAULT = ("backlash", "stiction", "both", "valve", "at_least")
 """Verdicts that send somebody to the valve."""

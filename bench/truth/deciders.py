@@ -1,4 +1,4 @@
-"""Who decides how many, rightly and wrongly: `python -m bench.truth.deciders FILE`.
+"""Number of records that each method decides, rightly and wrongly: `python -m bench.truth.deciders FILE`.
 
 FILE has the lines of `python -m bench.weigh`. The records of bench.truth among them are made again, and all methods but
 the fit are asked about them. What the fit says follows from its stored evidence by the ladder of today, so that no
@@ -27,17 +27,17 @@ CLAIMS = {"fit, found": ("found",), "fit, found or likely": ("found", "likely")}
 
 
 def of_fit(sample: Sample, claims: tuple[str, ...]) -> MethodAnswer:
-    """What the ladder of today makes of the stored evidence."""
-    told = _glapp.fit_judgement(json.dumps(sample.evidence))  # type: ignore[attr-defined]
-    if told["confidence"] in claims:
-        return MethodAnswer("at_least" if told["width_kind"] == "bound" else "backlash")
-    if told["confidence"] == "none_seen":
+    """Judgement of today's ladder on the stored evidence."""
+    judgement = _glapp.fit_judgement(json.dumps(sample.evidence))  # type: ignore[attr-defined]
+    if judgement["confidence"] in claims:
+        return MethodAnswer("at_least" if judgement["width_kind"] == "bound" else "backlash")
+    if judgement["confidence"] == "none_seen":
         return MethodAnswer("sound", high=sample.width[2])
     return MethodAnswer("cannot_tell")
 
 
 def asked(samples: list[Sample]) -> Iterator[Scored]:
-    """What each method says of the records of bench.truth among the samples."""
+    """Answers of each method on the records of bench.truth among the samples."""
     for sample in samples:
         if not sample.name.startswith(SOURCE):
             continue
@@ -46,8 +46,10 @@ def asked(samples: list[Sample]) -> Iterator[Scored]:
         of, truth = made
         answers = {name: of_fit(sample, claims) for name, claims in CLAIMS.items()}
         answers |= {name: answer_of(name, of) for name in METHODS if name != "fit"}
-        for name, said in answers.items():
-            yield Scored(truth, name, said.verdict, said.d, said.low, said.high, said.at_least, said.reason, 0.0)
+        for name, answer in answers.items():
+            yield Scored(
+                truth, name, answer.verdict, answer.d, answer.low, answer.high, answer.at_least, answer.reason, 0.0
+            )
 
 
 def main() -> None:

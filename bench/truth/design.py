@@ -1,4 +1,4 @@
-"""What the records are of: a cell of the design and a number name one loop, and everything in it follows from the name.
+"""Design of the records: a cell of the design and a number name one loop, and everything in it follows from the name.
 
 A cell is what the truth is (`Cell.cause`), what the load does and whether the record stays within what the fit models
 (`Cell.family`). All else, process, tuning, width, noise, setpoint, sample time, length, is drawn at random by the seed
@@ -63,7 +63,7 @@ FRICTION = "He's friction"
 
 
 class TimeScale(NamedTuple):
-    """What the process' speed is measured by [s]: T of its first-order model, and T + L."""
+    """Measure of the process' speed [s]: T of its first-order model, and T + L."""
 
     lag: float
     whole: float

@@ -1,4 +1,4 @@
-"""What stops the rest: what has to be known before a gap can be told, `python -m bench.truth.ladder [each]`.
+"""Knowledge that finding a gap needs, step by step, `python -m bench.truth.ladder [each]`.
 
 The oracle of `bench.truth.oracle` knows everything but the valve. This one is told less and less, rung by rung:
 
@@ -60,7 +60,7 @@ NEARER = (0.5, 0.65, 0.8, 0.9, 1.0)
 """Mere gaps that are tried where there is one, in parts of its width: missed turns of OP make it look narrower."""
 
 FOLLOWED = 2
-"""Of so many of them, the nearest, the process is sought."""
+"""Number of the nearest of them for which the process is sought."""
 
 PLACES = 600
 """Places at most that a step or bend of the load is sought at."""
@@ -179,13 +179,13 @@ class Record:
         return moved
 
     def left(self, process: Process, move: Floats, q: Floats) -> Floats:
-        """What a movement of the valve leaves of PV, in white noise, beside what is unknown."""
+        """Residual of PV after a movement of the valve, in white noise, and the unknown columns."""
         left = self.pv_white - self.white(process.answer(move)[self.kept])
         rest: Floats = left - q @ (q.T @ left)
         return rest
 
     def unknown(self, process: Process, *more: Floats) -> Floats:
-        """What no rung knows, and `more`, in columns: the offset, how the process began, an integrating one's drift."""
+        """Columns that no rung knows, and `more`: the offset, how the process began, an integrating one's drift."""
         columns = [np.ones(self.n), *process.starts(self.n), *more]
         if process.integrating:
             columns += [np.arange(self.n) / self.n, process.answer(np.ones(self.n))]
@@ -219,7 +219,7 @@ class Record:
 
 
 class Cost(NamedTuple):
-    """−2·ln L of a hypothesis, the changes of the load that it rests on, and what it leaves of PV for each sample."""
+    """−2·ln L of a hypothesis, its changes of the load, and its residual of PV for each sample."""
 
     cost: float
     changes: Places
@@ -233,7 +233,7 @@ def basis(columns: Floats) -> Floats:
 
 
 def known(record: Record, process: Process, moves: Iterable[Floats]) -> list[Cost]:
-    """What each movement of the valve costs where the load's times are known."""
+    """Cost of each movement of the valve where the load's times are known."""
     q = basis(record.white(record.unknown(process, *record.known_load(process))))
     found = []
     for move in moves:
@@ -244,7 +244,7 @@ def known(record: Record, process: Process, moves: Iterable[Floats]) -> list[Cos
 
 
 def sought(record: Record, process: Process, moves: Iterable[Floats], variance: float) -> list[Cost]:
-    """What each movement costs where the places of the load's changes are sought, at the price of place and size.
+    """Cost of each movement where the places of the load's changes are sought, at the price of place and size.
 
     Orthogonal least squares: the change that pays most is taken in turn, from none and from the true ones; then what no
     longer pays is left out. A load that walks has no places.
@@ -260,7 +260,7 @@ def sought(record: Record, process: Process, moves: Iterable[Floats], variance: 
     most, towards = MOST_CHANGES[record.kind], [answers.T @ x / variance for x in left]
     begun: list[list[int]] = [[], list(range(record.changes.size))]
     best = [max(_pursued(gram, toward, start, most) for start in begun) for toward in towards]
-    # What the best of them found helps the others as much.
+    # Changes found for the best of them help the others as much.
     cost = [float(x @ x) / variance - gain for x, (gain, _) in zip(left, best, strict=True)]
     again = best[int(np.argmin(cost))][1]
     best = [max(pair, _pursued(gram, y, again, most)) for pair, y in zip(best, towards, strict=True)]
@@ -281,7 +281,7 @@ class Refitted(NamedTuple):
 def refitted(
     record: Record, move: Floats, cost: Cost, variance: float, begin: Sequence[Sequence[float]] = STARTS
 ) -> Refitted:
-    """What a movement of the valve costs with the process that goes with it best: gain, lags and dead time are free.
+    """Cost of a movement of the valve with its best process: gain, lags and dead time are free.
 
     The process is sought from each of `begin`, all to its places of the load, which are then sought anew. A load that
     walks is taken to walk through the true process all the same.
@@ -334,7 +334,7 @@ def refitted(
 
 
 def _pursued(gram: Floats, toward: Floats, taken: list[int], most: int) -> tuple[float, list[int]]:
-    """What the changes that pay bring together, and which they are."""
+    """Joint gain of the changes that pay, and the changes."""
     for _ in range(3):
         before = set(taken)
         taken = _left_out(gram, toward, _added(gram, toward, taken, most))
@@ -379,7 +379,7 @@ def _left_out(gram: Floats, toward: Floats, taken: list[int]) -> list[int]:
 
 
 def _gain(gram: Floats, toward: Floats, taken: list[int]) -> float:
-    """What these changes take from −2·ln L, less what their places and sizes are worth."""
+    """Decrease of −2·ln L by these changes, less the price of their places and sizes."""
     inner, count, size = gram[np.ix_(taken, taken)], len(taken), toward.size
     fitted = float(toward[taken] @ linalg.pinvh(inner) @ toward[taken])
     _, sizes = np.linalg.slogdet(inner + np.eye(count))
@@ -396,7 +396,7 @@ LEAST_LOW, DENSE = (_glapp.fit_thresholds()[name][0] for name in ("LEAST_LOW", "
 
 @dataclass(frozen=True)
 class Rungs:
-    """What the oracle sees of a record.
+    """Result of the oracle on a record.
 
     - `lr_no_gap`: −2·Δln L of no gap on each of `RUNGS`, against the true valve or a mere gap of nearly its width; of a
       record without a gap against the best of `WIDTHS`. Below 0 no gap explains the record better.
@@ -419,7 +419,7 @@ class Rungs:
     changes: int = 0
 
     def holds(self, truth: Truth, part: float) -> bool | None:
-        """Whether the width would be true if the fit asked for so large a part of what it asks, and for nothing else.
+        """Whether the width would be true with a threshold lowered to such a part, and no other change.
 
         None where it would still tell none: the ratio is less, or there are no two limits, the lower no trifle.
         """
@@ -447,7 +447,7 @@ class Rungs:
             return costs[0] - min(costs[1:]), min(costs[gaps]) - costs[-1]
 
         there, seen = moves(simulation.op), moves(record.recorded)
-        # What is not known of OP is more noise.
+        # The unknown course of OP is more noise.
         variance = max(1.0, min(cost.left for cost in known(record, record.true, seen)))
         rungs = [known(record, record.true, there), sought(record, record.true, there, 1.0)]
         rungs.append(sought(record, record.true, seen, variance))
@@ -475,7 +475,7 @@ def leaving(op: Floats, position: Floats, kept: Places) -> float:
 
 
 def thresholds(sound: Sequence[tuple[Truth, Rungs]]) -> dict[str, list[float]]:
-    """What no gap reaches on each rung in any record without one, for each kind of load; no less than the fit asks."""
+    """Thresholds on each rung that no record without a gap reaches, for each kind of load; no less than the fit's."""
 
     def greatest(load: str, i: int) -> float:
         return max((rungs.lr_no_gap[i] for truth, rungs in sound if truth.load == load), default=0.0)
@@ -500,7 +500,7 @@ def percent(part: float | np.floating) -> str:
 
 
 def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Rungs]]) -> str:
-    """How many gaps can be told on each rung, and on which those are lost that the fit does not tell."""
+    """Number of gaps that can be told on each rung, and the rung on which those are lost that the fit does not tell."""
     asked = thresholds(sound)
     body = []
     for load in (*LOADS, "all"):
@@ -528,7 +528,7 @@ def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Ru
 
 
 def unseen(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Rungs]]) -> str:
-    """What the fit lacks in the records that are seen on all rungs, and of which it tells no width."""
+    """Reasons of the fit in the records that are seen on all rungs, and of which it tells no width."""
     asked, body = thresholds(sound), []
     for load in LOADS:
         of = [
@@ -543,7 +543,7 @@ def unseen(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Ru
 
 
 def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
-    """In how many valves that stick the jump is seen, and not only a gap, on each rung, and by the fit."""
+    """Number of sticking valves whose jump is seen, and not only a gap, on each rung, and by the fit."""
     body = []
     for load in (*LOADS, "all"):
         of = [(row, r.lr_no_jump) for row, r in gaps if row.truth.cause_told and load in (row.truth.load, "all")]
@@ -555,7 +555,7 @@ def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
 
 
 def asked_for_less(gaps: Sequence[tuple[Truth, Rungs]], sound: Sequence[tuple[Truth, Rungs]]) -> str:
-    """What widths the fit would give if it asked for less of its own likelihood ratio, and for nothing else."""
+    """Widths that the fit would give with a lower threshold of its likelihood ratio, and no other change."""
     body = []
     for part in PARTS:
         found = [rungs.holds(truth, part) for truth, rungs in gaps]
@@ -571,7 +571,7 @@ SLOWLY = 6.0
 
 
 def definitions(scored: Sequence[Scored], leavings: dict[str, float], held: set[str]) -> str:
-    """What the fit tells of the gaps that can be identified, by several definitions of that."""
+    """Share of the identifiable gaps that the fit tells, by several definitions of identifiable."""
 
     def apart(row: Scored) -> bool:
         return row.truth.d >= SLOWLY * leavings[row.truth.name]
@@ -622,7 +622,7 @@ def main() -> None:
     every = [row for row in read(TRUTH) if row.method == "fit" and row.truth.family == given.family]
     faulty = [row for row in every if row.truth.cause in FAULTY]
     gaps = first(given.each, [row for row in faulty if row.truth.identifiable])
-    # What the walk of a load does between two samples is not in the oracle's covariance.
+    # The oracle's covariance lacks the walk of a load between two samples.
     none = first(given.each, [r for r in every if r.truth.cause == "none" and r.truth.h <= r.truth.lag / 5])
     with ProcessPoolExecutor(given.jobs) as pool, OUT.open("a", encoding="utf-8") as file:
         left = [row.truth.name for row in (*gaps, *none) if row.truth.name not in done]

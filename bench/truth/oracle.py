@@ -1,4 +1,4 @@
-"""What can be told of the valve at all, `python -m bench.truth.oracle [each]`.
+"""Verdict of the oracle: the information of a record on the valve, `python -m bench.truth.oracle [each]`.
 
 Nobody can tell from a record what is not in it. This one knows everything but the valve: the process, the noise, OP
 between the recorded samples, and the kind of the load with the times of its steps and ramps, only not how large they
@@ -27,8 +27,8 @@ from .design import CELLS, LOADS, Drawn, draw
 from .records import Floats, Truth, chosen, compressed
 from .score import FAULTY
 
-NO_GAP, NO_JUMP = (_glapp.fit_thresholds()[name][0] for name in ("GAP", "JUMP"))
-"""What the likelihood ratio must exceed: the thresholds of the fit."""
+NO_GAP, NO_JUMP = (_glapp.fit_thresholds()[name][0] for name in ("LR_MIN", "LR_JUMP"))
+"""Likelihood ratios that are needed: the thresholds of the fit."""
 
 NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
 """Mere gaps that are tried, in widths of the true dead band."""
@@ -65,7 +65,7 @@ class Process:
 
 
 def told(name: str) -> Told:
-    """What of a record with a gap could be told."""
+    """Outcome that a record with a gap allows."""
     drawn = draw(name)
     assert drawn is not None
     simulation = run(drawn.scenario)
@@ -130,7 +130,7 @@ def _whitening(drawn: Drawn, simulation: Simulation, process: Process) -> Callab
 
 
 def table(truths: Sequence[Truth], all_told: Sequence[Told]) -> str:
-    """A table with a row a load: the share of records in which what is asked is seen."""
+    """A table with a row a load: the share of records in which the gap or the jump is seen."""
     lines = ["| load | records | that there is a gap | that it jumps, where J ≥ 3σ/Kp |", "|---|---|---|---|"]
     for load in (*LOADS, "all"):
         rows = [(t, x) for t, x in zip(truths, all_told, strict=True) if load in (t.load, "all")]

@@ -15,7 +15,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 CROSSINGS = 11
-"""So many zero crossings of the autocorrelation are looked at, that is ten half-periods, as in the paper."""
+"""Number of zero crossings of the autocorrelation that are used, that is ten half-periods, as in the paper."""
 
 FEWEST = 5
 """Fewer of them tell nothing of regularity."""
@@ -64,7 +64,7 @@ def zero_crossings(signal: Floats) -> list[float]:
 
 
 def band_pass(signal: Floats, period: float, low: float = 0.5, high: float = 1.5) -> Floats:
-    """What a signal has between `low` and `high` times the frequency of a period [samples]."""
+    """Part of a signal between `low` and `high` times the frequency of a period [samples]."""
     spectrum = np.fft.rfft(signal - signal.mean())
     frequency = np.fft.rfftfreq(len(signal))
     spectrum[(frequency < low / period) | (frequency > high / period)] = 0

@@ -1,4 +1,4 @@
-"""Records: what a historian kept of a simulated loop, and the truth, apart from it."""
+"""Records: a historian's data of a simulated loop, and the truth, apart from them."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ TRAVERSALS = 5
 """Fewest traversals of the gap each way."""
 
 CANDIDATES = 300
-"""So many loops are tried for one record that is wanted before a cell is given up."""
+"""Number of loops that are tried for one record before a cell is given up."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true of a record, known to no method.
+    """Truth of a record, known to no method.
 
     - `name`: "cause/load/family/number"; `record(name)` makes the record again.
     - `cause`, `load`, `family`, `departure`, `process`, `rule`, `setpoint`: as in `design`.
@@ -81,7 +81,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Record:
-    """What a method may see.
+    """Data of a record that a method may see.
 
     - `table`: columns t [s], SP, PV, OP, OP_LOW, OP_HIGH: no valve position and no load.
     - `loop`: name, spans, controller, and whether the process integrates.
@@ -104,7 +104,7 @@ class Record:
 
 
 def traversals(position: Floats) -> tuple[int, int]:
-    """How often the valve began to move up after it had moved down, and down after up.
+    """Numbers of times that the valve began to move up after it had moved down, and down after up.
 
     Between the two OP has crossed the whole gap, or gap and stick band; the position does not change while it does.
     """
@@ -122,7 +122,7 @@ def identifiable(
 
 
 def compressed(pv: Floats, band: float) -> Floats:
-    """What a historian holds that keeps a value until the next one differs from it by more than `band`."""
+    """Data of a historian that keeps a value until the next one differs from it by more than `band`."""
     kept = pv.tolist()
     held = kept[0]
     for i, value in enumerate(kept):

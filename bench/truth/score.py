@@ -21,10 +21,10 @@ LACKING: dict[str, Callable[[Truth], bool]] = {
     "noise": lambda truth: truth.d * abs(truth.gain) < 3 * truth.sigma,
     "h > T/5": lambda truth: truth.h > truth.lag / 5,
 }
-"""What a gap may lack to be identifiable; it may lack several."""
+"""Conditions that a gap may fail for it to be identifiable; it may fail several."""
 
 FEW = 3
-"""Of fewer widths there is no median worth printing."""
+"""Number of widths below which a median is not worth printing."""
 
 
 class Scored(NamedTuple):
@@ -89,7 +89,7 @@ def tables(scored: Rows) -> str:
 
 
 def _summary(scored: Rows, methods: Sequence[str]) -> str:
-    """What is asked of a method, on one line."""
+    """Summary of a method, on one line."""
     head = ["method", "answered, inside", "bias", "coverage", "answered, outside", "bias", "coverage"]
     head += ["false alarms", "true bound or refusal where not identifiable", "cause right where it can be seen"]
     body = []
@@ -209,7 +209,7 @@ def _regular(scored: Rows, methods: Sequence[str]) -> str:
 
 
 def decided(scored: Rows, methods: Sequence[str]) -> str:
-    """How many records a method decides, rightly and wrongly: regular oscillations, and all of them."""
+    """Numbers of records that a method decides, rightly and wrongly: regular oscillations, and all of them."""
     body = []
     for method in methods:
         cells = [method]

@@ -31,7 +31,7 @@ H, T_END, NOISE = 0.05, 3600.0, 0.005
 
 
 class Disturbance(NamedTuple):
-    """What acts on the loop, a setpoint and a load from a seed, and limits of OP."""
+    """Signals from outside the loop, a setpoint and a load from a seed, and limits of OP."""
 
     setpoint: Callable[[Random], Signal]
     load: Callable[[Random], Signal]
@@ -65,7 +65,7 @@ DISTURBANCES = {
 
 
 class Run(NamedTuple):
-    """What came of one simulated loop: as the thesis has it, and corrected."""
+    """Results of one simulated loop: as in the thesis, and corrected."""
 
     verdict: str
     d_hat: float | None

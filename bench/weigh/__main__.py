@@ -37,7 +37,7 @@ OUT = Path(__file__).parents[2] / "out" / "weigh.jsonl"
 
 
 def collect(path: Path, rounds: int, jobs: int) -> None:
-    """Ask what the file does not have yet."""
+    """Ask about the records that the file lacks."""
     known = done(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     left = [name for name in names(rounds) if name not in known]

@@ -46,7 +46,7 @@ class Lines:
 
 
 def corners(values: Floats) -> Floats:
-    """Where a line may bend; a quantity that is one of two numbers has a line between them."""
+    """Corners of a line; a quantity that is one of two numbers has a line between them."""
     different = np.unique(values)
     if different.size == 1:
         return np.array([different[0], different[0] + 1.0])
@@ -114,12 +114,12 @@ def balanced(gap: Bools, rows: Names) -> Floats:
 
 
 def log_loss(odds: Floats, gap: Bools, weight: Floats) -> float:
-    """Mean of −ln of the probability of what is true."""
+    """Mean of −ln of the probability of the truth."""
     return float(weight @ (np.logaddexp(0.0, odds) - gap * odds) / weight.sum())
 
 
 def auc(odds: Floats, gap: Bools, weight: Floats) -> float:
-    """How often a record with a gap has greater odds than one without; a tie counts half."""
+    """Share of pairs in which a record with a gap has greater odds than one without; a tie counts half."""
     order = np.argsort(odds)
     z, y, w = odds[order], gap[order], weight[order]
     above, won = 0.0, 0.0

@@ -26,7 +26,7 @@ Half = Literal["A", "B", "C", "D"]
 Fault = Literal["none", "gap", "friction", "both"]
 
 SEED = 40
-"""Of the ordinary loops; `bench.ordinary` chooses and judges on others."""
+"""Seed of the ordinary loops; `bench.ordinary` chooses and judges on others."""
 
 FIRST = {"loads": 600, "truth": 5000, "lengths": 600}
 """Numbers from which on the other corpora are asked; thresholds were chosen and judged on smaller ones."""
@@ -48,7 +48,7 @@ LOADS = {
     "swing": "own cycle",
     "own cycle": "own cycle",
 }
-"""Kinds of load by what the corpora call them."""
+"""Kinds of load by their names in the corpora."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Sample:
 
     @property
     def twin(self) -> str:
-        """The same for a record and its twins, which differ in the valve alone."""
+        """Key that a record shares with its twins, which differ in the valve alone."""
         source, name = self.name.split(" ", 1)
         return f"{source} " + "/".join(part for part in name.split("/") if part not in FAULTS)
 
@@ -140,7 +140,7 @@ def version() -> str:
 
 
 def names(rounds: int, first: int = 0) -> Iterator[str]:
-    """What is asked, round by round; a round has each row once, with its twins. Even rounds are part A, odd ones B."""
+    """Names of the records, round by round, each row once with its twins; even rounds are part A, odd ones B."""
     for number in range(first, first + rounds):
         for row in ordinary_design.ROWS:
             yield from (f"ordinary {name}" for name in ordinary_design.names(row, number, SEED))

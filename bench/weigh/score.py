@@ -1,4 +1,4 @@
-"""What the weights are worth: tables."""
+"""Tables on the worth of the weights."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FOUND, LIKELY = 0.97, 0.75
 LEAST_LR = 15.0
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
 FEW = 15
-"""Of fewer records there is no share worth printing."""
+"""Number of records below which a share is not worth printing."""
 
 KINDS: dict[str, Callable[[Sample], str]] = {
     "load": lambda s: s.load,
@@ -27,7 +27,7 @@ KINDS: dict[str, Callable[[Sample], str]] = {
     "friction": lambda s: s.friction,
     "load and process": lambda s: f"{s.load}, {s.process}",
 }
-"""What is left out in turn."""
+"""Groups that are left out in turn."""
 
 
 class Data(NamedTuple):
@@ -53,7 +53,7 @@ class Data(NamedTuple):
         return type(self)(samples, self.names, *columns)
 
     def group(self, of: Callable[[Sample], str]) -> Names:
-        """What each record is called by a rule."""
+        """Outcome of each record by a rule."""
         return np.array([of(s) for s in self.samples])
 
     def column(self, name: str) -> Floats:
@@ -77,7 +77,7 @@ def logit(p: float) -> float:
 
 
 def probability(odds: Floats, prior: float) -> Floats:
-    """Of a dead band, where a share `prior` of valves has one."""
+    """Probability of a dead band, where a share `prior` of valves has one."""
     p: Floats = 1.0 / (1.0 + np.exp(-(odds + logit(prior))))
     return p
 
@@ -90,7 +90,7 @@ def at(prior: float, data: Data) -> Floats:
 
 
 def tables(data: Data) -> str:
-    """All of them; part D judges what was learned from parts A to C, where there are records of it."""
+    """All tables; part D judges the weights of parts A to C, where there are records of it."""
     parts_of = data.group(lambda s: s.half)
     ours, judge = data.of(parts_of != "D"), data.of(parts_of == "D")
     odds = ours.lines().log_odds(judge.quantities)
@@ -111,7 +111,7 @@ def tables(data: Data) -> str:
 
 
 def counts(data: Data) -> str:
-    """Of what records."""
+    """Numbers of records of each kind."""
     sources = sorted({s.name.split(" ")[0] for s in data.samples})
     fits = ", ".join(sorted({s.fit for s in data.samples}))
     of = {part: sum(s.half == part for s in data.samples) for part in ("A", "B", "C", "D")}
@@ -199,7 +199,7 @@ def _without(data: Data, out: Bools) -> Floats:
 
 
 def rungs(data: Data, odds: Floats) -> str:
-    """What rungs that stand on the probability would say, and what the ladder does."""
+    """Rungs by the probability alone, and those of the ladder."""
     p = probability(odds, USUAL)
     lr = np.array([s.evidence["lr_no_gap"] for s in data.samples])
     said = data.group(lambda s: s.confidence)
@@ -244,7 +244,7 @@ def _wider(sample: Sample, width: float) -> float:
 
 
 def nuisances(data: Data) -> str:
-    """What a classifier makes of that alone which says nothing of the valve; twins are left out together."""
+    """Success of a classifier on quantities alone that say nothing of the valve; twins are left out together."""
     columns = np.array([[np.log(x) for x in s.nuisances.values()] for s in data.samples])
     loads = data.group(lambda s: s.load)
     each = np.stack([(loads == load).astype(float) for load in np.unique(loads)], axis=1)

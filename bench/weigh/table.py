@@ -10,7 +10,7 @@ from .model import Lines
 WEIGHTS = Path(__file__).parents[2] / "crates" / "fit" / "src" / "decide" / "weights.rs"
 
 WIDTH = 120
-"""Of a line of source."""
+"""Width of a line of source."""
 
 
 def rust(names: Sequence[str], lines: Lines, of: str) -> str:

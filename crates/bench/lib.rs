@@ -1,1 +1,1 @@
-//! Nothing but the benches of this crate.
+//! An empty library: this crate holds only benches.

@@ -1,6 +1,6 @@
 //! The fuzzer's bytes, read as numbers.
 
-/// What is left of them.
+/// The bytes that are left.
 pub struct Bytes<'a>(pub &'a [u8]);
 
 impl Bytes<'_> {

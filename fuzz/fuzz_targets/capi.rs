@@ -1,5 +1,5 @@
-//! The functions of the C library with all that C may hand in: no panic, no code that the header does not know, and nothing but what
-//! the header says in what comes out.
+//! Fuzzing of the functions of the C library with all inputs that C may give: no panic, no code that the header does
+//! not know, and no output beyond the header's.
 //!
 //! `RUSTC_BOOTSTRAP=1 cargo fuzz run capi -- -max_total_time=180`
 #![no_main]

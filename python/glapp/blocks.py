@@ -1,4 +1,4 @@
-"""The blocks of the core, one sample a call: what a loop in a PLC is made of.
+"""The blocks of the core, one sample a call: the parts of a loop in a PLC.
 
 Each holds its own state. They are the same code as in the simulator and in the detector, and the twins of the blocks in
 `vectors/`.

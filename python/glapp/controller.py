@@ -128,6 +128,7 @@ class Controller(Checked):
 
     @model_validator(mode="after")
     def _one_way_of_writing(self) -> Controller:
+        """Check that the gains are given in one way, and completely."""
         parallel = self.form == "parallel"
         wanted, other = (("kp", "ki", "kd"), ("k", "pb", "ti", "td")) if parallel else (("k", "ti"), ("kp", "ki", "kd"))
         given = self.model_fields_set

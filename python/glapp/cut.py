@@ -45,7 +45,7 @@ class Cut(Recording):
 
 
 def since_repair(recordings: Sequence[Recording]) -> list[Recording]:
-    """What was recorded after the repair of the valve; all of it where none is noted.
+    """The part of the recording after the repair of the valve; all of it where none is noted.
 
     Raises InputError where nothing was, or a recording has no date to compare with.
     """
@@ -70,7 +70,7 @@ def since_repair(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def until_repair(recordings: Sequence[Recording]) -> list[Recording]:
-    """What was recorded before the repair of the valve; nothing where none is noted."""
+    """The part of the recording before the repair of the valve; nothing where none is noted."""
     found: list[Recording] = []
     for recording in recordings:
         if (at := recording.loop.repaired) is not None:
@@ -103,8 +103,10 @@ def moment_in(recording: Recording, at: datetime) -> float:
 
 
 def _begins(recording: Recording) -> float:
+    """Time of the first row [s]."""
     return min((float(np.nanmin(b.t)) for b in recording.batches() if np.isfinite(b.t).any()), default=math.inf)
 
 
 def _ends(recording: Recording) -> float:
+    """Time of the last row [s]."""
     return max((float(np.nanmax(b.t)) for b in recording.batches() if np.isfinite(b.t).any()), default=-math.inf)

@@ -85,7 +85,7 @@ _BEGIN = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 
 @dataclass(frozen=True)
 class _Export:
-    """How one historian writes: header, time stamp, decimal mark and separator."""
+    """Format of one historian: header, time stamp, decimal mark and separator."""
 
     header: str
     stamp: Callable[[datetime], str]
@@ -249,6 +249,7 @@ _EXPORTS = {
 
 
 def _text(s: Simulation, export: _Export) -> str:
+    """A simulation as the text of an export."""
     lines = [export.header]
     for k in range(len(s.t)):
         cells = [export.stamp(_BEGIN + timedelta(seconds=k))]

@@ -20,7 +20,7 @@ __all__ = ["to_json", "to_schema"]
 
 
 class Columns(NamedTuple):
-    """What is put behind the name of a list of numbers where each has a column of its own."""
+    """Endings for the name of a list of numbers where each number has a column of its own."""
 
     ends: tuple[str, ...]
 
@@ -48,7 +48,7 @@ class Finding(_Part):
 
 
 class Controller(_Part):
-    """What the detector worked with, in ideal form, seconds and the units of the signals."""
+    """Settings that the detector used, in ideal form, seconds and the units of the signals."""
 
     k: Value
     """Gain K [OP unit/PV unit], negative for a direct-acting controller."""
@@ -67,9 +67,11 @@ class Controller(_Part):
     as_written: str | None
     """The controller in its maker's words; null where it was identified."""
     notes: dict[str, str]
-    """Where each of the values comes from, in words."""
+    """Source of each value, in words."""
     origins: dict[str, Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]]
-    """Their sources: given, read from OP's moves, fitted with the gap, the usual value, one of several, left out."""
+    """Sources of the values: given, identified from OP's moves, fitted with the gap, the usual value, one of several,
+    left out.
+    """
 
 
 Limits = Annotated[list[Value], Field(min_length=3, max_length=3), Columns(("", "_low", "_high"))]
@@ -93,13 +95,14 @@ class Window(_Part):
     """A window of the recording that was fitted."""
 
     t_start: float
-    """Its first sample [s since the recording's first row, or the numbers of a time column in plain seconds]."""
+    """Time of the first sample [s since the recording's first row, or the numbers of a time column in plain seconds].
+    """
     t_end: float
-    """Its last sample [s]."""
+    """Time of the last sample [s]."""
     verdict: str
-    """What it says by itself."""
+    """Verdict of this window alone."""
     d: Value
-    """Its width [`unit`]."""
+    """Width [`unit`]."""
     low: Value
     """Lower 95 % limit [`unit`]."""
     high: Value
@@ -110,7 +113,7 @@ class FitRecording(_Part):
     """One of several recordings of a valve."""
 
     file: str
-    """Its name, as the user wrote it."""
+    """Name of the file, as the user wrote it."""
     t0: str | None
     """Time of its first row; null where its times are plain seconds."""
     repeated: Value
@@ -120,15 +123,15 @@ class FitRecording(_Part):
     adds: Value
     """Likelihood ratio of no gap that it adds to the joint one."""
     verdict: str
-    """What it says alone."""
+    """Verdict of this recording alone."""
     d: Value
-    """Its width [`unit`]."""
+    """Width [`unit`]."""
     low: Value
     """Lower 95 % limit [`unit`]."""
     high: Value
     """Upper 95 % limit [`unit`]; null where there is none."""
     reason: str
-    """Its own sentence."""
+    """Sentence of this recording's verdict."""
 
 
 class FitAnswer(_Part):
@@ -143,36 +146,36 @@ class FitAnswer(_Part):
     unit: str
     """Unit of OP."""
     at_least: Value
-    """The lower limit where that is all that can be said [`unit`]."""
+    """The lower limit of a bound [`unit`]."""
     verdict: Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
-    """What kind of dead band it is, if any."""
+    """Kind of dead band, if there is one."""
     jump: Value
     """Slip jump J [`unit`]; 0 for mere backlash."""
     lr_no_gap: Value
     """Likelihood ratio -2·Δln L of no gap against the best width."""
     lr_needed: Value
-    """What it must exceed for a gap."""
+    """Likelihood ratio that a gap needs."""
     process: Process | None
     """null where nothing could be fitted."""
     signal: Literal["PV", "position"]
-    """What was fitted to OP: PV, or the measured valve position where it settled the answer."""
+    """Signal that was fitted to OP: PV, or the measured valve position where it settled the answer."""
     trend: Annotated[list[float], Field(min_length=2, max_length=2), Columns(("", "_error"))] | None
     """Change of the width and its standard error [`unit`/day], from three windows or more."""
     windows: list[Window]
     """The windows that were fitted."""
     recordings: list[FitRecording]
-    """Where the loop has several, each of them in the order of time; else empty."""
+    """Recordings of a loop that has several, in the order of time; else empty."""
     reason_code: str
-    """What decided, in a word that stays the same from version to version."""
+    """Code of the reason, the same from version to version."""
     reason: str
-    """What decided, in a sentence with the evidence."""
+    """Reason in a sentence with the evidence."""
 
 
 class Identified(_Part):
     """The controller's law as OP's moves show it."""
 
     usable: bool
-    """Whether K and Ti are told well enough to be worked with."""
+    """Whether K and Ti are known well enough to be used."""
     k: Limits
     """Gain K [OP unit/PV unit] with its 95 % limits."""
     ti: Limits
@@ -211,13 +214,13 @@ class Corrected(_Part):
 
 
 class Next(_Part):
-    """What to do next."""
+    """Next step."""
 
     code: str
     """correct, inspect, further, record_more, tuning, nothing, review, confirm, compare, record_longer,
     probably_too_wide, step_test, remedy."""
     of: str | None
-    """What it is about: a part of the valve, a reason of rejection; null where it has none."""
+    """Subject of the step: a part of the valve, a reason of rejection; null where it has none."""
     tested: bool
     """Whether the recording holds a step test, which is used; no further one is asked for."""
     text: str
@@ -239,15 +242,15 @@ class Limit(_Part):
     """Widest dead band that is acceptable."""
 
     percent_span: float
-    """In % of OP span."""
+    """Limit in % of OP span."""
     width: Value
-    """That width [`unit`]; null where the span is not known."""
+    """Limit as a width [`unit`]; null where the span is not known."""
     origin: Literal["given", "nominal"]
     """given: by a person, for this loop; nominal: by nobody, and 1 % of span is taken (EnTech's nominal dead band)."""
 
 
 class Trend(_Part):
-    """How the width changes in time."""
+    """Trend of the width."""
 
     code: Literal["grows", "shrinks", "steady", "too_few"]
     """Whether a change is plain."""
@@ -268,11 +271,11 @@ class Trend(_Part):
     d: Range | None
     """The line's widths there [`unit`]."""
     days_to_limit: Value
-    """Days from the last width on until it has grown to what is acceptable; null where it does not plainly grow so."""
+    """Days from the last width until it reaches the acceptable limit; null where it does not plainly grow so."""
 
 
 class StepTestWidth(_Part):
-    """What a step test in the recording gives."""
+    """Width by a step test in the recording."""
 
     d: float
     """Total width [`unit`]."""
@@ -281,32 +284,32 @@ class StepTestWidth(_Part):
     high: Value
     """Upper 95 % limit [`unit`]."""
     decided: Literal["gap", "no_gap"] | None
-    """What the test was made to decide, and has decided; null of any other test."""
+    """Decision of the test that was made for a question; null for any other test."""
 
 
 class Terms(_Part):
-    """What each kind of evidence adds to the log-odds of a dead band, beyond what it says of a usual record."""
+    """Contribution of each kind of evidence to the log-odds of a dead band, compared with a usual record."""
 
     likelihood: float
-    """How much of what OP explains of PV the gap explains."""
+    """The gap's part of what OP explains of PV."""
     traversals: float
-    """How often OP went through the width."""
+    """Number of traversals of the width by OP."""
     width: float
     """The width against OP's range."""
     limit: float
-    """How closely the upper limit lies above the width."""
+    """Nearness of the upper limit to the width."""
     noise: float
-    """What the gap makes of PV against PV's noise."""
+    """Effect of the gap on PV compared with PV's noise."""
     plateau: float
     """Whether PV stands while OP goes through the gap."""
     process: float
-    """How far a load undoes what the valve does."""
+    """Part of the valve's effect that a load undoes."""
     rules: float
-    """What the rules of the ladder make of all that."""
+    """Judgement by the rules of the ladder."""
 
 
 class Harm(_Part):
-    """What the gap does to the loop: shares from 0 to 1."""
+    """Harm of the gap to the loop: shares from 0 to 1."""
 
     pv_share: Value
     """Share of PV's variance about SP that would not be there without the gap."""
@@ -317,12 +320,12 @@ class Harm(_Part):
 
 
 class Message(_Part):
-    """A reason as a code with its numbers, from which its sentence is told."""
+    """A reason as a code with its numbers, from which its sentence is made."""
 
     code: str
     """Subject and name, as in the catalogue of messages."""
     numbers: dict[str, Any]
-    """Its numbers and words by name; another message within it has `code` and `numbers` too."""
+    """Numbers and words by name; a message within a message has `code` and `numbers` too."""
 
 
 class Answer(_Part):
@@ -343,76 +346,78 @@ class Answer(_Part):
     ]
     """The fit's; the last four are those of the crossings, where nothing was fitted."""
     valve: Literal["gap", "no_gap", "unknown", "refused"]
-    """What that means of the valve; refused: data or settings allow no answer."""
+    """State of the valve; refused: data or settings allow no answer."""
     confidence: Literal["found", "likely", "cannot_tell", "none_seen", "sound", "refused", "not_judged"]
-    """How sure it is that there is a dead band; none_seen: none above `high`; sound: none wider than the limit;
-    not_judged: OP and PV were not fitted, and zero crossings alone do not judge a valve."""
+    """Confidence that there is a dead band; none_seen: none above `high`; sound: none wider than the limit; not_judged:
+    OP and PV were not fitted, and zero crossings alone do not judge a valve.
+    """
     cause: Literal["backlash", "stiction", "both", "dead_band"] | None
-    """What makes it; dead_band: play or packing, the data do not tell which; null where none is found or likely."""
+    """Cause; dead_band: play or packing, the data do not tell which; null where none is found or likely."""
     width_kind: Literal["interval", "bound", "unsure"] | None
-    """What the width is; unsure: a dead band is there, and its width is not known well; null where nothing is known."""
+    """Kind of the width; unsure: a dead band is there, and its width is not known well; null where nothing is known."""
     oscillates: bool
     """Whether the loop swings in a clean sinusoid, which no dead band makes."""
     width: Value
     """The width that lists rank by [`unit`]: the most likely one, or the bound if that is all; null: no gap found."""
     width_percent_span: Value
-    """That width in % of OP span; null where the span is not known."""
+    """Width in % of OP span; null where the span is not known."""
     low: Value
     """Narrowest gap that the data does not exclude [`unit`]; null where nothing is excluded."""
     low_percent_span: Value
-    """That limit in % of OP span."""
+    """Lower limit in % of OP span."""
     high: Value
     """Widest one [`unit`]; null where there is no limit."""
     high_percent_span: Value
-    """That limit in % of OP span."""
+    """Upper limit in % of OP span."""
     evidence: Literal["none", "weak", "strong", "very_strong"] | None
-    """How strongly the recording speaks for a gap; null without a fit."""
+    """Strength of the recording's evidence for a gap; null without a fit."""
     p_gap: Value
     """Probability of a dead band, 0.02 to 0.98; null where no evidence was weighed."""
     p_beyond: Value
     """Probability of one beyond the limit."""
     terms: Terms | None
-    """What each kind of evidence adds to the log-odds of a dead band; above 0 it speaks for one."""
+    """Contribution of each kind of evidence to the log-odds of a dead band; above 0 it speaks for one."""
     log_bayes_factor: Value
     """ln of how many times likelier the evidence is with a dead band than without."""
     prior: Value
     """Share of valves with a dead band that `p_gap` starts from."""
     limit: Limit | None
-    """What is acceptable; null where nobody said it and the span is not known."""
+    """Acceptable limit; null where nobody stated it and the span is not known."""
     acceptable: Literal["within", "beyond", "open"] | None
-    """How the width stands to what is acceptable; open: it may be either. Null where either is not known."""
+    """The width compared with the acceptable limit; open: the interval holds the limit. Null where either is not known.
+    """
     next: Next
-    """What to do next."""
+    """Next step."""
     urgency: Literal["none", "low", "medium", "high"]
-    """How soon; by a limit that nobody gave at most medium."""
+    """Urgency; at most medium by a limit that nobody gave."""
     health: Literal["NORMAL", "MAINTENANCE_REQUIRED"]
     """Health of the valve by NAMUR NE 107."""
     trend: Trend | None
-    """How the width changes in time; null where there are too few widths."""
+    """Trend of the width; null where there are too few widths."""
     step_test: StepTestWidth | None
-    """What a step test in the recording gives; null where it gives no width."""
+    """Width by a step test in the recording; null where it gives none."""
     harm: Harm | None
-    """What the gap does to the loop; null where that was not worked out."""
+    """Harm of the gap to the loop; null where it was not computed."""
     compensable: Value
     """Width that a compensation may trust [`unit`]; 0 of a valve that shows no gap; null: a person may type one."""
     score: Value
-    """What loops of one urgency are ranked by: the lower limit over what is acceptable, times the harm."""
+    """Rank within one urgency: the lower limit over the acceptable one, times the harm."""
     rank: tuple[int, int, int, float]
     """Place of the loop in every list: smaller comes first, number by number."""
     struck: Struck | None
-    """Why the crossings' width does not stand; null where it does, or there is none."""
+    """Reason why the crossings' width is contradicted; null where it is not, or there is none."""
     reasons: list[Message]
-    """Why fit and crossings say what they do."""
+    """Reasons of the fit's and the crossings' verdicts."""
     so: str
-    """What is so, in one sentence."""
+    """State of the valve, in one sentence."""
     do: str
-    """What to do, in a sentence or two."""
+    """Next step, in a sentence or two."""
     why: list[str]
     """Why, a sentence each."""
 
 
 class PlannedTest(_Part):
-    """A test that would decide whether there is a gap, or why there is none of its kind."""
+    """A test that would decide whether there is a gap, or the reason why this kind of test cannot."""
 
     kind: Literal["by_hand", "setpoint", "more_hours"]
     """OP moved in manual; the setpoint stepped in automatic; a longer recording of the loop as it runs."""
@@ -433,7 +438,7 @@ class PlannedTest(_Part):
     with_gap: Value
     """Share of the simulations with the gap that show it."""
     without: Value
-    """Share of the simulations without it that show that there is none."""
+    """Share of the simulations without the gap that show that there is none."""
     false: Value
     """Share of all simulations that end in the wrong answer."""
     simulations: Count
@@ -441,7 +446,7 @@ class PlannedTest(_Part):
 
 
 class Plan(_Part):
-    """What would decide whether there is a gap."""
+    """Test that would decide whether there is a gap."""
 
     name: str
     """Loop."""
@@ -473,9 +478,9 @@ class RepairSide(_Part):
     end: str | None
     """Last row."""
     verdict: str | None
-    """What that side says of the valve; null where there is no answer."""
+    """Verdict on the valve by this side; null where there is no answer."""
     confidence: str | None
-    """How sure that is; null where the width is the mean of several."""
+    """Confidence of the verdict; null where the width is the mean of several."""
     d: Value
     """Width [`unit`]."""
     low: Value
@@ -493,7 +498,7 @@ class RepairSide(_Part):
 
 
 class Difference(_Part):
-    """What lies between before and after."""
+    """Difference of after and before."""
 
     code: Literal["less", "more", "open"]
     """Whether all of the 95 % interval lies below 0, above 0, or neither."""
@@ -505,19 +510,19 @@ class Repair(_Part):
     """The valve before and after its repair."""
 
     noted: str | None
-    """When it was repaired, as a person says; null where the width was seen to fall and nobody said so."""
+    """Time of the repair, as a person states it; null where the width was seen to fall and nobody said so."""
     before: RepairSide
     """Up to 7 days before."""
     after: RepairSide
     """Up to 7 days after."""
     width: Difference | None
-    """Of the widths [`unit`]; null, as all that follow, where it is not known on both sides."""
+    """Change of the width [`unit`]; null, as all that follow, where it is not known on both sides."""
     deviation: Difference | None
-    """Of PV about SP [PV unit]."""
+    """Change of PV's deviation from SP [PV unit]."""
     travel: Difference | None
-    """Of OP's travel in a day [`unit`]."""
+    """Change of OP's travel in a day [`unit`]."""
     reversals: Difference | None
-    """Of OP's reversals in a day."""
+    """Change of OP's reversals in a day."""
 
 
 class LoopAnswer(_Part):
@@ -526,11 +531,11 @@ class LoopAnswer(_Part):
     loop: str
     """Name of the loop."""
     file: str
-    """Its recording, as the user wrote it."""
+    """Recording, as the user wrote it."""
     answer: Answer
     """The one answer."""
     crossings: Literal["estimate", "provisional", "no_estimate", "refused"]
-    """What the zero crossings allow to be said; provisional: from fewer than N detections."""
+    """Verdict of the zero crossings; provisional: from fewer than N detections."""
     reason_code: str | None
     """Why not more, in a word that stays the same from version to version; null only with an estimate."""
     reason: str | None
@@ -540,7 +545,7 @@ class LoopAnswer(_Part):
     unit: str
     """Unit of OP."""
     d_hat_percent_span: Value
-    """That width in % of OP span; null where the span is not known."""
+    """Width by the crossings in % of OP span; null where the span is not known."""
     repeatability: Range | None
     """Smallest and largest detection behind `d_hat` [`unit`]; not an interval of confidence."""
     noise_floor: Value
@@ -554,15 +559,15 @@ class LoopAnswer(_Part):
     reasons: dict[str, Count]
     """First reason of rejection to the number of half-periods."""
     quality: list[Finding]
-    """What is wrong with the recording, gravest first."""
+    """Findings on the recording, gravest first."""
     controller: Controller | None
     """null where nothing is known of it."""
     identified: Identified | None
-    """What was read from OP's moves, with a given controller too; null without OP."""
+    """Settings identified from OP's moves, with a given controller too; null without OP."""
     fit: FitAnswer | None
     """Width with an interval from OP and PV; null without OP."""
     plan: Plan | None
-    """What would decide, where `--plan` asked for it and the answer is open; else null."""
+    """Plan of a test that would decide, where `--plan` asked for it and the answer is open; else null."""
     repair: Repair | None
     """Before and after the repair, where one is noted or the width fell from one day to the next; else null."""
 

@@ -86,7 +86,7 @@ FAULT = "a fault in glapp, please report it"
 
 
 def unforeseen(error: Exception, file: str | None, loop: str | None = None) -> InputError:
-    """Any other exception over one loop, as its refusal: it is told with its place in the code, and the others go on.
+    """Any other exception over one loop, as its refusal, with its place in the code; the other loops go on.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Text from outside on its way out: what a terminal or a spreadsheet would obey is shown instead.
+"""Text from outside on its way out: characters that a terminal or a spreadsheet would obey are shown instead.
 
 Names of files, loops, columns, tags and units come from outside. A terminal obeys control characters and turns of
 direction; a spreadsheet computes a cell that begins like a formula.
@@ -65,6 +65,7 @@ def for_spreadsheet(text: str) -> str:
 
 
 def _escaped(char: str) -> str:
+    """A control character as its escape, any other as itself."""
     if unicodedata.category(char) in ("Cc", "Cf", "Cs", "Zl", "Zp"):
         return char.encode("unicode_escape").decode()
     return char

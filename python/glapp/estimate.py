@@ -36,7 +36,7 @@ INSPECTED_ROWS = _glapp.INSPECTED_ROWS
 """Rows that identification and the closer look at quality take from the beginning of a recording."""
 
 Known = tuple[Origin, str]
-"""Where a setting comes from, and the same in words."""
+"""Source of a setting, as a code and in words."""
 
 
 def estimate(
@@ -203,7 +203,7 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
         analysis = _glapp.Analysis(task, beginning)
     except ValueError as error:
         raise InputError(str(error), loop=loop.name) from None
-    # What was read at once is fitted far more slowly; of a longer recording at most a dozen windows are.
+    # A long recording is fitted in at most a dozen windows: a fit is far slower than reading.
     share = 0.1 if len(beginning) < rows else 0.5
     reading, fitting = (
         shares(progress, share, 1 - share) if asked["fit"] and beginning.op is not None else (progress, None)
@@ -222,7 +222,7 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
 
 
 def _task(loop: Loop) -> dict[str, Any]:
-    """What is known of a loop, as the core takes it."""
+    """Facts known of a loop, in the core's form."""
     ideal = loop.ideal()
     return {
         "controller": None if ideal is None else ideal._asdict(),
@@ -373,6 +373,7 @@ def _not_corrected(c: dict[str, Any], unit: str) -> str:
 
 
 def _trace(thinner: Thinner, signals: set[str], chosen: int | None) -> Trace:
+    """Thinned signals for the charts."""
     t = thinner.times()
     none = Band(np.full(len(t), np.nan), np.full(len(t), np.nan))
     return Trace(
@@ -427,10 +428,18 @@ def identify(
     >>> round(found.k, 3), round(found.ti, 2), found.usable
     (2.0, 30.0, True)
     """
-    [recording] = since_repair([recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)])
+    return identify_with_unit(recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags))[0]
+
+
+def identify_with_unit(recording: Recording) -> tuple[Identification, Loop]:
+    """Find K, Ti and Td, and the loop with the unit of OP that the same rows allow.
+
+    Raises InputError where the recording cannot be read.
+    """
+    [recording] = since_repair([recording])
     batch = recording.beginning(INSPECTED_ROWS)
     loop = with_op_unit(recording.loop, batch)
-    return identified(
+    found = identified(
         batch.t,
         batch.sp,
         batch.pv,
@@ -439,6 +448,7 @@ def identify(
         setpoint_weight=_given_setpoint_weight(loop),
         limits=loop.op_range(),
     )
+    return found, loop
 
 
 class Estimator:
@@ -538,7 +548,7 @@ class Estimator:
 
     @property
     def reasons(self) -> dict[str, int]:
-        """How many half-periods ended with each first reason, `update` and `update_many` together."""
+        """Number of half-periods by their first reason, `update` and `update_many` together."""
         return dict(zip(REASONS, self._detector.reasons, strict=True))
 
     @property
@@ -593,7 +603,7 @@ def _exclusion(loop: Loop) -> str | None:
 
 
 def _of_exclusion(loop: Loop) -> dict[str, str | None]:
-    """Where the loop stands, if an estimate would be wrong there, and the partner that the sentence names."""
+    """Position of the loop, where it rules out an estimate, and the partner that the sentence names."""
     partner = loop.shared_valve_with
     if loop.cascade is not None:
         partner = loop.cascade.partner or "the secondary loop"
@@ -627,5 +637,6 @@ def _process_gain(loop: Loop) -> float | None:
 
 
 def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> dict[str, Any]:
+    """Settings of the detector for the core."""
     given = {} if loop.tf is None else {"tf": loop.tf}
     return {**ideal._asdict(), **given, "kp": kp, "n": loop.n, "h": h, "op_limits": loop.op_range()}

@@ -36,12 +36,12 @@ DAY = 86400.0
 """[s]."""
 
 JUDGED = ("confidence", "cause", "width_kind", "oscillates", "evidence")
-"""What the ladder says of all windows together, and what it rests on."""
+"""Fields of the ladder's judgement on all windows together, and of its evidence."""
 
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What the best model says of the process between valve and PV: each value with its lower and upper 95 % limit.
+    """Process between valve and PV by the best model: each value with its lower and upper 95 % limit.
 
     - `kp`: static gain [PV unit/OP unit]; of an integrating process its velocity gain [PV unit/(OP unit·s)].
     - `dead_time`: dead time [s].
@@ -97,7 +97,7 @@ class OneOfMany:
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """How the width changed from window to window.
+    """Trend of the width from window to window.
 
     - `slope`, `error`: change of the width and its standard error [OP unit/day].
     - `windows`: Windows with a width that it stands on.
@@ -207,7 +207,7 @@ class Fit:
 
     @property
     def at_least(self) -> float | None:
-        """The width's lower limit where that is all that can be said [`unit`]."""
+        """The lower limit of a bound [`unit`]."""
         return self.low if self.verdict == "at_least" else None
 
     def to_dict(self) -> dict[str, Any]:
@@ -463,7 +463,7 @@ def _names(each: list[OneOfMany]) -> list[str]:
 
 
 def history(beginning: Batch, sign: float) -> _glapp.Windows | None:
-    """What chooses the windows of a recording that begins so; None where that is all of it."""
+    """Chooser of the windows of a recording that begins so; None where that is all of it."""
     return None if len(beginning) < ROWS else _glapp.Windows.of_history(beginning, sign)
 
 
@@ -486,7 +486,7 @@ def fit_from_core(
     loop: Loop,
     sinusoid: str | None = None,
 ) -> Fit:
-    """Put what the core answered, with all that PV and the valve's position said, into words."""
+    """Put the core's answer on PV and on the valve's position into words."""
     if pv is None:
         return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
     decided = {name: answer[name] for name in ("change", "judgement", "weighed")}
@@ -509,7 +509,7 @@ def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop
 
 
 def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
-    """What the valve's own position says, window by window where there are several."""
+    """Fit of the valve's own position, window by window where there are several."""
     unit = loop.op_label
     if "unfit" in answer:
         return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
@@ -532,7 +532,7 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
 
 
 def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit:
-    """What PV says."""
+    """Fit of PV."""
     unit = loop.op_label
     if "unfit" in answer:
         return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
@@ -543,7 +543,7 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
 
 
 def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
-    """What the core said of PV, in words."""
+    """Fit of PV from the core's answer, with its sentences."""
     best = _best_window(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     return Fit(
@@ -572,6 +572,7 @@ def _best_window(answer: dict[str, Any], signal: str) -> dict[str, Any]:
 
 
 def _windows(answer: dict[str, Any]) -> list[Window]:
+    """Results of the single windows."""
     names = ("t_start", "t_end", "verdict", "d", "low", "high", "lr_no_gap")
     return [Window(*(window[name] for name in names)) for window in answer["windows"]]
 
@@ -591,6 +592,7 @@ def _sentence(answer: dict[str, Any], unit: str) -> str:
 
 
 def _width_change_text(answer: dict[str, Any], unit: str) -> str:
+    """Clause on the trend of the width; empty where there is none."""
     message = (answer.get("trend") or {}).get("message")
     return "" if message is None else f"; {to_text(message['code'], message['numbers'], op_unit=unit)}"
 

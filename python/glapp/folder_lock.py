@@ -57,7 +57,7 @@ class FolderLock:
 
     @staticmethod
     def holder(folder: Path) -> dict[str, Any] | None:
-        """Who has it: `pid`, `host`, `since`; None where nobody has."""
+        """Holder of the lock: `pid`, `host`, `since`; None where nobody holds it."""
         path = folder / "lock"
         if not path.is_file():
             return None
@@ -71,7 +71,7 @@ _NOBODY = {"pid": "?", "host": "?", "since": "?"}
 
 
 def _holder_of(path: Path) -> dict[str, Any]:
-    """What the holder of a lock wrote into it."""
+    """Text that the holder of a lock wrote into it."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

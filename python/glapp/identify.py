@@ -168,7 +168,7 @@ def identified(
 
 
 def identification_from_core(found: Mapping[str, Any]) -> Identification:
-    """Put what the core found into words."""
+    """Put the core's identification into words."""
     values, settings, reason = found["values"] or {}, found["settings"] or {}, found["reason"]
     ends = {
         f"{name}_{end}": settings[f"{name}_interval"][end] if settings else None
@@ -198,7 +198,7 @@ def _reason(why: Mapping[str, Any], numbers: Mapping[str, Any]) -> str:
 
 
 def _note(fit: Mapping[str, Any], td_low: float | None, td_high: float | None) -> str:
-    """How the fit was made."""
+    """Note on the fit."""
     derivative, behind = fit["derivative"], fit["filter"]
     parts: list[tuple[str, dict[str, Any]]] = [
         ("law", {"derivative": derivative, "m": fit["m"], "span": fit["m"] * fit["h"]})

@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from . import _glapp
 from .checked import Checked
 from .controller import Controller, Ideal, Span
 from .errors import InputError
@@ -34,11 +35,11 @@ TimeFormat = Literal[
     "matlab",
     "julian",
 ]
-"""How a time column is written where the data does not tell: the order of a date, or what its numbers count."""
+"""Layout of a time column where the data does not tell it: the order of a date, or the unit of its numbers."""
 
 
 class Columns(Checked):
-    """Column of each signal in a wide table, or its tag in a long one; what is not named is guessed.
+    """Column of each signal in a wide table, or its tag in a long one; the others are guessed.
 
     `time`, `tag`, `value` and `quality` always name columns; in a long table (one row per tag and time) the others name
     tags. `op_low_flag` and `op_high_flag` are the control system's own limit flags, `position` a measured valve
@@ -62,6 +63,7 @@ _NODE = re.compile(r"(nsu=[^;]+;|ns=\d+;)?([sgb]=.+|i=\d+)", re.DOTALL)
 
 
 def _node(text: str) -> str:
+    """A node of OPC UA, checked."""
     if not _NODE.fullmatch(text):
         bound = "a node such as 'nsu=urn:plant;s=FIC101.PV' or 'ns=2;s=FIC101.PV'"
         raise InputError(f"is {text!r}, must be {bound}", value=text, bound=bound)
@@ -73,7 +75,7 @@ Node = Annotated[str, AfterValidator(_node)]
 
 
 class Tags(Checked):
-    """Nodes of an OPC UA server that are the loop's signals; what a loop has not stays out.
+    """Nodes of an OPC UA server that are the loop's signals; missing signals stay out.
 
     - `sp`, `pv`, `op`, `mode`, `low`, `high`, `position`: `low` and `high` are limit flags, `position` what the valve
       says of itself.
@@ -100,6 +102,7 @@ class Tags(Checked):
 
     @model_validator(mode="after")
     def _whole(self) -> Tags:
+        """Check that each node has one use, and that u_ff has its limits."""
         for name in ("u_ff_limit", "u_ff_rate"):
             if self.u_ff is not None and getattr(self, name) is None:
                 raise InputError("is required with u_ff: nothing is written without it", parameter=name)
@@ -114,7 +117,7 @@ _SIGNALS = ("sp", "pv", "op", "mode", "low", "high", "position", "u_ff")
 
 
 class Process(Checked):
-    """What is known about the process.
+    """Facts known of the process.
 
     - `type`: flow, pressure and temperature mostly regulate themselves; level mostly integrates.
     - `kp`: static gain Kp of a self-regulating process (not of the controller), not 0.
@@ -127,6 +130,7 @@ class Process(Checked):
 
     @model_validator(mode="after")
     def _gain(self) -> Process:
+        """Check the process gain."""
         if self.kp == 0.0:
             raise InputError("is 0, must not be 0", parameter="kp", value=0.0, bound="≠ 0")
         if self.kp is not None and self.type == "integrating":
@@ -164,8 +168,8 @@ class Loop(Checked):
     pv_span, op_span : (float, float), optional
         Range of PV and of OP [their units], low < high. Never taken from the range of the data.
     pv_unit, op_unit : str, optional
-        Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100); a recording with values outside
-        0..100 ends that assumption where neither is given.
+        Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100). Where neither is given, a recording
+        ends that assumption: with a value outside 0..100, or where OP stays within 0..1 (a fraction) or 4..20 (mA).
     opcua : Tags
         Its nodes where it is watched by OPC UA.
     controller : Controller, optional
@@ -219,7 +223,7 @@ class Loop(Checked):
     """
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What was given, and nothing that has its default."""
+        """The given values, without those that have their default."""
         return ((key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set)
 
     def op_range(self) -> tuple[float, float] | None:
@@ -227,7 +231,7 @@ class Loop(Checked):
         return (0.0, 100.0) if self.op_span is None and self.op_label == "%" else self.op_span
 
     def _repr_html_(self) -> str:
-        """What is known, for a notebook."""
+        """Table of the known values for a notebook."""
         return table(self.name, [(str(key), repr(value)) for key, value in self.__repr_args__() if key != "name"])
 
     name: Annotated[str, Field(min_length=1)]
@@ -260,6 +264,7 @@ class Loop(Checked):
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Loop:
+        """Check that files are given in one way, each once."""
         if self.file is not None and self.files:
             raise InputError("are given in addition to file; write all of them into files", parameter="files")
         if twice := next((str(file) for i, file in enumerate(self.files) if file in self.files[:i]), None):
@@ -269,6 +274,7 @@ class Loop(Checked):
     @field_validator("pv_span", "op_span")
     @classmethod
     def _low_below_high(cls, span: Span | None) -> Span | None:
+        """A span, checked for low < high."""
         if span is not None and not span[0] < span[1]:
             raise InputError(f"is {span}, must be low < high", value=span, bound="low < high")
         return span
@@ -276,6 +282,7 @@ class Loop(Checked):
     @field_validator("time_zone")
     @classmethod
     def _known_zone(cls, zone: str | None) -> str | None:
+        """A time zone, checked to be known."""
         if zone is not None:
             try:
                 ZoneInfo(zone)
@@ -288,6 +295,7 @@ class Loop(Checked):
     @field_validator("n")
     @classmethod
     def _odd(cls, n: int) -> int:
+        """N, checked to be odd."""
         if n % 2 == 0:  # with an even n no detection need lie near the median
             raise InputError(f"is {n}, must be odd", value=n, bound="odd")
         return n
@@ -295,9 +303,7 @@ class Loop(Checked):
     @property
     def op_label(self) -> str:
         """Unit of OP for display; "OP unit" where a span other than 0..100 is given without a unit."""
-        if self.op_unit is not None:
-            return self.op_unit
-        return "%" if self.op_span in (None, (0.0, 100.0)) else "OP unit"
+        return _glapp.op_unit(self.op_unit, self.op_span, None)
 
     def ideal(self) -> Ideal | None:
         """The controller in ideal form and signal units, None where no controller is given.

@@ -64,7 +64,7 @@ def _rows(recording: Recording, t: Sequence[float]) -> Batch:
 
 
 def unfit(result: Result) -> tuple[Verdict, str, str] | None:
-    """What is known of the recording before it is fitted, with the reason's word and sentence."""
+    """Finding on the recording that rules out a fit, with the reason's code and sentence."""
     loop = result.loop
     primary = loop.cascade is not None and loop.cascade.role == "primary"
     if primary or loop.split_range or loop.shared_valve_with is not None:

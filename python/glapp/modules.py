@@ -88,7 +88,7 @@ _MOST = float(np.finfo(np.float64).max)
 
 
 class Mode(enum.IntEnum):
-    """Who sets the output of a controller, `"pid.mode"`.
+    """Source of a controller's output, `"pid.mode"`.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Mode(enum.IntEnum):
 
 
 class Way(enum.IntEnum):
-    """How a compensation finds the direction in which the valve is driven (2.2).
+    """Method by which a compensation finds the direction of the valve (2.2).
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Way(enum.IntEnum):
 
 
 class Source(enum.IntEnum):
-    """Where the width comes from that a compensation takes its share of (6.4), `comp_source`.
+    """Source of the width that a compensation takes its share of (6.4), `comp_source`.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class Unfit(enum.IntEnum):
     ----------
     NO_DETECTION
         There is none yet.
-    STRUCK
+    CONTRADICTED
         A fit contradicts it: `comp_fitted` is 0, no gap.
     PROVISIONAL
         There are fewer than `n` detections.
@@ -159,14 +159,14 @@ class Unfit(enum.IntEnum):
     """
 
     NO_DETECTION = 1
-    STRUCK = 2
+    CONTRADICTED = 2
     PROVISIONAL = 3
     NOISE = 4
     CRUDE = 5
 
 
 class TuneRule(enum.IntEnum):
-    """Which controller the autotuner in a `PidAdvanced` offers (`docs/auto_tuner.md`).
+    """Controller that the autotuner in a `PidAdvanced` offers (`docs/auto_tuner.md`).
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class TuneRule(enum.IntEnum):
 
 
 class FrictionModel(enum.IntEnum):
-    """How a valve sticks and slips (`docs/simulator.md`).
+    """Friction of a valve, by model (`docs/simulator.md`).
 
     Attributes
     ----------
@@ -212,7 +212,7 @@ class Flag(enum.IntFlag):
     AT_LOW, AT_HIGH
         Something further on is at its lower, upper limit (`MinReached`, `MaxReached`), or moves down, up as fast as it
         can.
-    GAP
+    DATA_GAP
         The time since the last scan is not above 0, or longer than `max_h`.
     BAD_SP, BAD_FF
         The setpoint, the feed-forward is bad; the last good one is in effect.
@@ -227,7 +227,7 @@ class Flag(enum.IntFlag):
     BAD = 2
     AT_LOW = 4
     AT_HIGH = 8
-    GAP = 16
+    DATA_GAP = 16
     BAD_SP = 32
     BAD_FF = 64
     BAD_LIMITS = 128
@@ -383,7 +383,7 @@ class Friction(Module):
 
 @dataclass(frozen=True)
 class Saturation(Module):
-    """End positions of an actuator: the signal is kept within them, and those before are told.
+    """End positions of an actuator: the signal is kept within them, and the limits are reported backward.
 
     Parameters
     ----------
@@ -403,15 +403,15 @@ class RateLimit(Module):
     ----------
     rate : float
         > 0 [unit of the signal per second].
-    told : bool
-        Whether those before are told while it holds the signal back. A valve without a feedback of its position tells
-        nobody.
+    reports : bool
+        Whether it reports to the modules before it while it holds the signal back. A valve without a feedback of its
+        position does not.
     start : float, optional
         Where its output stands at the beginning; at its first input where not given.
     """
 
     rate: float
-    told: bool = True
+    reports: bool = True
     start: float | None = None
 
 
@@ -580,6 +580,7 @@ class Pid(Module):
         gains: tuple[float, float, float],
         others: Mapping[str, float],
     ) -> Self:
+        """A controller with gains in another form."""
         with _input_errors():
             k, ti, td = ideal(*gains)
         return cls(k=k, ti=ti, td=td, **others)
@@ -763,7 +764,7 @@ class BacklashDetection(_Compensating):
         Width of the gap that a person types, ≥ 0, within the range of the output [unit of the output]; 0: none.
     comp_fitted : float, optional
         Lower limit of the fit whose verdict is backlash, ≥ 0 [unit of the output]; 0: the fit found no gap, and the
-        on-line estimate is struck.
+        on-line estimate is contradicted.
     comp_source : Source, optional
         Which width counts; where not given that of the fit, and without a fit the typed one. With neither there is no
         compensation. With `Source.ESTIMATE` band and time from side to side go by the estimate: `comp_band` is the
@@ -813,7 +814,7 @@ class BacklashDetection(_Compensating):
 
 
 class Push(enum.IntEnum):
-    """How `Stiction` pushes a valve that sticks (`docs/compensation.md`).
+    """Method by which `Stiction` pushes a valve that sticks (`docs/compensation.md`).
 
     Attributes
     ----------

@@ -96,6 +96,7 @@ def n_backlash(a: npt.ArrayLike, d: float) -> ComplexArray:
 
 
 def _n_of_x(x: npt.ArrayLike) -> ComplexArray:
+    """Describing function of the gap as a function of x = 1 − d/A."""
     x = np.asarray(x, dtype=np.float64)
     rest = 1 - x * x
     return np.asarray((math.pi / 2 + np.arcsin(x) + x * np.sqrt(rest)) / math.pi - 1j * rest / math.pi)
@@ -498,7 +499,7 @@ _ANGLE = np.angle(_n_of_x(_X))
 
 
 def _room(loop: Plant, w: Array) -> Array:
-    """|−1/N|/|L| where both have the same direction; inf where −1/N does not go."""
+    """Distance of L from −1/N as a ratio, |−1/N|/|L|, in L's direction; inf where −1/N has no such direction."""
     value = loop.response(w)
     # arg N rises with x from −90° to 0; arg(−1/N) = −180° − arg N.
     angle = np.angle(-1 / value)
@@ -572,7 +573,7 @@ def phase_lead(loop: Process, margin: float) -> PhaseLead:
     if backlash_margin(loop)[0] >= margin:
         return PhaseLead(1.0, 1.0, *backlash_margin(loop), loop)
     w = loop.frequencies(per_decade=60)
-    # Where |L| is near 1 is where lead is needed.
+    # Lead is needed near |L| = 1.
     middle = float(w[int(np.argmin(np.abs(np.log(np.abs(loop.response(w))))))])
     centres = middle * np.geomspace(0.1, 10, 81)
 
@@ -728,6 +729,7 @@ def _checked(loop: Any) -> Plant:
 
 
 def _at_least_zero(name: str, value: float) -> float:
+    """A parameter, checked to be 0 or greater."""
     if not (math.isfinite(value) and value >= 0):
         raise InputError(f"is {value}, must be 0 or greater", parameter=name, value=value, bound="0 or greater")
     return float(value)
@@ -739,6 +741,7 @@ def _changes(values: Array) -> list[int]:
 
 
 def _bisect(function: Callable[[float], float], low: float, high: float) -> float:
+    """Zero of a function between two places of opposite sign."""
     below = math.copysign(1, function(low)) < 0
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -1,4 +1,4 @@
-"""What a notebook shows of a value: a title and a small table, escaped."""
+"""HTML of a value for a notebook: a title and a small table, escaped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which test would decide whether a valve has a gap, worked out before anybody moves OP.
+"""Plan of the test that would decide whether a valve has a gap, before anybody moves OP.
 
 The fitted loop is simulated with the gap in question and without it, under the disturbance that the recording shows,
 and each simulated test is judged by what judges a real one: `glapp.step_test` for OP moved by hand, `glapp.fit` for
@@ -56,13 +56,13 @@ POWER = 0.9
 """A test that decides so often is proposed; of those the shortest, and of these the one that moves PV least."""
 
 LATE = 60
-"""Where the loop stands is the median of so many rows at the end."""
+"""Rows at the end whose median is the loop's present place."""
 
 PILOTS, SIMULATIONS = 8, 64
 """Tests simulated with the gap and as many without: to look for one, and to tell the power of the one that is found."""
 
 FITTED = 8
-"""The same of setpoint steps: a fit takes a second, where a step test takes milliseconds."""
+"""Number of simulations of setpoint steps: a fit takes a second, where a step test takes milliseconds."""
 
 STEPS = (1.5, 2.0, 3.0, 5.0, 8.0)
 """Steps of OP that are tried [widths]."""
@@ -77,7 +77,7 @@ PATTERNS = ((0, 1, 2, 1), *((0, *(1, 2, 1, 0) * n) for n in (1, 2, 4)))
 """OP by hand [steps from where it stands]: up, up, down, and up, up, down, down so many times."""
 
 TAIL = 5.0
-"""As in the step test: PV counts as settled t₁ + 5(t₂ − t₁) after a move."""
+"""Tail, the one of the step test: PV counts as settled t₁ + 5(t₂ − t₁) after a move."""
 
 SETPOINT_STEPS = (2.0, 3.0, 4.0)
 """Setpoint steps that are tried [width of the gap, through the process gain]."""
@@ -89,7 +89,7 @@ HOURS = (1.0, 3.0, 9.0)
 """A recording is gone on with for so many times its length."""
 
 HOURS_POWER = 0.8
-"""Of these the shortest is told that shows the gap so often."""
+"""Share of simulations that must show the gap; the shortest recording that does is named."""
 
 MOST_ROWS = 100_000
 """Rows that are fitted for that at most: of more the fit takes minutes."""
@@ -180,10 +180,10 @@ def plan_test(
         raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
     asked = _width(result) if width is None else width
     loop = _Fitted.of(recording, result, asked, op_within, pv_within, begins or recording)
-    told = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     tests = []
     for i, kind in enumerate(kinds):
-        told(i / len(kinds))
+        report(i / len(kinds))
         match kind:
             case "by_hand":
                 tests.append(_by_hand(loop, minutes))
@@ -191,7 +191,7 @@ def plan_test(
                 tests.append(_setpoint(loop, minutes))
             case "more_hours":
                 tests.append(_more_hours(loop, recording))
-    told(1.0)
+    report(1.0)
     return Plan(
         name=result.name,
         source=result.source,
@@ -206,7 +206,7 @@ def plan_test(
 
 
 TRIED = 3
-"""Of several recordings so many are tried, the newest first, until one tells the process."""
+"""Recordings of several that are tried, the newest first, until one tells the process."""
 
 
 def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> Plan:
@@ -252,6 +252,7 @@ def _op_unit(unit: str) -> str:
 
 
 def _width(result: Result) -> float:
+    """Width that a test is to decide on."""
     answer, found = result.answer, result.fit
     likely = found.d if found is not None and answer.confidence in ("likely", "found") else None
     acceptable = None if answer.limit is None else answer.limit.width
@@ -284,12 +285,12 @@ class _Fitted:
     integrating: bool
     settling: float
     left: _Left
-    """Of the valve with the gap or without, whichever leaves less: the load is the same for both."""
+    """Residual of the valve with the gap or without, whichever is smaller: the load is the same for both."""
     op: float
     pv: float
     sp: float
     sp_moves: Floats
-    """SP from step to step, counted from where it stands at the end; 0 where it is not recorded."""
+    """SP from step to step, relative to its end; 0 where it is not recorded."""
     law: Ideal | None
     op_within: Limits
     pv_within: Limits
@@ -318,17 +319,17 @@ class _Fitted:
         if found is not None and found.through_pv is not None:
             found = found.through_pv
         if found is None or found.process is None:
-            said = result.reason if found is None else found.reason
-            raise InputError(f"OP and PV were not fitted: {said}", file=result.source, loop=result.name)
+            reason = result.reason if found is None else found.reason
+            raise InputError(f"OP and PV were not fitted: {reason}", file=result.source, loop=result.name)
         best, process = found.best, found.process
         where: dict[str, Any] = {"file": result.source, "loop": result.name}
         if process.integrating != (recording.loop.process.type == "integrating"):
             kinds = ("integrating", "self-regulating")
-            told, said = kinds if process.integrating else kinds[::-1]
+            fitted, stated = kinds if process.integrating else kinds[::-1]
             raise InputError(
-                f"the fit takes the process for {told}, and its settings say {said}",
+                f"the fit takes the process for {fitted}, and its settings say {stated}",
                 **where,
-                hint=f'write process = {{ type = "{told}" }} in a loops.toml if that is so',
+                hint=f'write process = {{ type = "{fitted}" }} in a loops.toml if that is so',
             )
         gains = _gains(process.kp[0], best["kp_near"], recording.loop.kp())
         if gains is None:
@@ -383,7 +384,7 @@ class _Fitted:
         )
 
     def disturbance(self, n: int, at: int, seed: int) -> Floats:
-        """So many values of what is left of PV, from another place with each seed, 0 at the sample `at`."""
+        """The given number of values of PV's residual, from another place with each seed, 0 at the sample `at`."""
         return self.left.piece(n, at, np.random.default_rng(seed))
 
     def process(self, seed: int) -> Plant:
@@ -400,7 +401,7 @@ class _Fitted:
         return plant if np.abs(plant.poles).max() * self.h < 3.0 else Plant(num, self.plant.den, self.plant.dead_time)
 
     def swing(self, n: int) -> Limits:
-        """How far PV goes by itself from where it stands, within so many samples."""
+        """Move of PV by itself from where it stands, within the given number of samples."""
         pieces = [self.disturbance(n, 0, seed) for seed in range(SIMULATIONS)]
         return min(float(x.min()) for x in pieces), max(float(x.max()) for x in pieces)
 
@@ -432,7 +433,7 @@ def _gain_spread(near: Limits) -> float:
 
 
 def _time_spread(process: Process, high: float) -> float:
-    """The same of dead time and lags together, which are known better than either, by the upper limit of the lags."""
+    """Standard deviation of dead time plus lags, known better than either, by the upper limit of the lags."""
     dead, lag = process.dead_time[0], process.lag[0]
     if not dead + lag > 0.0 or not math.isfinite(high):
         return MOST_SPREAD
@@ -465,6 +466,7 @@ def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Flo
 
 
 def _inside(t: Floats, start: float, end: float) -> slice:
+    """Rows between two times."""
     inside = np.flatnonzero((t >= start) & (t <= end))
     return slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
 
@@ -483,7 +485,7 @@ def _plant(kp: float, best: dict[str, Any], h: float) -> Plant:
 
 
 def _settling(plant: Plant) -> float:
-    """When the step test takes PV as settled [s]: t₁ + 5(t₂ − t₁) after a move; behind an integrator its lag's."""
+    """Settling time of PV in the step test [s]: t₁ + 5(t₂ − t₁); behind an integrator that of its lag."""
     if plant.gain is None:
         plant = Plant([1.0], plant.den[:-1], plant.dead_time)
     t, y = plant.step()
@@ -502,19 +504,21 @@ def _at_rest(plant: Plant, h: float, t_end: float, **more: Any) -> Scenario:
 
 @dataclass(frozen=True, slots=True)
 class _Left:
-    """What the valve's moves do not explain of PV."""
+    """Residual of PV after the valve's moves."""
 
     w: Floats
     """[PV unit]."""
     due: Floats
-    """What PV will still do where OP is held from here on: a way [PV unit], behind an integrator a rate [PV unit/s]."""
+    """Move of PV still to come where OP is held from here on: a distance [PV unit], behind an integrator a rate [PV
+    unit/s].
+    """
     shape: Floats
-    """How that comes about, from step to step: the step response to 1, behind an integrator time [s]."""
+    """Course of that move, from step to step: the step response to 1, behind an integrator time [s]."""
     integrating: bool
 
     @classmethod
     def of(cls, plant: Plant, op: Floats, pv: Floats, d: float, h: float, skip: int) -> _Left:
-        """Of the recorded OP and PV, where the valve has a gap of width `d`; without the first `skip` steps."""
+        """Residual of PV, where the valve has a gap of width `d`; without the first `skip` steps."""
         valve = Valve(d=d).positions(op, h) if d > 0 else op
         moves = valve - valve[0]
         moved = run(_at_rest(plant, h, h * (len(op) - 1), load=Samples(values=moves))).pv[: len(pv)]
@@ -524,11 +528,11 @@ class _Left:
         return cls((pv - moved)[skip:], (gain * moves - moved)[skip:], np.asarray(plant.step_response(t) / gain), False)
 
     def moves_by(self, steps: int) -> float:
-        """Mean square of what it moves by in so many steps."""
+        """Mean square of its change in so many steps."""
         return float(np.mean((self.w[steps:] - self.w[:-steps]) ** 2)) if len(self.w) > steps else math.inf
 
     def piece(self, n: int, at: int, random: np.random.Generator) -> Floats:
-        """So many steps from a place of its own, with OP held from the step `at` on, where it is 0.
+        """The given number of steps from a random place, with OP held from the step `at` on, where it is 0.
 
         A recording shorter than twice that is read forwards and backwards in turn.
         """
@@ -544,6 +548,7 @@ class _Left:
 
 
 def _by_hand(loop: _Fitted, minutes: float) -> Planned:
+    """Plan of a step test with OP by hand."""
     if loop.integrating:
         return Planned("by_hand", "the process integrates: PV would run away while OP is held")
     room = {+1: loop.op_within[1] - loop.op, -1: loop.op - loop.op_within[0]}
@@ -623,7 +628,7 @@ def _shortest(loop: _Fitted, minutes: float, refused: set[str]) -> Iterator[tupl
 
 
 def _minutes(hold: float, moves: Sequence[float]) -> float:
-    """Time from the first move on."""
+    """Duration of a test from its first move to the last hold [min]."""
     return hold * (len(moves) - 1) / 60
 
 
@@ -634,6 +639,7 @@ def _round(seconds: float, h: float) -> float:
 
 
 def _within(inner: Limits, outer: Limits) -> bool:
+    """Whether one range lies within another."""
     return outer[0] <= inner[0] and inner[1] <= outer[1]
 
 
@@ -657,7 +663,7 @@ def _scenario(
 def _tried(
     loop: _Fitted, levels: Sequence[float], hold: float, seeds: Sequence[int]
 ) -> list[tuple[float, Found | None]]:
-    """What the step test says of simulated tests, with the gap and without."""
+    """Results of the step test on simulated tests, with the gap and without."""
     each = [(d, seed) for d in (loop.width, 0.0) for seed in seeds]
     simulations = run_many(
         [_scenario(loop, loop.process(seed), d, levels, hold, seed) for d, seed in each], progress=False
@@ -704,6 +710,7 @@ def _planned(
 
 
 def _setpoint(loop: _Fitted, minutes: float) -> Planned:
+    """Plan of a test with steps of the setpoint."""
     law = loop.law
     if law is None or not law.k:
         return Planned("setpoint", "the controller's K and Ti are not known: give them, or record SP")
@@ -711,7 +718,7 @@ def _setpoint(loop: _Fitted, minutes: float) -> Planned:
     n = min(MOST_SETPOINT_STEPS, int(minutes * 60 / apart))
     if n < 2:
         return Planned("setpoint", f"two setpoint steps take {2 * apart / 60:.0f} min, and {minutes:g} are allowed")
-    # What OP moves in the end, or behind an integrator at once.
+    # Final effect of OP's move, or behind an integrator the immediate one.
     gain = 1.0 / abs(law.k) if loop.integrating else abs(loop.plant.gain or 0.0)
     begins = loop.sp
     side = 1.0 if loop.pv_within[1] - begins >= begins - loop.pv_within[0] else -1.0
@@ -746,6 +753,7 @@ def _setpoint(loop: _Fitted, minutes: float) -> Planned:
 def _stepped(
     loop: _Fitted, law: Ideal, plant: Plant, d: float, levels: Sequence[float], apart: float, seed: int
 ) -> Scenario:
+    """Scenario with steps of the setpoint."""
     t_end = apart * len(levels)
     noise = Samples(values=loop.disturbance(round(t_end / loop.h) + 1, 0, seed))
     more: dict[str, Any] = {"controller": tuple(law), "noise": noise}
@@ -778,7 +786,7 @@ def _reached(loop: _Fitted, law: Ideal, levels: Sequence[float], apart: float) -
 def _fitted(
     loop: _Fitted, law: Ideal, levels: Sequence[float], apart: float, count: int
 ) -> list[tuple[float, Found | None]]:
-    """What the fit says of simulated setpoint steps, with the gap and without."""
+    """Results of the fit on simulated setpoint steps, with the gap and without."""
     each = [(d, seed) for d in (loop.width, 0.0) for seed in range(100, 100 + count)]
     judged: list[tuple[float, Found | None]] = []
     for d, seed in each:
@@ -792,11 +800,11 @@ def _fitted(
 
 
 def fit_decides(found: Fit, width: float) -> Found | None:
-    """The same of a fit."""
-    said = (found.judgement or {}).get("confidence")
-    if said == "found":
+    """Share of simulated fits that decide."""
+    confidence = (found.judgement or {}).get("confidence")
+    if confidence == "found":
         return "gap"
-    return "no_gap" if said in ("none_seen", "sound") and found.high is not None and found.high < width else None
+    return "no_gap" if confidence in ("none_seen", "sound") and found.high is not None and found.high < width else None
 
 
 def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
@@ -824,7 +832,7 @@ def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
 
 
 def _shown(loop: _Fitted, recording: Recording, law: Ideal, times: float) -> float:
-    """How often the gap is found in the recording and what goes on from it for so many times its length."""
+    """Share of simulated recordings, longer by a factor, in which the fit finds the gap."""
     n = round(times * len(loop.sp_moves))
     # Backwards and forwards in turn: SP goes on from where it stands, and moves as often as it did.
     sp = np.resize(np.concatenate([loop.sp_moves[::-1], loop.sp_moves]), n)

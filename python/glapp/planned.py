@@ -52,7 +52,7 @@ class Planned:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan:
-    """What would decide.
+    """Plan of the test that would decide.
 
     Attributes
     ----------
@@ -82,14 +82,14 @@ class Plan:
     reason: str | None = None
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Plan:
+    def of(cls, document: Mapping[str, Any]) -> Plan:
         """The plan of `to_dict`."""
         pairs = ("op_within", "pv_within")
         tests = tuple(
             Planned(**test | {"moves": tuple(test["moves"])} | {key: _pair(test[key]) for key in ("op", "pv")})
-            for test in told["tests"]
+            for test in document["tests"]
         )
-        return cls(**{**told, "tests": tests, **{key: tuple(told[key]) for key in pairs}})
+        return cls(**{**document, "tests": tests, **{key: tuple(document[key]) for key in pairs}})
 
     @property
     def by_hand(self) -> Planned | None:

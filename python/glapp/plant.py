@@ -204,6 +204,7 @@ class Plant:
 
     @classmethod
     def _of_table(cls, table: Mapping[str, Any]) -> Plant:
+        """A plant from a table of a settings file."""
         unknown = sorted(set(table) - {"num", "den", "dead_time"})
         if unknown:
             raise InputError("no such key", parameter=unknown[0], value=table[unknown[0]], hint=_KEYS)
@@ -270,7 +271,7 @@ class Plant:
     def is_stable(self) -> bool:
         """Whether all poles lie in the left half plane, but for one integrator at most."""
         inside = self.poles.real[self.poles != 0]
-        # Multiple poles are found to about eps^(1/n): what is that near to the axis counts by its rounding's side.
+        # Multiple poles are found to about eps^(1/n): a pole that near to the axis counts by the side of its rounding.
         return self.integrators <= 1 and bool(np.all(inside < 0))
 
     def at(self, s: npt.ArrayLike) -> npt.NDArray[np.complex128]:
@@ -356,7 +357,7 @@ class Plant:
         return Bode(at, np.abs(response), np.degrees(np.unwrap(np.angle(response))))
 
     def _horizon(self) -> float:
-        """How long a step response is worth looking at [s]."""
+        """Length of a step response that is worth looking at [s]."""
         poles = np.roots(self.den)
         rates = np.abs(poles.real[np.abs(poles.real) > 1e-12])
         settles = bool(len(poles)) and bool((poles.real < -1e-12).all())
@@ -427,6 +428,7 @@ def _expm(a: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _roots(coefficients: Sequence[float]) -> npt.NDArray[np.complex128]:
+    """Roots of a polynomial, those at 0 exact."""
     at_zero = _zeros_at_end(coefficients)
     rest = np.roots(coefficients[: len(coefficients) - at_zero])
     return np.concatenate([rest, np.zeros(at_zero)]).astype(np.complex128)
@@ -451,7 +453,7 @@ def _coefficients(name: str, values: Any) -> tuple[float, ...]:
 
 
 def _rational(process: Any) -> tuple[Any, Any] | None:
-    """Numerator and denominator of a linear system, whatever it is told by; None for anything else."""
+    """Numerator and denominator of a linear system in any accepted form; None for anything else."""
 
     def has(*names: str) -> bool:
         return all(hasattr(process, name) for name in names)

@@ -1,11 +1,11 @@
-"""How far a task is, told to whoever shows it."""
+"""Progress of a task, reported to the caller that shows it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Progress = Callable[[float | None], None]
-"""Told the share that is done, 0 to 1; None where it cannot be known."""
+"""Function that receives the share that is done, 0 to 1; None where it cannot be known."""
 
 
 def shares(progress: Progress | None, *parts: float) -> list[Progress | None]:

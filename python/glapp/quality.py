@@ -1,4 +1,4 @@
-"""What is wrong with a recording, found before anything is estimated from it.
+"""Findings on a recording, made before anything is estimated from it.
 
 Two sources of evidence: `DataStatistics`, counts over every row, and an `InspectionSample`, the rows kept in memory.
 Each `Finding` names one fault, its numbers and what to do; `docs/quality.md` lists them all.  Codes, severities,
@@ -23,7 +23,7 @@ from .identify import Identification
 Floats = NDArray[np.float64]
 Severity = Literal["info", "warning", "refuse"]
 
-GAP_STEPS: float = _glapp.GAP_STEPS
+DATA_GAP_STEPS: float = _glapp.DATA_GAP_STEPS
 """A step longer than so many ordinary ones is a gap."""
 
 
@@ -61,8 +61,8 @@ class DataStatistics:
     - `repeated`, `repeated_row`: pairs with the same time; the later row of the first.
     - `reversed`, `reversed_row`: pairs whose later row has the earlier time; the later row of the first.
     - `reversed_from`, `reversed_to`: the two times of that first pair [s since t0]; NaN when none.
-    - `gap_threshold`: a forward step longer than this is a gap [s]: `GAP_STEPS` times the median forward step of the
-      first batch.
+    - `gap_threshold`: a longer forward step is a gap in the data [s]: `DATA_GAP_STEPS` times the median forward step
+      of the first batch.
     - `gaps`, `gap_row`: gaps; the row after the first.
     - `gap_longest`, `gap_total`: longest, and sum of all [s]; 0 when none.
     - `sp_bad`, `pv_bad`, `op_bad`: rows in which the signal is not a number; for an OP that is not recorded `op_bad` is
@@ -147,7 +147,7 @@ def inspect(
     first_row: int = 2,
     known: Sequence[Finding] = (),
 ) -> list[Finding]:
-    """List what is wrong with a recording, gravest first.
+    """List the findings on a recording, gravest first.
 
     - `sample`: rows to look at closely.
     - `statistics`: counts over all rows.
@@ -201,13 +201,13 @@ def findings_from_core(
 ) -> list[Finding]:
     """Put findings of the core into words and list them behind those that are known, gravest first."""
     findings = [*known, *(_finding(one, pv_unit, op_unit, t0, first_row) for one in found)]
-    # What hangs on an assumed gain is known last.
+    # Findings that depend on an assumed gain are known last.
     grave = ("refuse", "warning", "info")
     return sorted(findings, key=lambda one: (one.code == "kp_assumed", grave.index(one.severity)))
 
 
 def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:
-    """Say what the numbers of a time column were taken for, where that was not plain.
+    """Report the assumed unit of a time column, where it was not plain.
 
     - `column`, `first`: its name, and its first value as it is written.
     - `step`: ordinary step between its numbers; None where they do not step.
@@ -234,6 +234,34 @@ def own_times(held: str, pv_rows: int, rows: int) -> Finding:
     'each signal has times of its own: the rows are those of PV, and SP, OP keep the last value until the next'
     """
     return _finding(_glapp.own_times(held, pv_rows, rows))
+
+
+def newest_first(column: str) -> Finding:
+    """Say that the newest row came first, and that the rows were taken from the last to the first.
+
+    - `column`: name of the column of times.
+
+    Examples
+    --------
+    >>> newest_first("Time").text.split(":")[0]
+    "the newest row comes first in column 'Time', so the rows were taken from the last to the first"
+    """
+    return _finding(_glapp.newest_first(column))
+
+
+def setting_unused(setting: str, value: str, column: str | None = None) -> Finding:
+    """Say that a setting is given which the recording has no use for.
+
+    - `setting`: `sample_time` beside a column of times, or `auto_values` without a column of the mode.
+    - `value`: what is given, as a loops.toml has it.
+    - `column`: name of the column of times.
+
+    Examples
+    --------
+    >>> setting_unused("sample_time", "2.0", "Time").text.split(":")[0]
+    "sample_time = 2.0 is not used, since column 'Time' has the times"
+    """
+    return _finding(_glapp.setting_unused(setting, value, column))
 
 
 def noise_sigma(pv: Floats) -> float | None:

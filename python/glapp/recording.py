@@ -179,15 +179,8 @@ class Recording(ABC):
 
 
 def with_op_unit(loop: Loop, *batches: Batch) -> Loop:
-    """The loop without the assumption that OP is a percentage, where nothing says so and the batches contradict it.
-
-    A spreadsheet may show a fraction of 1 as a percentage: the sign % alone does not make 0.57 one.
-    """
+    """The loop with the unit of OP that its values allow: they may show that OP is no percentage."""
     ops = [batch.op for batch in batches if batch.op is not None]
-    if not ops or loop.op_span is not None:
-        return loop
-    op = ops[0] if len(ops) == 1 else np.concatenate(ops)
-    assumed = loop.op_unit is None and not _glapp.within_percent(op)
-    if assumed or (loop.op_unit == "%" and _glapp.looks_like_fraction(op)):
-        return loop.model_copy(update={"op_unit": "OP unit"})
-    return loop
+    op = np.concatenate(ops) if len(ops) > 1 else ops[0] if ops else None
+    unit = _glapp.op_unit(loop.op_unit, loop.op_span, op)
+    return loop if unit == loop.op_label else loop.model_copy(update={"op_unit": unit})

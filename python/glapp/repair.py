@@ -24,13 +24,13 @@ from .result import Result
 __all__ = ["DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
 
 DAYS = 7.0
-"""So many days before the repair and after it are compared."""
+"""Days before the repair and after it that are compared."""
 
 DAY = 86400.0
 
 _WIDTH = ("verdict", "d", "low", "high")
 _VERDICTS = ("backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell")
-"""What a fit says; where only zero crossings were looked at, the verdict is another one and tells no width."""
+"""Verdicts of a fit; where only zero crossings were looked at, the verdict is another one and has no width."""
 
 
 def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool = False, fit: bool = True) -> Result:
@@ -122,7 +122,7 @@ def _for_core(width: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch | None, Batch | None]) -> Repair:
-    """Both sides with what the loop gained.
+    """The repair with the loop's gain in performance.
 
     - `noted`: as in `Repair`.
     - `sides`: before and after, with their widths.
@@ -136,6 +136,7 @@ def compared(noted: datetime | None, sides: tuple[Side, Side], rows: tuple[Batch
 
 
 def _side(result: Result) -> Side:
+    """One side of a repair, by the result of its recordings."""
     answer = result.answer
     low, high = (None, None) if answer.width_kind == "unsure" else (answer.low, answer.high)
     return Side(verdict=answer.verdict, confidence=answer.confidence, d=answer.width, low=low, high=high)
@@ -150,7 +151,7 @@ def _mean(width: Sequence[float]) -> Side:
 def _compared(
     recordings: Sequence[Recording], noted: datetime | None, sides: tuple[Side, Side], cuts: tuple[float, float]
 ) -> Repair:
-    """Both sides by the rows of the recordings in `DAYS` days before the first cut and after the second one [s]."""
+    """The repair with performance by the rows `DAYS` days before the first cut and after the second one [s]."""
     first, last = (cuts[0] - DAYS * DAY, cuts[0]), (cuts[1], cuts[1] + DAYS * DAY)
     rows = [rows_between(recordings, begin, end) for begin, end in (first, last)]
     timed = []
@@ -180,7 +181,7 @@ def ends_of(rows: Batch) -> tuple[float, float]:
 
 
 def _since_1970(recording: Recording | OneOfMany) -> float:
-    """When the time of a recording is 0 [s since 1970], by its own clocks where it has no zone; 0 without a date."""
+    """Time 0 of a recording [s since 1970], by its own clocks where it has no zone; 0 without a date."""
     if recording.t0 is None:
         return 0.0
     t0 = recording.t0 if recording.t0.tzinfo is not None else recording.t0.replace(tzinfo=UTC)
@@ -188,6 +189,7 @@ def _since_1970(recording: Recording | OneOfMany) -> float:
 
 
 def _moment(recording: Recording, t: float) -> datetime | float:
+    """A time of a recording as date and time, or as seconds without a date."""
     if recording.t0 is None:
         return t
     zone = recording.t0.tzinfo

@@ -1,4 +1,4 @@
-"""A valve before and after its repair: the width, and what the loop gained. `glapp.repair` makes it."""
+"""A valve before and after its repair: the width, and the loop's gain in performance. `glapp.repair` makes it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """What lies between before and after.
+    """Difference of after and before.
 
     - `code`: whether the 95 % interval of the difference lies below 0, above 0, or holds 0.
     - `by`: after − before with its 95 % limits.
@@ -69,7 +69,7 @@ class Repair:
 
     @classmethod
     def from_core(cls, noted: datetime | None, sides: tuple[Side, Side], found: Mapping[str, Any]) -> Repair:
-        """Both sides with how the loop did, and the differences, as `_glapp.before_after` has them."""
+        """Repair with performance and differences, from those of `_glapp.before_after`."""
         before, after = (_with(side, found[name]) for side, name in zip(sides, ("before", "after"), strict=True))
         names = ("width", "deviation", "travel", "reversals")
         lie = {name: found[name] and Difference(found[name]["code"], tuple(found[name]["by"])) for name in names}
@@ -85,7 +85,7 @@ class Repair:
 
 
 def _with(side: Side, loop: Mapping[str, Any] | None) -> Side:
-    """A side with what the core says of its loop."""
+    """A side with the core's figures of its loop."""
     if loop is None:
         return side
     pairs = {name: loop[name] and tuple(loop[name]) for name in ("deviation", "travel", "reversals")}

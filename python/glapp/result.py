@@ -1,4 +1,4 @@
-"""What an analysis of one loop ends in."""
+"""Result of an analysis of one loop."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ REASONS = tuple(_glapp.reasons())
 """Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
 
 Crossings = Literal["estimate", "provisional", "no_estimate", "refused"]
-"""What zero crossings allow to be said; provisional: fewer than N detections."""
+"""Verdict of the zero crossings; provisional: fewer than N detections."""
 
 Verdict = Literal[Crossings, "backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
 """The one verdict of a loop: the fit's, or where nothing was fitted that of the crossings."""
 
 Confidence = Literal["found", "likely", "cannot_tell", "none_seen", "sound", "refused", "not_judged"]
-"""How sure it is that there is a dead band."""
+"""Confidence that there is a dead band."""
 
 Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
 Floats = NDArray[np.float64]
 
 _FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed", "judgement", "weighed")
-"""What the one answer hangs on of a fit, beside the change of its width in time."""
+"""Fields of a fit that the one answer depends on, with the trend of its width."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -146,7 +146,7 @@ class HalfPeriods:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the detector worked with, in ideal form, seconds and the signals' units.
+    """Settings that the detector used, in ideal form, seconds and the signals' units.
 
     Attributes
     ----------
@@ -222,7 +222,7 @@ class Corrected:
 
 @dataclass(frozen=True, slots=True)
 class Next:
-    """What to do next: a code, and what it is about (a part of the valve, a reason of rejection) where it has that.
+    """Next step: a code, and its subject (a part of the valve, a reason of rejection) where it has one.
 
     `tested`: the recording holds a step test, which is used; no further one is asked for.
     """
@@ -245,7 +245,7 @@ class Struck:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Widest dead band that is acceptable [% of OP span], the same [OP unit] where the span is known, and who said so.
+    """Widest acceptable dead band [% of OP span], the same [OP unit] where the span is known, and its source.
 
     *given*: a person, for this loop; *nominal*: nobody, and 1 % of span is taken (EnTech's nominal dead band).
     """
@@ -270,7 +270,7 @@ class StepTestWidth:
 
 @dataclass(frozen=True, slots=True)
 class Harm:
-    """What the gap does to the loop: shares, 0 to 1, of PV's variance about SP and of OP's travel; `worst` of both."""
+    """Harm of the gap to the loop: shares, 0 to 1, of PV's variance about SP and of OP's travel; `worst` of both."""
 
     pv_share: float | None
     op_share: float | None
@@ -279,7 +279,7 @@ class Harm:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """How the width changes in time.
+    """Trend of the width.
 
     - `code`: whether a change is plain: five widths or more, and three standard errors.
     - `widths`, `widths_needed`: widths that it rests on, and that a change must rest on.
@@ -399,7 +399,7 @@ class Answer:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Answer:
-        """The answer as the core or a document tells it; what a document says beside it in words is left out."""
+        """The answer of the core or of a document; the document's sentences are left out."""
         parts = {
             "limit": Limit,
             "step_test": StepTestWidth,
@@ -427,7 +427,7 @@ def decide(
     step_test: StepTest | None = None,
     harm: Sequence[Harm] = (),
 ) -> Answer:
-    """The one answer of what is known of a valve, as the core decides it.
+    """The one answer on a valve by the known facts, as the core decides it.
 
     - `crossings`, `d_hat`, `detections`, `reasons`, `fit`, `step_test`: as in `Result`.
     - `loop`: whose OP span and acceptable dead band count.
@@ -462,7 +462,7 @@ def decide(
 
 
 def harm_of(fit: Fit, law: tuple[float | None, float | None], rows: Batch) -> Harm:
-    """Harm of the fitted gap to its loop, as far as it can be said.
+    """Harm of the fitted gap to its loop, where it can be computed.
 
     - `fit`: through PV; its `best` window has the cells, and its `process` what a load at the valve does to PV.
     - `law`: the controller's K [OP unit/PV unit] and Ti [s].
@@ -627,7 +627,7 @@ class Result:
         return f"<Result {self.name}: {answer.verdict},{width} {found}>"
 
     def _repr_html_(self) -> str:
-        """What is so, what to do and why, for a notebook."""
+        """State, next step and reason, for a notebook."""
         texts = self.texts()
         why = [("why" if i == 0 else "", text) for i, text in enumerate(texts["why"])]
         by = [] if self.by_position is None else [("by", self.by_position)]

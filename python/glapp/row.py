@@ -44,12 +44,15 @@ def columns() -> list[Column]:
 
 
 def _of_model(model: type[BaseModel], prefix: str, of: Callable[[dict[str, Any]], Any]) -> Iterator[Column]:
+    """Columns of a row, by the fields of a model."""
     for name, field in model.model_fields.items():
         given = next((x for x in field.metadata if isinstance(x, Columns)), None)
         yield from _of_field(f"{prefix}{name}", field.annotation, given, _at(of, name))
 
 
 def _at(of: Callable[[dict[str, Any]], Any], key: Any) -> Callable[[dict[str, Any]], Any]:
+    """Function for a part of the answer; None where the whole is None."""
+
     def value(answer: dict[str, Any]) -> Any:
         whole = of(answer)
         return None if whole is None else whole[key]
@@ -58,6 +61,7 @@ def _at(of: Callable[[dict[str, Any]], Any], key: Any) -> Callable[[dict[str, An
 
 
 def _of_field(name: str, kind: Any, given: Columns | None, of: Callable[[dict[str, Any]], Any]) -> Iterator[Column]:
+    """Columns of a row, by one field."""
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         (kind,) = {one for one in typing.get_args(kind) if one is not type(None)}
     if typing.get_origin(kind) is typing.Annotated:
@@ -80,6 +84,7 @@ def _of_field(name: str, kind: Any, given: Columns | None, of: Callable[[dict[st
 
 
 def _count(of: Callable[[dict[str, Any]], Any], reason: str) -> Callable[[dict[str, Any]], int]:
+    """Column that counts one reason of rejection."""
     return lambda answer: int(of(answer).get(reason, 0))
 
 

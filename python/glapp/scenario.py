@@ -591,6 +591,7 @@ class Scenario(Checked):
     @model_validator(mode="before")
     @classmethod
     def _filter_of_tuning(cls, given: Any) -> Any:
+        """Take the filter time of a tuning, where none is given."""
         if isinstance(given, dict) and isinstance(tuning := given.get("controller"), Tuning) and tuning.tf:
             return {"tf": tuning.tf, **{name: value for name, value in given.items() if (name, value) != ("tf", None)}}
         return given
@@ -613,6 +614,7 @@ class Scenario(Checked):
         return {**self.ideal()._asdict(), "kp": gain, "tf": tf, "h": self.h, "op_limits": self.limits}
 
     def _compensation(self, given: Compensation) -> dict[str, Any]:
+        """The compensation in the core's form."""
         ideal = self.ideal()
         controller = {"k": ideal.k if given.k is None else given.k, "ti": ideal.ti}
         beside = given.model_dump(include={"begin", "delay", "longest"})
@@ -628,7 +630,7 @@ class Scenario(Checked):
             raise InputError(str(error)) from None
 
     def to_toml(self) -> str:
-        """The scenario as TOML, without what stands at its default."""
+        """The scenario as TOML, without the values that are defaults."""
         lines = []
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
@@ -710,6 +712,7 @@ def _filter_time(tf: float | None, ideal: Ideal) -> float:
 
 
 def _outer(outer: Outer) -> dict[str, Any]:
+    """The outer loop in the core's form."""
     ideal = outer.controller.ideal()
     return {
         "plant": tuple(outer.plant),

@@ -1,4 +1,4 @@
-"""Answers beside what the workshop found: right, wrong or silent.
+"""Answers compared with the workshop's findings: right, wrong or silent.
 
 A file of labels has a row per valve: the recording, and what was found when the valve was opened or tested. Each answer
 is held against its label by rules that are fixed here, before any label is read, and counted by how sure it was.
@@ -36,12 +36,12 @@ __all__ = [
 ]
 
 Found = Literal["gap", "stiction", "both", "sound", "other"]
-"""What the workshop found. *other*: the loop swings, and the valve is not the reason."""
+"""Finding of the workshop. *other*: the loop swings, and the valve is not the reason."""
 
 Outcome = Literal["right", "wrong", "silent", "not counted"]
 
 FAULTS = ("gap", "stiction", "both")
-"""What is a fault of the valve."""
+"""Faults of the valve."""
 
 COLUMNS = ("file", "loop", "found", "width", "unit", "date")
 """Columns that are read; `file` and `found` must be there."""
@@ -49,7 +49,7 @@ COLUMNS = ("file", "loop", "found", "width", "unit", "date")
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """What is known of one valve.
+    """Known state of one valve.
 
     - `row`: row of the file of labels; its header is row 1.
     - `file`: recording, or a loops.toml.
@@ -133,6 +133,8 @@ def read_labels(path: Path) -> list[Label]:
 
 
 def _label(row: dict[str, str], number: int, path: Path) -> Label:
+    """A label from a row of the list, checked."""
+
     def wrong(column: str, what: str, bound: str) -> InputError:
         return InputError(what, file=str(path), row=number, column=column, value=row.get(column), bound=bound)
 
@@ -161,7 +163,7 @@ def _label(row: dict[str, str], number: int, path: Path) -> Label:
 
 
 def _require_unique(labels: Sequence[Label], path: Path) -> None:
-    """Refuse a valve that stands there twice."""
+    """Refuse a valve that occurs twice."""
     seen: dict[tuple[Path, str | None], Label] = {}
     for label in labels:
         first = seen.setdefault((label.file.resolve(), label.loop), label)
@@ -171,7 +173,7 @@ def _require_unique(labels: Sequence[Label], path: Path) -> None:
 
 
 def judged(label: Label, result: Result) -> Scored:
-    """Compare one answer with what was found in the valve.
+    """Compare one answer with the finding on the valve.
 
     A fault is answered *right* where a dead band is found or likely, its cause is no other, and its interval holds the
     measured width. *Sound* is right of it below a bound that is wider than the measured width, and else wrong. A valve
@@ -188,6 +190,7 @@ def judged(label: Label, result: Result) -> Scored:
 
 
 def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcome, str]:
+    """Outcome for a valve with a fault, and why."""
     if answer.verdict == "oscillation":
         return "wrong", "the answer says that the valve is not the reason"
     if answer.confidence in ("sound", "none_seen"):
@@ -207,6 +210,7 @@ def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcom
 
 
 def _of_sound(label: Label, answer: Answer, width: float | None) -> tuple[Outcome, str]:
+    """Outcome for a sound valve, and why."""
     if answer.confidence in ("found", "likely"):
         within = answer.acceptable == "within"
         return ("right", "") if within else ("wrong", "the answer sees a dead band")
@@ -228,17 +232,17 @@ def _in_op(label: Label, result: Result) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How many answers of one confidence are right, wrong and silent."""
+    """Numbers of right, wrong and silent answers of one confidence."""
 
     confidence: str
-    """That of the answer, or *oscillation*."""
+    """Confidence of the answers, or *oscillation*."""
     right: int
     wrong: int
     silent: int
 
 
 def counted(scored: Sequence[Scored]) -> list[Count]:
-    """Right, wrong and silent answers by how sure they are, the surest first; what is not counted is left out."""
+    """Right, wrong and silent answers by confidence, the surest first; answers that do not count are left out."""
     order = ("found", "likely", "sound", "none_seen", "oscillation", "cannot_tell", "not_judged", "refused")
     counts = []
     for confidence in order:
@@ -250,7 +254,7 @@ def counted(scored: Sequence[Scored]) -> list[Count]:
 
 
 def _outcome(answer: Answer) -> str:
-    """How sure the answer is; an oscillation for another reason is an answer of its own."""
+    """Confidence of the answer; an oscillation for another reason is an answer of its own."""
     return answer.verdict if answer.verdict == "oscillation" else answer.confidence
 
 
@@ -277,7 +281,7 @@ class Calibrated:
 
 
 def calibrated(scored: Sequence[Scored]) -> list[Calibrated]:
-    """Whether what is stated as 80 % probable is so in 80 %.
+    """Whether events with a stated probability of 80 % occur in 80 %.
 
     A valve with a fault has a dead band, a *sound* one has none; of *other* nobody looked. Whether a dead band is
     beyond the limit is known where its width was measured, and of a sound valve.
@@ -300,6 +304,7 @@ def calibrated(scored: Sequence[Scored]) -> list[Calibrated]:
 
 
 def _is_so(of: str, one: Scored) -> bool | None:
+    """Whether an event of a probability is true; None where that is not known."""
     if one.label.found == "sound":
         return False
     if one.label.found == "other":

@@ -88,7 +88,7 @@ Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[n
 array with one value a sample."""
 
 COMPENSATION_STATES = tuple(_glapp.compensation_states())
-"""What the numbers in `Simulation.standing` mean."""
+"""Meanings of the numbers in `Simulation.standing`."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -400,6 +400,7 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
 
 
 def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
+    """A scenario for the core, checked."""
     settings = scenario.detector(scenario.filter_time()) if watch else None
     try:
         return _glapp.Scenario(scenario.for_rust(), settings)
@@ -441,6 +442,7 @@ def _numbered(i: int, work: Callable[[], _T]) -> _T:
 
 
 def _on_all_cores(work: Callable[[list[int]], None], jobs: list[list[int]], what: str, progress: bool) -> None:
+    """Do jobs on all cores, with a progress bar."""
     with (
         Progress(disable=not progress, transient=True) as bar,
         ThreadPoolExecutor(max_workers=os.cpu_count()) as pool,

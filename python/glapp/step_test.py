@@ -64,7 +64,7 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What one move from hold to hold gives.
+    """Reading of one move from hold to hold.
 
     - `kind`: a move in the same direction as the last (Kp), a reversal (d), or one that gives nothing.
     - `start`, `end`: from the end of the hold before to the end of the hold after [s since the first row].
@@ -254,7 +254,7 @@ def step_test(
 
 
 def step_test_from_core(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
-    """Put what the core read off a step test into words."""
+    """Put the core's reading of a step test into words."""
     blank = StepTest(recording.name, recording.source, loop.op_label, loop.pv_unit or "PV unit", None, t0=recording.t0)
     travel = found.pop("travel")
     if travel is not None:

@@ -1,4 +1,4 @@
-"""Signals thinned to what a screen can show, without losing a peak."""
+"""Signals thinned to the resolution of a screen, without losing a peak."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Thinner:
         return np.concatenate([*self._t, self._t_rest[:1]])
 
     def band(self, name: str) -> Band:
-        """What was thinned of one column, the rows that do not fill a bucket included."""
+        """Thinned values of one column, the rows that do not fill a bucket included."""
         low, high = self._low[name], self._high[name]
         rest = self._rest[name]
         if len(rest):
@@ -93,6 +93,7 @@ class Thinner:
         return Band(np.concatenate(low), np.concatenate(high))
 
     def _merge(self) -> None:
+        """Merge buckets in pairs."""
         odd = self._buckets % 2
         t = np.concatenate([*self._t, np.empty(0)])
         if odd:

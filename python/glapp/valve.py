@@ -1,4 +1,4 @@
-"""Several recordings of one valve: what they must share, their order in time, and what one adds to the whole."""
+"""Several recordings of one valve: the shared width, their order in time, and the contribution of each."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ def one_valve(recordings: Sequence[Recording]) -> None:
 
 
 def _to_text(value: object) -> str:
+    """A setting as text for an error."""
     fields = value.model_dump(exclude_defaults=True) if hasattr(value, "model_dump") else None
     if fields is not None:
         return ", ".join(f"{name} {x}" for name, x in fields.items()) or "as by default"
@@ -48,7 +49,7 @@ def in_order(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def since(recordings: Sequence[Recording]) -> list[float]:
-    """When the time of each is 0 [s], counted from the earliest; NaN where one has no date."""
+    """Time 0 of each recording [s], counted from the earliest; NaN where one has no date."""
     if not _dated(recordings):
         return [float("nan")] * len(recordings)
     first = min(map(_moment, recordings))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["GENERATOR", "write_file", "write_parquet"]
 
 GENERATOR = '<meta name="generator" content="glapp">'
-"""What every page of ours has in its head: no other is overwritten."""
+"""Mark in the head of every page of ours: no other page is overwritten."""
 
 
 def write_file(path: Path, content: str | bytes) -> None:
@@ -98,6 +98,7 @@ def write_parquet(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> 
 
 
 def _umask() -> int:
+    """The process' file mode mask."""
     mask = os.umask(0o077)
     os.umask(mask)
     return mask

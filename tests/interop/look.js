@@ -1,6 +1,6 @@
-// What stands at u_FF's nodes, as a client of somebody else's sees it: node look.js URL NAMESPACE LOOP...
-// Reads the nodes every 50 ms and prints a line of JSON for each change of any of them: seconds since 1970, loop, value; a
-// loop of null: the server is lost. Ends with its standard input.
+// Values at u_FF's nodes, as another maker's client sees them: node look.js URL NAMESPACE LOOP... Reads the nodes every
+// 50 ms and prints a line of JSON for each change of any of them: seconds since 1970, loop, value; a loop of null: the
+// server is lost. Ends with its standard input.
 const { OPCUAClient, AttributeIds } = require("node-opcua-client");
 
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));

@@ -1,9 +1,9 @@
-// How a program of theirs is known, and whom it trusts: certificates and keys that the test has made, in a folder.
+// Identity of another maker's program, and the certificates it trusts: made by the test, in a folder.
 const fs = require("fs");
 const path = require("path");
 const { OPCUACertificateManager } = require("node-opcua-certificate-manager");
 
-// Its own certificate and key, and a manager of certificates that trusts one other and nobody else.
+// Certificate and key of the program, and a manager of certificates that trusts one other and nobody else.
 async function known(folder, own, trusted) {
   const manager = new OPCUACertificateManager({
     rootFolder: path.join(folder, `${own} trusts ${trusted}`), automaticallyAcceptUnknownCertificate: false,

@@ -82,7 +82,7 @@ def figure_1_2() -> Shown:
 
 
 def figure_1_3() -> Shown:
-    """Where the two criteria allow the Nyquist curve to be."""
+    """Areas that the two criteria allow for the Nyquist curve."""
     inside, right = 0.5 * PLANTS["P3"], migo("P2").loop
     gain, border = small_gain(inside), circle_criterion(right)
 
@@ -231,7 +231,7 @@ def _lags(n: int, t: float) -> tuple[list[float], list[float]]:
 
 
 def _dead_travel(d: float) -> float:
-    """How far the input of a gap goes back before the output moves, in steps of a 64th."""
+    """Backward travel of a gap's input before its output moves, in steps of a 64th."""
     gap = Backlash(d)
     gap.update(-4.0)
     u, rest = 4.0, gap.update(4.0)
@@ -241,7 +241,7 @@ def _dead_travel(d: float) -> float:
 
 
 def _through(d: float, amplitude: float) -> tuple[Floats, Floats]:
-    """A sine of `amplitude`, and what a gap makes of it once it has settled."""
+    """A sine of `amplitude`, and its settled form after a gap."""
     theta = np.linspace(0, 4 * np.pi, 801)
     u = amplitude * np.sin(theta)
     gap = Backlash(d)

@@ -147,7 +147,7 @@ def _proportional(process: Plant, gain: float, d: float) -> Simulation:
 
 
 def _late(x: npt.NDArray[np.float64], signals: Simulation) -> float:
-    """Half of what a signal swings in the last third [%]."""
+    """Half of the swing of a signal in the last third [%]."""
     return PERCENT * float(np.ptp(x[signals.t > 200])) / 2
 
 

@@ -57,7 +57,7 @@ def _picture(
 
 
 def _late(x: npt.NDArray[np.float64]) -> float:
-    """What a signal swings in the last quarter."""
+    """Swing of a signal in the last quarter."""
     return round(float(np.ptp(x[-len(x) // 4 :])), 9)
 
 

@@ -97,7 +97,7 @@ OURS = "Our own drawing of our own module; the thesis' picture is another maker'
 
 
 def one_module(module: Module, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """What a module makes of a signal."""
+    """Response of a module to a signal."""
     graph = Graph(H, {"in": Input(), "module": module, "out": Output()}, ["in -> module -> out"])
     return graph.run(H * len(x), record=["out"], **{"in": x})["out"]
 
@@ -198,7 +198,7 @@ def figure_6_3() -> Shown:
 
 
 def figure_6_4() -> Shown:
-    """What the interaction window shows, read from the module while it runs."""
+    """Content of the interaction window, read from the module while it runs."""
     loop = system(0, op_low=0.0, op_high=100.0, comp_size=1.0, comp_withdraw=False)
     load = 5.0 * (np.arange(round(T_END / H)) // 2000 % 2)
     half = len(load) // 2

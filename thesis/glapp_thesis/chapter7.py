@@ -37,7 +37,7 @@ MIGO_PID = (1.19, 2.23, 1.2)
 """P2, M = 1.4, by `glapp.tuning.migo`, rounded."""
 
 NEAREST: dict[str, Any] = {"noise": 0.005, "h": 0.01, "setpoint": [(1, 1.0)], "load": [(100, 0.3)]}
-"""What comes nearest to Table 8.1, of all that the thesis withholds: see there."""
+"""Settings that come nearest to Table 8.1, of all that the thesis withholds: see there."""
 
 STATED = "Noise and sample time are not in the thesis; here as in Table 8.1, uniform ± 0.5 % and h = 0.01 s."
 
@@ -46,7 +46,7 @@ STATED = "Noise and sample time are not in the thesis; here as in Table 8.1, uni
 
 
 class Saturated(NamedTuple):
-    """A loop whose output stands at its upper limit but for short reliefs, and what three detectors make of it."""
+    """A loop whose output stands at its upper limit but for short reliefs, and the results of three detectors on it."""
 
     signals: Simulation
     blind: Detected
@@ -191,7 +191,7 @@ def figure_7_3() -> Shown:
 
 
 def figure_7_4() -> Shown:
-    """Their quotient."""
+    """Quotient of the two."""
     seen, share, highest = parts()
     quotient = PERCENT * (seen.half_periods.kp_part / seen.half_periods.free)[seen.accepted]
 
@@ -248,7 +248,7 @@ def gain_scenario(plant: str, controller: tuple[float, ...], kp: float) -> Scena
 
 @cache
 def set_gain() -> dict[str, dict[float, Spread]]:
-    """Estimate over the gain that the detector is told, where the true one is 4 [%]."""
+    """Estimate over the gain given to the detector, where the true one is 4 [%]."""
     found = {}
     for name, (plant, controller) in LOOPS.items():
         runs = list(each(seeded(gain_scenario(plant, controller, 4.0))))
@@ -258,7 +258,7 @@ def set_gain() -> dict[str, dict[float, Spread]]:
 
 @cache
 def true_gain() -> dict[str, dict[float, Spread]]:
-    """Estimate over the true gain, where the detector is told 4 [%]."""
+    """Estimate over the true gain, where the detector is given 4 [%]."""
     return {
         name: {
             kp: spread(detect(*both, kp=4.0).d_hat for both in each(seeded(gain_scenario(plant, controller, kp))))
@@ -385,7 +385,7 @@ def sequence() -> Sequence:
 
 
 def median_mean(n: int) -> Floats:
-    """What the filter of n detections shows after each of the sequence."""
+    """Output of the filter of n detections after each of the sequence."""
     block = MedianMean(n)
     return np.array([block.update(d)[0] for d in sequence().d])
 
@@ -444,7 +444,7 @@ def _filtered(
     difference: str,
     beside: tuple[str, Floats] | None = None,
 ) -> Shown:
-    """What a filter shows after each detection; `beside` is another one, with its name."""
+    """Output of a filter after each detection; `beside` is another one, with its name."""
     seen = sequence()
     first, first_of_5 = settled(shown), settled(median_mean(5))
     slower = first is None or (first_of_5 is not None and first > first_of_5)
@@ -541,7 +541,7 @@ P1_TUNINGS: dict[str, tuple[float, ...]] = {
 
 
 def false_warnings(signals: Simulation, scenario: Scenario) -> tuple[float, float]:
-    """How often code block 7.1 warns, and how often it looks: max − min of four successive Δt below 2h."""
+    """Number of warnings of code block 7.1, and of its checks: max − min of four successive Δt below 2h."""
     samples = detect(scenario, signals).half_periods.samples.astype(np.int64)
     windows = np.lib.stride_tricks.sliding_window_view(samples, 4)
     return float(np.sum(np.ptp(windows, axis=1) < 2)), float(len(windows))
@@ -549,7 +549,7 @@ def false_warnings(signals: Simulation, scenario: Scenario) -> tuple[float, floa
 
 @cache
 def warnings() -> dict[str, tuple[Spread, Spread]]:
-    """For each tuning of P1 without any compensation: warnings, and windows of four half-periods."""
+    """Warnings, and windows of four half-periods, for each tuning of P1 without any compensation."""
     found = {}
     for name, controller in P1_TUNINGS.items():
         scenario = short(plant="P1", controller=controller, d=0.05, t_end=3000, **NEAREST | {"h": 0.05})
@@ -561,12 +561,12 @@ def warnings() -> dict[str, tuple[Spread, Spread]]:
 COMPENSATION, GAP = 0.07, 0.05
 
 COMPENSATED = {"0.5": 0.025, "0.8": 0.04, "1.4": 0.07, "2": 0.1}
-"""What part of P1's gap of 5 % is compensated by sign(e)."""
+"""Part of P1's gap of 5 % that is compensated by sign(e)."""
 
 
 @cache
 def both_warnings() -> dict[str, tuple[Spread, Spread]]:
-    """For each compensation of P1, enabled half way: share of half-periods with a warning, by 7.1 and by ours [%]."""
+    """Share of half-periods with a warning, by 7.1 and by ours [%], for each compensation of P1, enabled half way."""
     controller = P1_TUNINGS["Ms 1.4"]
     found = {}
     for name, size in COMPENSATED.items():
@@ -583,7 +583,7 @@ def _warned(scenario: Scenario, signals: Simulation) -> tuple[float, float]:
     """Share of the half-periods from 100 s after it was enabled on that end with a warning [%]."""
     assert signals.over is not None
     ends = detect(scenario, signals).half_periods.t_end
-    # What a half-period means is worked off in the scan after it.
+    # The block acts on a half-period in the scan after it.
     rows = np.searchsorted(signals.t, ends[ends > 1600.0]) + 1
     over = signals.over[np.minimum(rows, signals.t.size - 1)].astype(int)
     return PERCENT * float(np.mean(over & 1 != 0)), PERCENT * float(np.mean(over & 2 != 0))

@@ -200,8 +200,9 @@ THESIS: dict[str, tuple[float, int] | None] = {
 
 TABLE: dict[str, Any] = {"h": 0.05, "t_end": 5000.0, "setpoint": [(1, 1.0)], "load": [(100, 0.3)]}
 SIGMA, HOLD, STORED = 0.0014, 0.1, 1.0
-"""What explains Table 8.1 best: Gaussian noise of this deviation, each value held for `HOLD` [s], as a random source
-with a sample time of its own gives it, and a detector that reads values stored every `STORED` seconds."""
+"""Settings that explain Table 8.1 best: Gaussian noise of this deviation, each value held for `HOLD` [s], as a random
+source with a sample time of its own gives it, and a detector that reads values stored every `STORED` seconds.
+"""
 
 
 def held_noise(seed: int) -> Samples:
@@ -223,7 +224,7 @@ def table_scenarios(controller: Ideal) -> list[Scenario]:
 
 
 class Row(NamedTuple):
-    """What 20 seeds gave for one controller: estimates [%] and numbers of detections.
+    """Results of 20 seeds for one controller: estimates [%] and numbers of detections.
 
     `estimate` and `detections` are made as the thesis makes them, by (7.5) from stored values; the other two by the
     detector that ships, which sees every sample and counts the derivative part (7.6).
@@ -236,7 +237,7 @@ class Row(NamedTuple):
 
 
 def stored(scenario: Scenario, signals: Simulation, seen: Detected) -> Detected:
-    """What the thesis' way makes of the filtered value, stored every `STORED` seconds."""
+    """Filtered values, stored every `STORED` seconds as in the thesis."""
     every = round(STORED / scenario.h)
     coarse = replace(
         signals, t=signals.t[::every], sp=signals.sp[::every], pv=seen.filtered[::every], flags=signals.flags[::every]
@@ -710,7 +711,7 @@ def stable(scenario: Scenario) -> bool:
 
 
 def phase_margin(scenario: Scenario) -> float:
-    """Of the loop with its filter [°]; 0 where it is unstable."""
+    """Phase margin of the loop with its filter [°]; 0 where it is unstable."""
     try:
         return assess(scenario.plant, scenario.ideal()[:2], tf=scenario.filter_time()).phase_margin
     except InputError:
@@ -980,7 +981,7 @@ def figure_8_9() -> Shown:
 
 
 class Site(NamedTuple):
-    """A loop of a field test: what the thesis says of it, and what had to be assumed."""
+    """A loop of a field test: the thesis' figures, and our assumptions."""
 
     plant: Plant
     controller: tuple[float, float]
@@ -1097,7 +1098,7 @@ def hyltebruk(external: bool) -> Scenario:
 
 
 class Answered(NamedTuple):
-    """What `glapp.analyze` answers for one seed: the kind of width, and the width with its interval [%]."""
+    """Answer of `glapp.analyze` for one seed: the kind of width, and the width with its interval [%]."""
 
     kind: str | None
     width: float | None
@@ -1184,7 +1185,7 @@ def _recording(
 
 
 def _draw_answers(axes: Axes, site: Site, answered: list[Answered], detected: list[float | None]) -> None:
-    """For each seed the interval of the answer, or its lower bound, and the detector's estimate."""
+    """Interval of the answer, or its lower bound, and the detector's estimate, for each seed."""
     for seed, (one, d_hat) in enumerate(zip(answered, detected, strict=True)):
         if one.low is not None:
             if one.high is not None:

@@ -1,4 +1,4 @@
-"""Systems and equations of the thesis as it prints them, with what the blocks of glapp compute.
+"""Systems and equations of the thesis as printed, with the results of glapp's blocks.
 
 The thesis' side of each number is written from the printed formula and calls nothing of glapp.
 """
@@ -27,7 +27,7 @@ __all__ = ["CHECKS"]
 Complex = npt.NDArray[Any]
 
 S = 1j * np.geomspace(1e-2, 1e1, 61)
-"""Where transfer functions are compared."""
+"""Points at which transfer functions are compared."""
 
 BATCH: dict[str, Complex] = {
     "P1": np.exp(-0.2 * S) / (S * (1 + 0.8 * S)),
@@ -106,7 +106,7 @@ def low_pass() -> tuple[Number, ...]:
 
 
 def crossings() -> tuple[Number, ...]:
-    """(2.1), and what it makes of an error of exactly zero."""
+    """Equation (2.1), and its result for an error of exactly zero."""
     e = (1.0, 0.0, 0.0, -1.0)
     block = blocks.ZeroCrossing()
     return (
@@ -167,7 +167,7 @@ def controller() -> tuple[Number, ...]:
 
 
 def _bound(bit: int, change: Callable[[float], dict[str, float]]) -> float:
-    """Where one condition of the safety net changes its mind, between 0.01 and 100."""
+    """Number at which one condition of the safety net changes its verdict, between 0.01 and 100."""
     net = blocks.SafetyNet(K, TI)
     usual: dict[str, float] = {"delta_t": 1000.0, "delta_y": DY, "e_max": 0.6, "delta_sp": 0.0, "previous": DY}
 
@@ -285,4 +285,4 @@ CHECKS: dict[str, Callable[[], tuple[Number, ...]]] = {
         )
     },
 }
-"""What `ITEMS` names."""
+"""Checks that `ITEMS` names."""

@@ -1,4 +1,4 @@
-"""What a figure of the thesis is here: one sentence, numbers beside the thesis', and a picture."""
+"""A figure of the thesis: one sentence, numbers beside the thesis', and a picture."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Number:
 
     @property
     def same(self) -> bool | None:
-        """Whether ours is what the thesis says; None where it says nothing.
+        """Whether our number agrees with the thesis; None where it says nothing.
 
         A number is the same within `SAME`, or as a zero within `ZERO`; "near 5" and "about 5" within `NEAR`. Other
         words mean what they say: below, above, over, within (either sign), some (more than none), several (more than
@@ -116,7 +116,7 @@ class Shown:
 
     @property
     def name(self) -> str:
-        """In full: "Figure 8.1", "Table 8.1"."""
+        """Full name: "Figure 8.1", "Table 8.1"."""
         return self.number if self.number.startswith("Table") else f"Figure {self.number}"
 
     @property

@@ -50,14 +50,14 @@ NET = tuple(SWITCHES)
 
 @dataclass(frozen=True, slots=True)
 class Detected:
-    """What a detector saw: its half-periods, and the filtered process value."""
+    """Results of a detector: its half-periods, and the filtered process value."""
 
     half_periods: HalfPeriods
     filtered: Floats
 
     @property
     def accepted(self) -> npt.NDArray[np.bool_]:
-        """Which half-periods became detections."""
+        """Whether each half-period became a detection."""
         return np.asarray(self.half_periods.mask == 0)
 
     @property
@@ -67,7 +67,7 @@ class Detected:
 
     @property
     def d(self) -> Floats:
-        """Their widths [%]."""
+        """Widths of the detections [%]."""
         return PERCENT * self.half_periods.d[self.accepted]
 
     @property

@@ -1,4 +1,4 @@
-"""One loop over many seeds of its noise: runs that fit into memory, and the median and range of what they show."""
+"""One loop over many seeds of its noise: runs that fit into memory, and the median and range of their results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SAMPLES = 4_000_000
 
 
 class Spread(NamedTuple):
-    """What many seeds gave.
+    """Spread of the results of many seeds.
 
     - `median`, `low`, `high`: of those seeds that gave a number; NaN where none did.
     - `share`: share of the seeds that gave one.

@@ -17,10 +17,10 @@ from .items import ITEMS, Item
 __all__ = ["BEGIN", "END", "Row", "replaced", "rows"]
 
 BEGIN, END = "<!-- table -->", "<!-- end -->"
-"""What stands before and after the table in its page."""
+"""Marks before and after the table in its page."""
 
 Figures = Mapping[str, Mapping[str, Any]]
-"""What `gallery.as_json` writes."""
+"""Numbers of figures, as `gallery.as_json` writes them."""
 
 
 class Row(NamedTuple):
@@ -44,7 +44,7 @@ def rows(figures: Figures) -> Iterator[Row]:
 
 
 def _numbers(item: Item, figures: Figures) -> Iterator[Number]:
-    """Those of which the thesis says something."""
+    """Numbers that the thesis states."""
     if item.check:
         yield from CHECKS[item.check]()
     wanted = [(item.figure, what) for what in figures[item.figure]["numbers"]] if item.figure else []
@@ -87,7 +87,7 @@ def markdown(figures: Figures) -> str:
 
 
 def _shown(shown: str) -> str:
-    """What shows an item, in a narrow cell: figures and equations have their command above the table."""
+    """Evidence of an item, in a narrow cell: figures and equations have their command above the table."""
     if shown.startswith("`glapp thesis "):
         figures = shown.strip("`").removeprefix("glapp thesis ").replace("'", "")
         return f"[{figures}](gallery/README.md)"

@@ -20,11 +20,11 @@ METHODS: dict[str, Callable[[Record], MethodAnswer]] = {
     "Yamashita": yamashita.answer,
     "slope ratio": slope.answer,
 }
-"""In the order of the tables."""
+"""Methods in the order of the tables."""
 
 
 def answer_of(method: str, of: Record) -> MethodAnswer:
-    """What a method of `METHODS` says of a record; where it refuses the record, that it cannot tell, and why."""
+    """Answer of a method of `METHODS` on a record; where it refuses the record, that it cannot tell, and why."""
     try:
         return METHODS[method](of)
     except InputError as error:

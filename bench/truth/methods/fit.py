@@ -12,7 +12,7 @@ from ..records import Record
 
 
 def answer(record: Record) -> MethodAnswer:
-    """`glapp.fit`; what it says of the width where it says that there is one."""
+    """Answer by `glapp.fit`, with the width where it gives one."""
     fit = glapp.fit(record.recording)
     if fit.verdict in ("backlash", "stiction", "both"):
         return MethodAnswer(fit.verdict, fit.d, fit.low, fit.high, reason=fit.reason)

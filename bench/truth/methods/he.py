@@ -50,7 +50,7 @@ def triangle_or_sine(record: Record) -> tuple[Floats, float] | None:
 
 
 def half_periods(signal: Floats, period: float) -> Iterator[Floats]:
-    """Those that are long enough to have a shape; crossings are those of the signal without drift and fastest part."""
+    """Half-periods long enough to have a shape; crossings are those of the signal without drift and fastest part."""
     # Up to the eleventh harmonic a triangle is a triangle; below half the frequency is drift.
     calm = band_pass(signal, period, 0.5, 11.0)
     ends = np.round(zero_crossings(band_pass(signal, period))).astype(int)

@@ -1,4 +1,4 @@
-//! Names, numbers, units, bounds and defaults of what the faces of glapp show, as JSON:
+//! Names, numbers, units, bounds and defaults of all interfaces of glapp, as JSON:
 //! `cargo run -p glapp-analysis --example catalogue > vectors/catalogue.json`.
 //!
 //! Bounds are what the blocks themselves say when they refuse a value, defaults what the settings' own constructors give for
@@ -77,7 +77,7 @@ fn finding(fault: Fault) -> Value {
     json!({ "code": fault.name(), "severities": severities })
 }
 
-/// A setting: its bound is what the block says of a value that is none.
+/// A setting: its bound is the block's error for a value that is no number.
 fn setting<S>(
     [name, unit]: [&str; 2],
     default: Value,
@@ -92,7 +92,7 @@ fn setting<S>(
     json!({ "name": name, "unit": unit, "bound": error.bound, "default": default })
 }
 
-/// None where a default stands for "no limit".
+/// A default as JSON; null for the largest numbers, which mean "no limit".
 fn number(x: f64) -> Value {
     if x.abs() >= 1e37 { Value::Null } else { x.into() }
 }

@@ -5,13 +5,13 @@ use crate::crossings::{Beside, Exclusion, Known, NotCorrected, Travel, Verdict, 
 use crate::fitted::{FitWhy, Fitted, fitted, fitted_with, problem};
 use crate::harm::{Cells as HarmCells, Harm, harm};
 use crate::identify::{Identification, identified};
-use crate::quality::{self, Fault, Finding, Law, Scale, Severity, assumed_gain, inspect};
+use crate::quality::{self, Fault, Finding, Law, PERCENT, Severity, assumed_gain, inspect, op_unit};
 use crate::step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 use crate::summary::{Facts, Summary};
 use crate::words;
 use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
 use glapp_core::status::NOT_AUTO;
-use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
+use glapp_core::{Columns, DATA_GAP_STEPS, DETECTIONS, DetectorSettings, ParameterError, Reason};
 use glapp_fit::{
     Batch, FitProblem, JointAnswer, LONG_HISTORY, Prediction, Rows, Samples, SegmentAnswer, Tell, Unfit, Windows,
 };
@@ -38,13 +38,13 @@ pub struct Controller {
     pub b: f64,
 }
 
-/// What is known of a loop, and what is asked.
+/// A loop with its settings, and the questions to ask of it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Task {
     /// The controller; none: it is read out of OP's moves.
     pub controller: Option<Controller>,
-    /// Its setpoint weight, where a person stated it.
+    /// Setpoint weight, where a person stated it.
     pub setpoint_weight: Option<f64>,
     /// Process gain Kp, where it is known [PV unit/OP unit].
     pub kp: Option<f64>,
@@ -56,11 +56,11 @@ pub struct Task {
     pub op_span: Option<(f64, f64)>,
     /// Whether OP is a percentage, and its span 0 to 100 where none is given; none: unless the recording contradicts it.
     pub op_percent: Option<bool>,
-    /// Where the detector stands, if no estimate can be right there.
+    /// Position of the detector in the plant, where it rules out an estimate.
     pub exclusion: Option<Exclusion>,
-    /// Widest dead band that is acceptable, where that is said [% of OP's span].
+    /// Widest acceptable dead band, where it is stated [% of OP's span].
     pub acceptable: Option<f64>,
-    /// Share of the plant's valves that have a dead band, where that is said.
+    /// Share of the plant's valves that have a dead band, where it is stated.
     pub prior: Option<f64>,
     /// Dead band that the positioner is set to [% of travel], where it is known.
     pub positioner_dead_band: Option<f64>,
@@ -68,7 +68,7 @@ pub struct Task {
     pub tf: Option<f64>,
     /// Detections behind an estimate.
     pub n: u32,
-    /// Judge the recording, and find what is not given; else the crossings alone, with what is given.
+    /// Judge the recording, and find missing settings; else the crossings alone, with the given settings.
     pub judge: bool,
     /// Go on with an identification that is not good enough.
     pub trust: bool,
@@ -77,7 +77,7 @@ pub struct Task {
 }
 
 impl Default for Task {
-    /// Nothing is known, and everything is asked.
+    /// A task with nothing known and every question asked.
     fn default() -> Self {
         Self {
             controller: None,
@@ -147,21 +147,21 @@ pub struct Analysis {
     op: bool,
 }
 
-/// Where the controller's settings come from.
+/// Sources of the controller's settings.
 #[derive(Clone, Copy, Debug)]
 struct Origins {
     law: Origin,
     b: Origin,
 }
 
-/// What an analysis ends in.
+/// Result of an analysis.
 #[derive(Debug)]
 pub struct Done {
     /// The answer.
     pub answer: AnalysisResult,
     /// The detector whose filter time was taken, with its place in the ladder; none where there was none.
     pub crossings: Option<(usize, Crossings)>,
-    /// What was fitted; none where that was not asked or there is no OP.
+    /// The fit; none where it was not asked or OP is missing.
     pub fitted: Option<Fitted>,
     /// Whether OP is recorded.
     pub op: bool,
@@ -176,7 +176,7 @@ impl Analysis {
     /// Where a setting is out of its bounds.
     pub fn new(mut task: Task, beginning: &Inspected<'_>, position: Option<&[f64]>) -> Result<Self, ParameterError> {
         let rows = beginning.even();
-        task.op_percent = task.op_percent.or(Some(rows.op.is_none_or(within_percent)));
+        task.op_percent = task.op_percent.or(Some(op_unit(None, task.op_span, rows.op) == PERCENT));
         let mut steps: Vec<f64> = rows.t.windows(2).map(|pair| pair[1] - pair[0]).collect();
         steps.retain(|step| step.is_finite() && *step > 0.0);
         let h = if steps.is_empty() { 1.0 } else { median(&mut steps) };
@@ -202,7 +202,7 @@ impl Analysis {
         let sign = task.sign(controller.as_ref());
         let long = task.judge && task.fit && rows.op.is_some() && rows.t.len() >= LONG_HISTORY;
         Ok(Self {
-            counter: Counter::new(GAP_STEPS * h, task.op_limits())?,
+            counter: Counter::new(DATA_GAP_STEPS * h, task.op_limits())?,
             windows: long.then(|| Windows::of_history(&samples(&rows), sign)),
             beginning: kept(&rows, position),
             task,
@@ -232,8 +232,8 @@ impl Analysis {
         ladder.rungs_mut().par_iter_mut().map(|rung| rung.take_closely(columns)).collect()
     }
 
-    /// What is to be fitted, for who does so elsewhere and hands it to [`finish_with`](Self::finish_with); none where nothing
-    /// is.
+    /// The problem to fit, for a caller that fits it elsewhere and passes the result to
+    /// [`finish_with`](Self::finish_with); none where there is none.
     pub fn problem(&mut self) -> Option<FitProblem<'static>> {
         let quality = self.fits().then(|| self.inspected())?;
         let sign = self.sign();
@@ -246,11 +246,12 @@ impl Analysis {
         self.ended(None, progress)
     }
 
-    /// The answer, with what the fit of its [`problem`](Self::problem) gave elsewhere.
+    /// The answer, given the fit of its [`problem`](Self::problem) from elsewhere.
     pub fn finish_with(self, pv: Result<JointAnswer, Unfit>) -> Done {
         self.ended(Some(pv), &|_| ())
     }
 
+    /// The result of the analysis, given the fit of PV.
     fn ended(mut self, pv: Option<Result<JointAnswer, Unfit>>, progress: Tell) -> Done {
         let op_limits = self.task.op_limits();
         let mut quality = if self.task.judge { self.inspected() } else { Vec::new() };
@@ -324,7 +325,7 @@ impl Analysis {
         Done { answer, crossings, fitted, op: self.op }
     }
 
-    /// What is wrong with the recording, gravest first.
+    /// Findings on the recording, gravest first.
     fn inspected(&self) -> Vec<Finding> {
         let known = quality::Known {
             k: self.controller.map(|controller| controller.k),
@@ -350,8 +351,8 @@ impl Analysis {
         self.task.sign(self.controller.as_ref())
     }
 
-    /// The fit, told what is already known: the sign of the process, and what makes any answer wrong. `pv`: where it was
-    /// fitted elsewhere.
+    /// The fit, with the known facts: the sign of the process, and the reason that makes any answer wrong. `pv`: where
+    /// it was fitted elsewhere.
     fn fitted(&mut self, quality: &[Finding], pv: Option<Result<JointAnswer, Unfit>>, tell: Tell) -> Fitted {
         let sign = self.sign();
         match (self.asked(quality), pv) {
@@ -394,7 +395,7 @@ impl Analysis {
         Some(rows.read(&settings)).filter(|test| test.d.is_some())
     }
 
-    /// What the gap does to the loop in the record that shows it best, by its fit to PV.
+    /// Effect of the gap on the loop, in the record that shows it best, by its fit to PV.
     fn harm(&mut self, fitted: &Fitted) -> Option<Harm> {
         let joint = fitted.pv.as_ref()?.as_ref().ok()?;
         let process = fitted.answer.process.filter(|_| fitted.answer.verdict.found())?;
@@ -411,6 +412,7 @@ impl Analysis {
         Some(harm(&cells, &inspected(rows), law, &process))
     }
 
+    /// The corrected width by the half-periods of a detector.
     fn corrected(&self, detector: &Crossings, kp: Option<f64>, d_hat: Option<f64>) -> CorrectedAnswer {
         let op = self.beginning.op.as_deref().filter(|_| self.op);
         let travel = if self.op { Travel::Op } else { Travel::Law };
@@ -437,7 +439,7 @@ impl Analysis {
             tf: detector.map(|detector| detector.settings().tf),
             tried: self.tried,
             n: self.task.n,
-            max_h: GAP_STEPS * self.h,
+            max_h: DATA_GAP_STEPS * self.h,
             delta_u: detector.map(|detector| detector.detector().width().source(self.op)),
             origins,
         }
@@ -462,7 +464,7 @@ fn gain(task: &Task) -> (Option<f64>, Origin) {
     process_gain(task.kp, task.pv_span.map(wide).zip(task.op_span.map(wide)), task.integrating)
 }
 
-/// What an assumed Kp does to the detections.
+/// Effect of an assumed Kp on the detections.
 fn doubt(kp: f64, crossings: &Crossings) -> Option<Finding> {
     let accepted = || crossings.rows().iter().filter(|row| row.record.mask == 0).map(|row| row.record.parts);
     let mut free: Vec<f64> = accepted().map(|parts| parts.free).collect();
@@ -473,12 +475,7 @@ fn doubt(kp: f64, crossings: &Crossings) -> Option<Finding> {
     assumed_gain(kp, median(&mut free), median(&mut kp_part))
 }
 
-/// Whether OP may be a percentage: no value says that it is not, and it is not all along within what a fraction or a
-/// current of 4 to 20 mA would be.
-pub fn within_percent(op: &[f64]) -> bool {
-    !op.iter().any(|u| *u < 0.0 || *u > 100.0) && Scale::of(op).is_none()
-}
-
+/// A copy of the rows, for the fit.
 fn kept(rows: &Inspected<'_>, position: Option<&[f64]>) -> Rows {
     let owned = |column: Option<&[f64]>| column.map(<[f64]>::to_vec);
     let Inspected { t, sp, pv, op, flags } = *rows;

@@ -12,14 +12,15 @@ use crate::words::Message;
 use glapp_core::{Corrected, Reason, TravelSource};
 use serde::{Serialize, Serializer};
 
-/// What is known of one loop's valve, and on what it stands. Every face shows this; `glapp.document` declares its JSON.
+/// Everything the crates know of one loop's valve, and its evidence. Every face shows this; `glapp.document` declares
+/// its JSON.
 #[derive(Clone, Debug, Serialize)]
 pub struct AnalysisResult {
     /// Layout, [`AnalysisResult::VERSION`].
     pub version: u32,
     /// The one answer, of all that follows.
     pub answer: Summary,
-    /// What the zero crossings allow to be said.
+    /// Verdict of the zero crossings.
     pub crossings: Verdict,
     /// Why not more; none only with an estimate.
     pub why: Option<Why>,
@@ -40,9 +41,9 @@ pub struct AnalysisResult {
     /// First reason of rejection, to how many half-periods.
     #[serde(serialize_with = "in_order")]
     pub reasons: Vec<(&'static str, u64)>,
-    /// What is wrong with the recording, gravest first.
+    /// Findings on the recording, gravest first.
     pub quality: Vec<Finding>,
-    /// What the detector worked with.
+    /// Settings that the detector used.
     pub controller: Settings,
     /// The controller's law as the recording shows it; none where it was not asked for.
     pub identification: Option<Identification>,
@@ -50,7 +51,8 @@ pub struct AnalysisResult {
     pub fit: Option<FitAnswer>,
     /// The step test in the beginning of the recording; none where it gives no width.
     pub step_test: Option<StepTest>,
-    /// Why fit and crossings say what they do: codes with their numbers, which [`crate::words::text`] puts into sentences.
+    /// Reasons of the fit's and the crossings' verdicts: codes with their numbers, which [`crate::words::text`] puts
+    /// into sentences.
     pub messages: Vec<Message>,
 }
 
@@ -58,7 +60,7 @@ impl AnalysisResult {
     /// The layout of this release.
     pub const VERSION: u32 = 3;
 
-    /// What the one answer is made of; `span` is the width of OP's [OP unit]; the two numbers as in [`Facts`].
+    /// Facts that the answer's sentences need; `span` is the width of OP's [OP unit]; the two numbers as in [`Facts`].
     pub(crate) fn facts(&self, span: Option<f64>, [acceptable, prior]: [Option<f64>; 2], harm: Option<Harm>) -> Facts {
         let most = self.reasons.iter().rev().max_by_key(|(_, count)| *count);
         Facts {
@@ -110,7 +112,7 @@ pub struct CorrectedAnswer {
     pub kp_range: Option<(f64, f64)>,
     /// Pairs of half-periods.
     pub pairs: usize,
-    /// Where OP's travel is taken from.
+    /// Source of OP's travel.
     pub travel: Travel,
     /// Why there is no width.
     pub why: Option<NotCorrected>,
@@ -133,7 +135,7 @@ impl CorrectedAnswer {
     }
 }
 
-/// What the detector worked with, in ideal form, seconds and the signals' units; none where it is not known.
+/// Settings that the detector used, in ideal form, in seconds and the signals' units; none where unknown.
 #[derive(Clone, Debug, Serialize)]
 pub struct Settings {
     /// Gain K [OP unit/PV unit].
@@ -154,13 +156,14 @@ pub struct Settings {
     pub n: u32,
     /// A longer step is a gap \[s\].
     pub max_h: f64,
-    /// Where Δu is taken from.
+    /// Source of Δu.
     pub delta_u: Option<TravelSource>,
-    /// Where each comes from.
+    /// Source of each setting.
     #[serde(serialize_with = "in_order")]
     pub origins: Vec<(&'static str, Origin)>,
 }
 
+/// Serializes pairs as a map in their own order.
 fn in_order<T: Serialize, S: Serializer>(pairs: &[(&'static str, T)], serializer: S) -> Result<S::Ok, S::Error> {
     InOrder(pairs).serialize(serializer)
 }

@@ -5,7 +5,7 @@ use glapp_core::{ParameterError, Real};
 
 use crate::Inspected;
 
-/// What a recording holds. Rows count from 0.
+/// Counts and extremes of a recording. Rows count from 0.
 ///
 /// A *pair* is a row and the one before it; for times, the one before it whose time is a number. Infinite counts as
 /// "not a number" everywhere.
@@ -71,23 +71,24 @@ impl Default for DataStatistics {
     }
 }
 
-/// How often something was met, and where first.
+/// Count of an event, and the row of the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Occurrences {
-    /// How often.
+    /// Number of times.
     pub count: u64,
     /// Index of the first.
     pub first: Option<u64>,
 }
 
 impl Occurrences {
+    /// Counts one occurrence at a row.
     fn note(&mut self, row: u64) {
         self.count += 1;
         self.first.get_or_insert(row);
     }
 }
 
-/// What one signal holds.
+/// Counts and extremes of one signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Values {
     /// Rows that are not a number.
@@ -148,7 +149,7 @@ impl Values {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Counter {
-    /// What was counted so far.
+    /// Statistics so far.
     pub statistics: DataStatistics,
     op_limits: Option<(f64, f64)>,
     t_before: Option<f64>,
@@ -195,7 +196,7 @@ impl Counter {
             self.statistics.op.take(op, before.map(|b| b.op), row);
         }
         self.flags(flags, op, n);
-        // Of an SP that is not recorded PV is never off.
+        // A missing SP counts as equal to PV.
         let sp = sp.unwrap_or(pv);
         let value = |k: usize| Before { sp: sp[k], pv: pv[k], op: op.map_or(0.0, |op| op[k]) };
         let mut previous = before;
@@ -221,6 +222,7 @@ impl Counter {
         }
     }
 
+    /// Counts a step whose length is not the usual one.
     #[cold]
     fn odd_step(&mut self, t: f64, h: f64, row: u64) {
         if !t.is_number() {
@@ -239,6 +241,7 @@ impl Counter {
         }
     }
 
+    /// Counts rows by their flags, and rows with OP at a limit.
     fn flags(&mut self, flags: Option<&[u8]>, op: Option<&[f64]>, n: usize) {
         let Some((least, most)) = self.op_limits.filter(|_| op.is_some()) else {
             for &flag in flags.unwrap_or_default() {
@@ -253,6 +256,7 @@ impl Counter {
         }
     }
 
+    /// Counts the flags of one row.
     #[inline(always)]
     fn flag(&mut self, flag: Status) {
         if flag != 0 {

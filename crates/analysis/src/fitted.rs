@@ -1,4 +1,4 @@
-//! What the fit says of the valve: by PV, by the valve's own position, and by both together.
+//! Verdict of the fit on the valve: by PV, by the valve's own position, and by both together.
 
 use crate::crossings::Exclusion;
 use crate::origin::fitted_gain_serves;
@@ -11,7 +11,7 @@ use glapp_fit::{
 use serde::{Deserialize, Serialize};
 
 named! {
-    /// What kind of lost motion there is, if any.
+    /// Kind of lost motion.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum FitVerdict {
@@ -19,7 +19,7 @@ named! {
         Backlash => "backlash",
         /// A valve that sticks and jumps, no gap beside it.
         Stiction => "stiction",
-        /// Both.
+        /// Backlash and stiction.
         Both => "both",
         /// The loop swings in a clean sinusoid, not for its valve; a gap beside it does not show.
         Oscillation => "oscillation",
@@ -59,17 +59,17 @@ pub enum FitWhy {
     /// The width of this OP is not that of one valve.
     #[serde(rename = "place")]
     Exclusion(Exclusion),
-    /// What the finding of this place in the list says.
+    /// Index of the finding that is the reason.
     Finding(usize),
     /// OP stands still all the time.
     OpRests,
-    /// Nothing could be fitted: a word, and its number.
+    /// No fit was possible: a code, and its number.
     Unfit(&'static str, f64),
     /// The word of the likelihood's evidence.
     Evidence(&'static str),
 }
 
-/// What was fitted to OP.
+/// Signal that was fitted to OP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Signal {
     /// The process value.
@@ -79,15 +79,15 @@ pub enum Signal {
     Position,
 }
 
-/// What a recorded position of the valve adds.
+/// Effect of a recorded position of the valve on the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Position {
-    /// It tells nothing: the answer is PV's.
+    /// The position decides nothing: the answer is PV's.
     Silent,
-    /// It settles the answer.
+    /// The position settles the answer.
     Settles,
-    /// It gives no more than a bound: the width is PV's.
+    /// The position gives only a bound: the width is PV's.
     Bounds,
     /// No width lies in the intervals of both.
     Contradicts,
@@ -112,11 +112,11 @@ pub struct Process {
 /// One window's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Window {
-    /// Its first sample \[s\].
+    /// Time of the first sample \[s\].
     pub t_start: f64,
-    /// Its last sample \[s\].
+    /// Time of the last sample \[s\].
     pub t_end: f64,
-    /// What it says by itself.
+    /// Verdict of this window alone.
     pub verdict: FitVerdict,
     /// Width [OP unit].
     pub d: f64,
@@ -135,7 +135,7 @@ impl Window {
 /// Width of the gap with its interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FitAnswer {
-    /// What it is.
+    /// Kind of lost motion.
     pub verdict: FitVerdict,
     /// Why.
     pub why: FitWhy,
@@ -145,28 +145,28 @@ pub struct FitAnswer {
     pub low: Option<f64>,
     /// Upper limit [OP unit]; none where the recording gives none.
     pub high: Option<f64>,
-    /// The lower limit where that is all that can be said [OP unit].
+    /// The lower limit of a bound [OP unit].
     pub at_least: Option<f64>,
     /// Slip jump [OP unit]; 0 for mere backlash.
     pub jump: f64,
     /// Likelihood ratio of no gap against the best width.
     pub lr_no_gap: Option<f64>,
-    /// What it must exceed for a gap.
+    /// Likelihood ratio that a gap needs.
     pub lr_needed: Option<f64>,
     /// The process; none where nothing could be fitted.
     pub process: Option<Process>,
-    /// What was fitted to OP.
+    /// Signal that was fitted to OP.
     pub signal: Signal,
-    /// What a recorded position of the valve adds; none where there is none.
+    /// Effect of a recorded position of the valve; none where it was not recorded.
     pub position: Option<Position>,
     /// Change of the width and its standard error [OP unit/day].
     pub trend: Option<(f64, f64)>,
-    /// What the ladder says; none where nothing could be fitted.
+    /// Judgement of the ladder; none where no fit was possible.
     pub judgement: Option<Judgement>,
     /// The evidence for a dead band weighed; none where there is none to weigh, where the valve's position settles the answer, and where
     /// recordings exclude each other.
     pub weighed: Option<Weighed>,
-    /// The change with all that is told of it, as the one answer has it.
+    /// The trend with its sentence, as the one answer has it.
     pub change: Option<WidthTrend>,
     /// The windows that were fitted.
     pub windows: Vec<Window>,
@@ -196,7 +196,7 @@ impl FitAnswer {
         }
     }
 
-    /// What PV says; `sinusoid` is the place of the finding that the loop swings in a clean one.
+    /// Verdict by PV; `sinusoid` is the place of the finding that the loop swings in a clean one.
     fn of_pv(found: &Result<JointAnswer, Unfit>, sinusoid: Option<usize>) -> Self {
         match found {
             Ok(joint) => Self::of_records(&joint.whole, &joint.records, joint.shown, sinusoid),
@@ -204,7 +204,8 @@ impl FitAnswer {
         }
     }
 
-    /// What PV says in several recordings of one valve; windows and process are those of the recording that shows it best.
+    /// Verdict by PV in several recordings of one valve; windows and process are those of the recording that shows it
+    /// best.
     fn of_valve(found: &Result<ValveAnswer, Unfit>) -> Self {
         match found {
             Ok(valve) => match &valve.recordings[valve.shown].own {
@@ -215,6 +216,7 @@ impl FitAnswer {
         }
     }
 
+    /// The fit of several records, with their windows.
     fn of_records(
         joint: &Together,
         records: &[SegmentAnswer<glapp_fit::SegmentFit>],
@@ -249,7 +251,7 @@ impl FitAnswer {
         .with_verdict(sinusoid.map_or(joint.verdict.into(), |_| FitVerdict::Oscillation))
     }
 
-    /// What the valve's position says.
+    /// Verdict by the valve's position.
     fn of_position(found: &Result<PositionAnswer, Unfit>) -> Self {
         let joint = match found {
             Ok(joint) => joint,
@@ -274,7 +276,8 @@ impl FitAnswer {
         .with_verdict(joint.verdict.into())
     }
 
-    /// What both say together: the position settles it, and where PV contradicts it the answer is that of neither alone.
+    /// Verdict by position and PV: the position settles it, and where PV contradicts it the verdict is neither of the
+    /// two.
     fn together(at_valve: Self, through_pv: Self) -> Self {
         use Position::{Bounds, Contradicts, Settles, Silent};
         if !(at_valve.verdict.found() || at_valve.verdict == FitVerdict::Sound) {
@@ -352,18 +355,19 @@ fn excluded(joint: &Together) -> bool {
     joint.judgement.confidence == Confidence::CannotTell && joint.reason == "recordings_disagree"
 }
 
+/// Slope and standard error of a trend, per day.
 fn a_day(trend: Trend) -> (f64, f64) {
     (DAY * trend.slope, DAY * trend.error)
 }
 
-/// The answer, and what it was made of.
+/// The answer, and its parts.
 #[derive(Clone, Debug)]
 pub struct Fitted {
     /// The answer.
     pub answer: FitAnswer,
-    /// What PV said; none where it was not asked.
+    /// Fit of PV; none where it was not asked.
     pub pv: Option<Result<JointAnswer, Unfit>>,
-    /// What the valve's position said; none where it was not recorded.
+    /// Fit of the valve's position; none where it was not recorded.
     pub position: Option<Result<PositionAnswer, Unfit>>,
 }
 
@@ -400,14 +404,14 @@ pub(crate) fn fitted_with(batches: &[Batch<'_>], sinusoid: Option<usize>, pv: Re
     Fitted { answer, pv: Some(pv), position: Some(position) }
 }
 
-/// The answer of several recordings of one valve, and what it was made of.
+/// The answer of several recordings of one valve, and its parts.
 #[derive(Clone, Debug)]
 pub struct FittedValve {
     /// The answer.
     pub answer: FitAnswer,
-    /// What PV said.
+    /// Fit of PV.
     pub pv: Result<ValveAnswer, Unfit>,
-    /// What the valve's position said; none where it was not recorded.
+    /// Fit of the valve's position; none where it was not recorded.
     pub position: Option<Result<PositionAnswer, Unfit>>,
 }
 
@@ -434,7 +438,7 @@ pub fn fitted_valve(recordings: &[(f64, Vec<Batch<'_>>)], sign: f64, tell: Tell)
     FittedValve { answer, pv, position: Some(position) }
 }
 
-/// What the valve's position says; none where it was not recorded.
+/// Fit of the valve's position; none where it was not recorded.
 fn at_valve(batches: &[Batch<'_>]) -> Option<Result<PositionAnswer, Unfit>> {
     let recorded = |batch: &Batch| batch.position.is_some_and(|position| position.iter().any(|x| x.is_finite()));
     if !batches.iter().any(recorded) {
@@ -442,7 +446,7 @@ fn at_valve(batches: &[Batch<'_>]) -> Option<Result<PositionAnswer, Unfit>> {
     }
     let none: Vec<Vec<f64>> =
         batches.iter().map(|b| vec![f64::NAN; if b.position.is_none() { b.samples.t.len() } else { 0 }]).collect();
-    // What is wrong with PV is nothing to the position.
+    // Findings on PV do not concern the position.
     let at_valve = |(batch, none)| {
         let &Batch { samples, position } = batch;
         let none: &Vec<f64> = none;

@@ -1,4 +1,4 @@
-//! What a dead band does to its loop: how much of PV's variance and of OP's travel would not be there without it.
+//! Harm of a dead band to its loop: the part of PV's variance and of OP's travel that would vanish without it.
 //!
 //! A gap in a linear loop acts as a load of its own. With the controller's output u and the valve's position v it keeps
 //!
@@ -14,12 +14,12 @@ use crate::fitted::Process;
 use crate::{Inspected, median};
 use serde::{Deserialize, Serialize};
 
-/// Cells below which nothing is said.
+/// Number of cells below which there is no answer.
 const FEWEST_CELLS: usize = 10;
 /// PV so many times larger than a unit step of OP makes it means that the fitted process runs away under the controller.
 const RUNS_AWAY: f64 = 1e6;
 
-/// Harm of a dead band to its loop, as shares from 0 to 1; none where it cannot be said.
+/// Harm of a dead band to its loop, as shares from 0 to 1; none where it cannot be computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Harm {
     /// Share of PV's variance about SP.
@@ -97,7 +97,8 @@ pub fn harm(cells: &Cells<'_>, rows: &Inspected<'_>, law: Option<(f64, f64)>, pr
     Harm::of(pv_share, op_share)
 }
 
-/// What a loop under PI makes of a load at the process input [PV unit]; none where the fitted process runs away under it.
+/// PV of a loop under PI with a load at the process input [PV unit]; none where the fitted process is unstable under
+/// it.
 fn made_of(load: &[f64], t: &[f64], (k, ti): (f64, f64), process: &Process) -> Option<Vec<f64>> {
     let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let h = median(&mut steps);

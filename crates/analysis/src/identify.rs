@@ -38,7 +38,7 @@ pub const MIN_STEPS: usize = 50;
 pub struct Identification {
     /// Steps between consecutive samples that could be used.
     pub samples: usize,
-    /// What fits best; none where no fit was possible at all.
+    /// Best fit; none where no fit was possible.
     pub values: Option<Values>,
     /// The rest of it; none where no law comes out with values that a controller could have.
     pub settings: Option<Settings>,
@@ -58,21 +58,21 @@ pub struct Values {
     pub r2: f64,
 }
 
-/// What else the recording shows, with 95 % intervals: of the scatter, of every law that explains OP as well, and of what one
-/// sampling step leaves open.
+/// Settings that the recording shows, with 95 % intervals: of the scatter, of every law that explains OP as well, and
+/// of what one sampling step leaves open.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
-    /// Of the gain [OP unit/PV unit].
+    /// Interval of the gain [OP unit/PV unit].
     pub k_interval: Interval,
-    /// Of the integral time [s]; without end where integral action may be none.
+    /// Interval of the integral time [s]; without end where integral action may be none.
     pub ti_interval: Interval,
     /// Derivative time [s]; 0 where a law without D part explains OP as well as any.
     pub td: f64,
-    /// Of the derivative time [s].
+    /// Interval of the derivative time [s].
     pub td_interval: Interval,
     /// b, as given or as found, 0 to 1; none where SP moved too little to tell.
     pub setpoint_weight: Option<f64>,
-    /// How the fit was made.
+    /// Description of the fit.
     pub note: Note,
 }
 
@@ -85,7 +85,7 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// How a fit was made.
+/// Description of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Note {
     /// Samples in each mean.
@@ -94,7 +94,7 @@ pub struct Note {
     pub h: f64,
     /// The law has a D part.
     pub derivative: bool,
-    /// What PV passes through before it.
+    /// Filter of PV before the law.
     pub filter: Filter,
     /// Rows by which OP was recorded late; negative when early.
     pub lag: isize,
@@ -141,7 +141,7 @@ pub enum Reason {
         /// Interval of |K| [OP unit/PV unit].
         k: Interval,
     },
-    /// There may be no integral action.
+    /// Integral action may be missing.
     NoIntegral,
     /// K and K/Ti have opposite signs.
     OppositeSigns,
@@ -149,9 +149,9 @@ pub enum Reason {
     Contradictory,
     /// An interval is wider than [`WIDEST`].
     Wide {
-        /// Of |K| [OP unit/PV unit].
+        /// Interval of |K| [OP unit/PV unit].
         k: Interval,
-        /// Of Ti [s].
+        /// Interval of Ti [s].
         ti: Interval,
         /// Usual step [s].
         h: f64,
@@ -159,6 +159,7 @@ pub enum Reason {
 }
 
 impl Identification {
+    /// An identification without values, with its reason.
     fn nothing(reason: Reason, samples: usize) -> Self {
         Self { samples, values: None, settings: None, reason: Some(reason) }
     }

@@ -1,4 +1,4 @@
-//! From samples to an answer: what is wrong with a recording, what its controller does, and what may be said of its valve.
+//! From samples to an answer: findings on a recording, its controller's law, and the verdict on its valve.
 //!
 //! Nothing here reads a file or asks a clock: arrays come in, numbers and names go out, and [`words`] puts them into sentences
 //! for whatever shows an answer.
@@ -27,7 +27,7 @@ mod summary;
 mod trend;
 pub mod words;
 
-pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
+pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task};
 pub use answer::{AnalysisResult, CorrectedAnswer, Settings};
 pub use crossings::{Crossings, Ladder};
 pub use data_statistics::{Counter, DataStatistics, Occurrences, Values};

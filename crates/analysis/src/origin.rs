@@ -1,4 +1,4 @@
-//! Where a setting comes from.
+//! Source of a setting.
 
 use glapp_core::named;
 use serde::Serialize;
@@ -6,21 +6,21 @@ use serde::Serialize;
 pub use glapp_core::KP_DEFAULT;
 
 named! {
-    /// Where the value of a setting comes from.
+    /// Source of a setting's value.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Origin {
         /// A person or a file gave it.
         Given => "given",
-        /// It was read out of OP's moves.
+        /// Identified from OP's moves.
         Identified => "identified",
-        /// It was fitted to OP and PV together with the gap.
+        /// Fitted to OP and PV together with the gap.
         Fitted => "fitted",
-        /// Nothing tells it: the usual value stands for it.
+        /// No information: the usual value is used.
         Assumed => "assumed",
-        /// Of those tried it is the one that serves.
+        /// Chosen among several by the result.
         Chosen => "chosen",
-        /// It is not known, and what it stands in is left out.
+        /// Unknown: steps that need it are left out.
         Unknown => "unknown",
     }
 }

@@ -1,4 +1,4 @@
-//! How a loop does over a stretch of time: how far PV is from SP, how far OP travels, how often it turns.
+//! Performance of a loop over a stretch of time: distance of PV from SP, travel of OP, number of turns.
 //!
 //! The rows in automatic are cut into [`BLOCKS`] blocks of the same number of rows. Each block gives a mean square of PV − SP,
 //! the travel of OP and its reversals; their mean over the blocks is the answer, and their scatter its 95 % interval, by
@@ -18,12 +18,12 @@ const FEWEST: usize = 20;
 /// \[s\].
 const DAY: f64 = 86_400.0;
 /// A step of time so many times longer than usual is a gap: what OP did in it is not known.
-const GAP: f64 = 10.0;
+const BREAK_STEPS: f64 = 10.0;
 
 /// A number with its 95 % interval.
 pub type Between = (f64, f64, f64);
 
-/// How a loop does.
+/// Performance of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Performance {
     /// Time that was looked at \[s\].
@@ -36,7 +36,7 @@ pub struct Performance {
     pub reversals: Option<Between>,
 }
 
-/// What one block gives.
+/// Performance of one block.
 #[derive(Clone, Copy, Default)]
 struct Block {
     square: f64,
@@ -46,8 +46,8 @@ struct Block {
     turns: f64,
 }
 
-/// How a loop does in these rows. OP has turned where it has gone back by more than `turn` [OP unit]; none where too few rows are
-/// in automatic.
+/// Performance of a loop in these rows. OP has turned where it has gone back by more than `turn` [OP unit]; none where
+/// too few rows are in automatic.
 ///
 /// ```
 /// use glapp_analysis::{Inspected, performance};
@@ -69,10 +69,10 @@ pub fn performance(rows: &Inspected<'_>, turn: f64) -> Option<Performance> {
         return None;
     }
     let mut steps: Vec<f64> = good.windows(2).map(|pair| t[pair[1]] - t[pair[0]]).collect();
-    let longest = GAP * crate::median(&mut steps);
+    let longest = BREAK_STEPS * crate::median(&mut steps);
     let mut turning = Turning::new(turn);
     let mut blocks = Vec::with_capacity(BLOCKS);
-    // From block to block too: what OP does between two of them counts in the later one.
+    // Kept from block to block: OP's travel between two blocks counts in the later one.
     let mut last: Option<usize> = None;
     for i in 0..BLOCKS {
         let part = &good[i * good.len() / BLOCKS..(i + 1) * good.len() / BLOCKS];
@@ -118,7 +118,7 @@ fn over(blocks: &[Block], value: impl Fn(&Block) -> f64) -> Between {
 struct Turning {
     band: f64,
     extreme: f64,
-    /// Which way it goes; 0 before it has gone anywhere.
+    /// Direction of travel; 0 before the first move.
     way: f64,
 }
 

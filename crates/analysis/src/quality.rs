@@ -1,4 +1,4 @@
-//! What is wrong with a recording, found before anything is estimated from it.
+//! Findings on a recording, made before anything is estimated from it.
 //!
 //! Two sources of evidence: the [`DataStatistics`], counts over every row, and the rows that are kept in memory. Each [`Finding`]
 //! names one fault and its numbers; `docs/quality.md` lists them all. Every threshold stands beside the finding it
@@ -20,14 +20,14 @@ pub use crate::words::Value;
 pub(crate) use finding::InOrder;
 pub use finding::{Fault, Finding, Severity};
 pub use settings::assumed_gain;
-pub use spans::Scale;
-pub use times::{assumed_time, own_times};
+pub use spans::{PERCENT, op_unit};
+pub use times::{assumed_time, newest_first, own_times, setting_unused};
 
 use crate::identify::{self, Identification, Settings, Values};
 use crate::{DataStatistics, Inspected};
 use look::Look;
 
-/// What is known of the loop beside its recording.
+/// Facts on the loop that its recording does not hold.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Known {
     /// Controller gain used, signed [OP unit/PV unit].
@@ -36,7 +36,7 @@ pub struct Known {
     pub ti: Option<f64>,
     /// Derivative time used \[s\]; 0 of a PI controller.
     pub td: Option<f64>,
-    /// What the recording itself says of K, Ti and Td.
+    /// Law identified from the recording itself.
     pub law: Option<Law>,
     /// Process gain that the settings say, signed [PV unit/OP unit].
     pub kp: Option<f64>,
@@ -123,7 +123,7 @@ const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 17] = [
     oscillation::sinusoid,
 ];
 
-/// What is wrong with a recording, in the order of [`Fault::ALL`]; nothing for a healthy one.
+/// Findings on a recording, in the order of [`Fault::ALL`]; none for a healthy one.
 ///
 /// `rows` are the first of the recording, `statistics` counts all of them.
 ///

@@ -1,4 +1,4 @@
-//! Before and after a repair of the valve: whether the width has fallen, and what the loop gained.
+//! Before and after a repair of the valve: whether the width has fallen, and the loop's gain in performance.
 //!
 //! The difference of two numbers with 95 % limits has, by Zou & Donner (Statistics in Medicine 27, 2008), the limits
 //! d − √((a − a_low)² + (b_high − b)²) and d + √((a_high − a)² + (b − b_low)²), with d = a − b: the numbers are of different days
@@ -25,12 +25,12 @@ const LIMIT: f64 = 1.96;
 /// A standard error is at least this [OP unit]: limits that are one number have none.
 const LEAST_ERROR: f64 = 1e-9;
 
-/// What one recording, or one window of it, says of the width.
+/// Width by one recording, or one window of it.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct OneWidth {
-    /// When it was recorded \[s\].
+    /// Time of the recording \[s\].
     pub t: f64,
-    /// What it says.
+    /// Verdict.
     pub verdict: FitVerdict,
     /// Width [OP unit].
     pub d: Option<f64>,
@@ -65,7 +65,7 @@ pub struct Fall {
     pub t: (f64, f64),
     /// Mean width before, with its 95 % limits [OP unit].
     pub before: Between,
-    /// The same after.
+    /// Value after.
     pub after: Between,
 }
 
@@ -104,7 +104,7 @@ fn fall(widths: &[Width]) -> Option<Fall> {
     plainest.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fall)| fall)
 }
 
-/// How a number changed.
+/// Change of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Changed {
@@ -112,20 +112,20 @@ pub enum Changed {
     Less,
     /// All of it lies above 0.
     More,
-    /// It holds 0.
+    /// The interval of the change holds 0.
     Open,
 }
 
 /// The difference after − before, with its 95 % limits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Difference {
-    /// What it says.
+    /// Kind of change.
     pub code: Changed,
     /// The difference and its limits, in the unit of the numbers.
     pub by: Between,
 }
 
-/// What lies between two numbers with their 95 % limits.
+/// Difference of two numbers with 95 % limits.
 fn difference(before: Between, after: Between) -> Difference {
     let ((b, b_low, b_high), (a, a_low, a_high)) = (before, after);
     let d = a - b;
@@ -140,12 +140,12 @@ fn difference(before: Between, after: Between) -> Difference {
     Difference { code, by }
 }
 
-/// A loop before and after a repair, and what lies between; none where it is not known on both sides.
+/// A loop before and after a repair, and the differences; none where a value is not known on both sides.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BeforeAfter {
-    /// How the loop did before; none where too few rows are in automatic.
+    /// Performance before; none where too few rows are in automatic.
     pub before: Option<Performance>,
-    /// The same after.
+    /// Performance after; none where too few rows are in automatic.
     pub after: Option<Performance>,
     /// Difference of the widths [OP unit].
     pub width: Option<Difference>,
@@ -157,8 +157,8 @@ pub struct BeforeAfter {
     pub reversals: Option<Difference>,
 }
 
-/// How a loop did before and after a repair, by rows and widths of either side. What a turn of OP is must be the same on both: a
-/// tenth of the width before, or a thousandth of OP's range where that is not known.
+/// Comparison of a loop before and after a repair, by rows and widths of either side. What a turn of OP is must be the
+/// same on both: a tenth of the width before, or a thousandth of OP's range where that is not known.
 pub fn before_after(
     rows: (Option<&Inspected<'_>>, Option<&Inspected<'_>>),
     widths: (Option<OneWidth>, Option<OneWidth>),

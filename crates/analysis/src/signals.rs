@@ -1,8 +1,8 @@
-//! What a recorded signal is like: its steps, its noise, where it stands still.
+//! Properties of a recorded signal: its steps, its noise, its still stretches.
 
 use std::collections::HashSet;
 
-/// Where all signals repeat to the bit for so many steps, the recording stood still, not the loop.
+/// Number of steps, identical to the bit in all signals, that show that the recording stood still and not the loop.
 pub const FROZEN_STEPS: usize = 5;
 /// Rows that are enough to know a signal's steps, noise and spectrum.
 pub const SORTED_ROWS: usize = 200_000;
@@ -43,7 +43,7 @@ pub fn quantile(ascending: &[f64], share: f64) -> f64 {
     let at = share * last as f64;
     let (below, part) = ((at.floor() as usize).min(last), at.fract());
     let (low, high) = (ascending[below], ascending[(below + 1).min(last)]);
-    // From the nearer end, so that it never leaves the two.
+    // Interpolated from the nearer end, so that it never leaves the two.
     if part < 0.5 { low + (high - low) * part } else { high - (high - low) * (1.0 - part) }
 }
 

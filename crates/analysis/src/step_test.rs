@@ -41,20 +41,20 @@ use serde::{Deserialize, Serialize};
 /// Rows that a hold, and the settled part of one, must have: fewer do not tell noise from drift.
 pub const LEAST_ROWS: usize = 10;
 
-/// Which rows of a recording were made in manual.
+/// Rows of a recording made in manual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Manual {
-    /// Those whose flags say so.
+    /// Rows whose flags say so.
     #[default]
     Flagged,
     /// All of them: the recording has no mode.
     All,
-    /// Nothing tells.
+    /// No information.
     Unknown,
 }
 
-/// What is known of the loop.
+/// Facts known of the loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StepTestSettings {
@@ -93,11 +93,11 @@ pub struct StepTest {
     pub integrating: bool,
     /// Time that PV was given to settle after each move \[s\]; none of an integrating process.
     pub settle: Option<f64>,
-    /// Where OP was held.
+    /// Holds of OP.
     pub holds: Vec<Hold>,
-    /// What each move says.
+    /// Reading of each move.
     pub readings: Vec<Reading>,
-    /// What a person should know beside the numbers.
+    /// Notes for a person, beyond the numbers.
     pub notes: Vec<Note>,
     /// Whether the test has decided the width in question; none where none was asked for.
     pub asked: Option<Asked>,
@@ -122,10 +122,10 @@ pub struct Hold {
     pub side: i8,
 }
 
-/// What one move from hold to hold says.
+/// Reading of one move from hold to hold.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Reading {
-    /// What it gives.
+    /// Kind of reading.
     pub kind: Kind,
     /// Last row of the hold before \[s\].
     pub start: f64,
@@ -143,13 +143,13 @@ pub struct Reading {
     pub high: Option<f64>,
     /// Time from OP's step until 86.5 % of PV's way is gone \[s\]; none where OP was not stepped at once or noise hides it.
     pub t86: Option<f64>,
-    /// How far PV went beyond its new level, part of its way; 0 where that is not beyond the noise.
+    /// Overshoot of PV beyond its new level, as a fraction of its way; 0 where it is within the noise.
     pub overshoot: Option<f64>,
-    /// What it rests on, or why it gives nothing; none where the gain was not known.
+    /// Evidence of the reading, or the reason why there is none; none where the gain was not known.
     pub evidence: Option<Evidence>,
 }
 
-/// What a move gives.
+/// Kind of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -157,11 +157,11 @@ pub enum Kind {
     Gain,
     /// The dead band: it is a reversal.
     Gap,
-    /// Nothing.
+    /// No reading.
     None,
 }
 
-/// What a reading rests on, or why it is none.
+/// Evidence of a reading, or the reason why there is none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum Evidence {
@@ -197,7 +197,7 @@ pub enum Evidence {
 pub enum Reason {
     /// OP was not recorded.
     NoOp,
-    /// Nothing says when the loop was in manual.
+    /// No column tells when the loop was in manual.
     NoMode,
     /// The loop was never in manual.
     NeverManual,
@@ -219,7 +219,7 @@ pub enum Reason {
         settled: usize,
         /// All holds.
         holds: usize,
-        /// How long a hold must last \[s\].
+        /// Time that a hold must last \[s\].
         needed: f64,
     },
     /// An integrating process: too few holds are long enough for a slope.
@@ -242,7 +242,7 @@ pub enum Reason {
     NoGain,
     /// The gain is not known, and holds ended before PV had settled.
     NoGainUnsettled {
-        /// Such holds.
+        /// Number of such holds.
         unsettled: usize,
         /// All holds.
         holds: usize,
@@ -265,15 +265,15 @@ pub enum Reason {
     },
 }
 
-/// What a person should know beside the numbers.
+/// Note for a person, beyond the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum Note {
     /// Only the first holds are read.
     FirstHolds {
-        /// How many.
+        /// Number of readings.
         read: usize,
-        /// How many follow.
+        /// Number that follow.
         left: usize,
     },
     /// The readings disagree by more than noise and drift explain, and the interval is widened by the F ratio.
@@ -295,7 +295,7 @@ pub enum Note {
     PositionerOfSpan {
         /// [% of travel].
         percent: f64,
-        /// That part [OP unit].
+        /// Width of that part [OP unit].
         width: f64,
     },
 }

@@ -18,10 +18,11 @@ use serde::{Deserialize, Serialize, Serializer};
 /// The crossings contradict the fit where they lie beyond a limit of its interval by more than this factor: in every case
 /// tried they were the ones that were wrong.
 const BEYOND: f64 = 1.25;
-/// Evidence is very strong where the likelihood ratio exceeds what it must by this factor, and weak above its inverse.
+/// Evidence is very strong where the likelihood ratio exceeds the needed one by this factor, and weak above its
+/// inverse.
 const VERY: f64 = 2.0;
 
-/// Dead band that is acceptable where nobody said which [% of OP's span]: the nominal one of EnTech's Control Valve Dynamic
+/// Acceptable dead band where nobody stated one [% of OP's span]: the nominal one of EnTech's Control Valve Dynamic
 /// Specification.
 pub const NOMINAL_LIMIT: f64 = 1.0;
 /// Harm that a gap is ranked by where it is not known: half of what there can be.
@@ -30,7 +31,7 @@ const HARM_UNKNOWN: f64 = 0.5;
 /// Words of a fit that cannot tell, and whose upper limit stands: none and a gap up to it fit alike.
 const OPEN: [&str; 2] = ["may_be_a_gap", "families_disagree"];
 
-/// Word of what a step test decided.
+/// Code for the decision of a step test.
 const TEST: &str = "step_test";
 
 /// Word of a fit that found a gap which is not all: where the valve turns PV strays from the model, as one that sticks makes it.
@@ -40,36 +41,37 @@ const MORE: &str = "gap_and_more";
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Facts {
-    /// What the crossings allow to be said.
+    /// Verdict of the crossings.
     pub crossings: Verdict,
-    /// Their width [OP unit].
+    /// Width by the crossings [OP unit].
     pub d_hat: Option<f64>,
     /// Accepted half-periods.
     pub detections: u64,
     /// The most frequent reason of rejection, where any was rejected.
     pub rejected: Option<Reason>,
-    /// What OP and PV say; none where they were not fitted.
+    /// Facts of the fit; none where OP and PV were not fitted.
     pub fit: Option<FitFacts>,
     /// Width of OP's span, where it is known [OP unit].
     pub span: Option<f64>,
-    /// Widest dead band that is acceptable, where that is said [% of span].
+    /// Widest acceptable dead band, where it is stated [% of span].
     pub acceptable: Option<f64>,
-    /// Share of the plant's valves that have a dead band, where that is said; it changes probability and ranking, and no rung.
+    /// Share of the plant's valves that have a dead band, where it is stated; it changes probability and ranking, and
+    /// no rung.
     #[serde(default)]
     pub prior: Option<f64>,
     /// Total width that a step test in the recording gives, where it gives one.
     #[serde(default)]
     pub step_test: Option<StepTestWidth>,
-    /// What the gap does to the loop, in each window where that was worked out.
+    /// Harm of the gap to the loop, in each window where it was computed.
     #[serde(default)]
     pub harm: Vec<Harm>,
 }
 
-/// What the fit says, as far as the answer hangs on it.
+/// Facts of the fit that the answer depends on.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FitFacts {
-    /// What it is.
+    /// Kind of lost motion.
     pub verdict: FitVerdict,
     /// The word for why.
     pub why: String,
@@ -81,15 +83,15 @@ pub struct FitFacts {
     pub high: Option<f64>,
     /// Likelihood ratio of no gap.
     pub lr_no_gap: Option<f64>,
-    /// What it must exceed.
+    /// Likelihood ratio that a gap needs.
     pub lr_needed: Option<f64>,
-    /// What the ladder says; none: what follows from the verdict.
+    /// Judgement of the ladder; none: it follows from the verdict.
     #[serde(default)]
     pub judgement: Option<Judgement>,
     /// The evidence weighed; none where there is none to weigh.
     #[serde(default)]
     pub weighed: Option<Weighed>,
-    /// How the width changes in time, where the fit has widths of several times.
+    /// Trend of the width, where the fit has widths of several times.
     #[serde(default)]
     pub trend: Option<WidthTrend>,
 }
@@ -103,24 +105,24 @@ pub struct StepTestWidth {
     pub low: Option<f64>,
     /// Upper limit.
     pub high: Option<f64>,
-    /// What the test was made to decide, and has decided; none of a test that nobody made for a question.
+    /// Decision of a test that was made for a question; none for any other test.
     #[serde(default)]
     pub decided: Option<Found>,
 }
 
-/// How sure it is that there is a dead band.
+/// Confidence that there is a dead band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Confidence {
-    /// There is one.
+    /// A dead band is certain.
     Found,
-    /// There probably is one: a step test would settle it.
+    /// A dead band is probable: a step test would settle it.
     Likely,
-    /// With one and without one the data can be explained.
+    /// The data can be explained with a dead band and without.
     CannotTell,
     /// None shows above the bound that is given.
     NoneSeen,
-    /// None is wider than what is acceptable.
+    /// No dead band wider than the acceptable limit.
     Sound,
     /// Data or settings allow no answer.
     Refused,
@@ -128,13 +130,13 @@ pub enum Confidence {
     NotJudged,
 }
 
-/// Who said what is acceptable.
+/// Source of the acceptable limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LimitOrigin {
     /// A person, for this loop.
     Given,
-    /// Nobody: [`NOMINAL_LIMIT`].
+    /// The default [`NOMINAL_LIMIT`].
     Nominal,
 }
 
@@ -143,9 +145,9 @@ pub enum LimitOrigin {
 pub struct Limit {
     /// [% of OP's span].
     pub percent_span: f64,
-    /// Its width [OP unit], where the span is known.
+    /// Width [OP unit], where the span is known.
     pub width: Option<f64>,
-    /// Who said so.
+    /// Source of the limit.
     pub origin: LimitOrigin,
 }
 
@@ -154,29 +156,29 @@ pub struct Limit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum Health {
-    /// Nothing found that needs work.
+    /// No work needed.
     Normal,
     /// A dead band was found, and not all of it is acceptable.
     MaintenanceRequired,
 }
 
-/// How the width changes in time [OP unit, days].
+/// Trend of the width [OP unit, days].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Moves {
     /// The change.
     #[serde(flatten)]
     pub trend: WidthTrend,
-    /// Days until the width has grown to what is acceptable, from the newest width on; none where it does not grow plainly, is
-    /// there already, or no limit is known.
+    /// Days until the width reaches the acceptable limit, from the newest width on; none where it does not grow
+    /// plainly, is there already, or no limit is known.
     pub days_to_limit: Option<f64>,
 }
 
-/// What to do next, and whether a step test in the recording tells it already.
+/// Next step, and whether a step test in the recording already gives the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NextStep {
-    /// What to do.
+    /// Next step.
     pub step: Next,
-    /// The recording holds a step test: what it gives is used, and no further one is asked for.
+    /// The recording holds a step test: its result is used, and no further one is asked for.
     pub tested: bool,
 }
 
@@ -190,21 +192,21 @@ pub enum One {
     Crossings(Verdict),
 }
 
-/// What is known of the valve.
+/// State of the valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Valve {
-    /// It has a gap.
+    /// The valve has a gap.
     Gap,
-    /// It shows none.
+    /// The valve shows no gap.
     NoGap,
-    /// It cannot be told.
+    /// No statement on the valve is possible.
     Unknown,
     /// Data or settings allow no answer.
     Refused,
 }
 
-/// How strongly the recording speaks for a gap.
+/// Strength of the recording's evidence for a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Evidence {
@@ -218,7 +220,7 @@ pub enum Evidence {
     VeryStrong,
 }
 
-/// How the width stands to what is acceptable.
+/// The width compared with the acceptable limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Acceptable {
@@ -226,11 +228,11 @@ pub enum Acceptable {
     Within,
     /// All of it is too wide.
     Beyond,
-    /// It may be either.
+    /// The interval holds the limit.
     Open,
 }
 
-/// What to look at.
+/// Part to look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
@@ -238,14 +240,14 @@ pub enum Part {
     Play,
     /// Packing, seat and air supply.
     Packing,
-    /// Both.
+    /// Valve and controller.
     Both,
 }
 
-/// What to do next.
+/// Next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// Correct what is named.
+    /// Correct the named fault.
     Correct,
     /// Look at the valve, and confirm with a step test before work is ordered.
     Inspect(Part),
@@ -255,13 +257,13 @@ pub enum Next {
     RecordMore,
     /// Look at the tuning, or for a disturbance.
     Tuning,
-    /// Nothing now.
+    /// No step now.
     Nothing,
-    /// Nothing now: all of the width is acceptable.
+    /// No step now: the whole interval of the width is acceptable.
     Review,
     /// Confirm the crossings' width with a step test, then plan work.
     Confirm,
-    /// Compare the crossings' width with what the valve may have.
+    /// Compare the crossings' width with the acceptable limit.
     Compare,
     /// Record for longer: the crossings' width is provisional.
     RecordLonger,
@@ -269,17 +271,17 @@ pub enum Next {
     ProbablyTooWide,
     /// Only a step test tells.
     StepTest,
-    /// What remedies the usual reason of rejection.
+    /// Remedy of the most common reason of rejection.
     Remedy(Reason),
 }
 
-/// How soon.
+/// Urgency of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Urgency {
-    /// Nothing waits.
+    /// No work waits.
     None,
-    /// When there is time: the answer is not yet one.
+    /// The answer is not yet one; when there is time.
     Low,
     /// At the next round.
     Medium,
@@ -290,13 +292,13 @@ pub enum Urgency {
 /// Why the crossings' width is struck.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Struck {
-    /// How it contradicts the fit.
+    /// Kind of contradiction to the fit.
     pub code: Contradiction,
     /// The fit's limit [OP unit].
     pub limit: f64,
 }
 
-/// How the crossings contradict the fit.
+/// Kind of contradiction between crossings and fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Contradiction {
@@ -313,67 +315,67 @@ pub enum Contradiction {
 pub struct Summary {
     /// The verdict.
     pub verdict: One,
-    /// What that means of the valve.
+    /// State of the valve.
     pub valve: Valve,
-    /// How sure it is that there is a dead band.
+    /// Confidence that there is a dead band.
     pub confidence: Confidence,
-    /// What makes it; none where none is found or likely.
+    /// Cause; none where none is found or likely.
     pub cause: Option<Cause>,
-    /// What the width is; none where there is neither width nor bound.
+    /// Kind of the width; none where there is neither width nor bound.
     pub width_kind: Option<WidthKind>,
     /// Whether the loop swings back and forth in almost even time, whatever the cause.
     pub oscillates: bool,
     /// The width that lists rank by: the most likely one, or the bound where that is all; none where no gap was found [OP unit].
     pub width: Option<f64>,
-    /// That width [% of span], where the span is known.
+    /// Width [% of span], where the span is known.
     pub width_percent_span: Option<f64>,
     /// Narrowest width that is not excluded [OP unit]; none where nothing is, as with crossings alone.
     pub low: Option<f64>,
-    /// That limit [% of span].
+    /// Lower limit [% of span].
     pub low_percent_span: Option<f64>,
     /// Widest one.
     pub high: Option<f64>,
-    /// That limit [% of span].
+    /// Upper limit [% of span].
     pub high_percent_span: Option<f64>,
-    /// How strongly the recording speaks for a gap; none without a fit.
+    /// Strength of the recording's evidence for a gap; none without a fit.
     pub evidence: Option<Evidence>,
     /// Probability of a dead band, never nearer to 0 or 1 than [`LEAST_DOUBT`]; none where no evidence was weighed.
     pub p_gap: Option<f64>,
     /// Probability of one beyond the limit; none where no limit in OP units is known either.
     pub p_beyond: Option<f64>,
-    /// What each kind of evidence adds to the log-odds of a dead band.
+    /// Contribution of each kind of evidence to the log-odds of a dead band.
     pub terms: Option<Terms>,
     /// Logarithm of the Bayes factor: how many times likelier the evidence is with a dead band than without.
     pub log_bayes_factor: Option<f64>,
     /// Share of valves with a dead band that `p_gap` starts from.
     pub prior: Option<f64>,
-    /// What is acceptable; none where nobody said it and the span is not known.
+    /// Acceptable limit; none where nobody stated it and the span is not known.
     pub limit: Option<Limit>,
-    /// How the width stands to what is acceptable; none where either is not known.
+    /// The width compared with the acceptable limit; none where either is not known.
     pub acceptable: Option<Acceptable>,
-    /// What to do next.
+    /// Next step.
     pub next: NextStep,
-    /// How soon.
+    /// Urgency.
     pub urgency: Urgency,
     /// Health of the valve by NE 107.
     pub health: Health,
-    /// How the width changes in time; none where there are too few widths.
+    /// Trend of the width; none where there are too few widths.
     pub trend: Option<Moves>,
-    /// What a step test in the recording gives.
+    /// Width by a step test in the recording.
     pub step_test: Option<StepTestWidth>,
-    /// What the gap does to the loop.
+    /// Harm of the gap to the loop.
     pub harm: Option<Harm>,
     /// The width that a compensation may trust [OP unit]: the lower limit of a gap that was found, with backlash and no other
     /// verdict; 0 of a valve that shows none. None: only a person may type one.
     pub compensable: Option<f64>,
-    /// What valves of one kind of urgency are ranked by: how many times wider than what is acceptable the gap surely is, times its
-    /// harm. None where no gap was fitted or the span is not known.
+    /// Rank of a valve within its urgency: the lower limit of the gap divided by the acceptable limit, times its harm.
+    /// None where no gap was fitted or the span is not known.
     pub score: Option<f64>,
     /// The place of the loop in every list: the most urgent first, among equals gaps first, those with a score by it, then by the
     /// probability of a dead band beyond the limit, then the widest in % of span, then those whose widths cannot be compared. Smaller
     /// comes first, number by number.
     pub rank: (u8, u8, u8, f64),
-    /// Why the crossings' width is struck; none where it stands or there is none.
+    /// Reason why the crossings' width is contradicted; none where it is not, or there is none.
     pub struck: Option<Struck>,
 }
 
@@ -393,6 +395,7 @@ impl Summary {
         Self { rank: decided.ranked(), ..decided }
     }
 
+    /// The answer by the fit.
     fn of_fit(facts: &Facts, fit: &FitFacts) -> Self {
         let judged = fit.judged();
         let (low, high) = fit.interval();
@@ -423,7 +426,7 @@ impl Summary {
         };
         let valve = match fit.verdict {
             verdict if verdict.found() => Valve::Gap,
-            // There is one, however wide.
+            // A gap is certain, of any width.
             FitVerdict::CannotTell if judged.confidence == FitConfidence::Found => Valve::Gap,
             FitVerdict::CannotTell => Valve::Unknown,
             _ => Valve::NoGap,
@@ -471,7 +474,7 @@ impl Summary {
             terms: weighed.map(|weighed| weighed.terms),
             log_bayes_factor: weighed.map(|weighed| weighed.log_bayes_factor),
             prior: weighed.map(|_| prior),
-            // First is what a person called too wide; what nobody did can wait for the next round.
+            // Limits that a person stated come first; the nominal one can wait for the next round.
             urgency: if nominal { urgency.min(Urgency::Medium) } else { urgency },
             health: if work { Health::MaintenanceRequired } else { Health::Normal },
             trend: fit.trend.and_then(|trend| facts.moves(trend)),
@@ -482,14 +485,15 @@ impl Summary {
                 _ => None,
             },
             score,
-            struck: facts.d_hat.and_then(|d_hat| fit.strikes(d_hat)),
+            struck: facts.d_hat.and_then(|d_hat| fit.contradicted_by(d_hat)),
             ..Self::plain(facts, One::Fit(fit.verdict), (valve, confidence), (width, low, high), (acceptable, next))
         }
     }
 
+    /// The answer by the crossings alone.
     fn of_crossings(facts: &Facts) -> Self {
         let acceptable = facts.d_hat.and_then(|d_hat| facts.judged(Some(d_hat), Some(d_hat)));
-        // By crossings alone sound valves show more than the nominal limit: it makes no work of them.
+        // The crossings alone also give sound valves more than the nominal limit: no work follows from that.
         let given = facts.acceptable.is_some();
         let (next, urgency) = match (facts.crossings, acceptable) {
             (Verdict::Refused, _) => (Next::Correct, Urgency::Low),
@@ -515,7 +519,7 @@ impl Summary {
         Self { urgency, ..Self::plain(facts, verdict, (valve, confidence), width, (acceptable, next)) }
     }
 
-    /// What follows from the verdict whoever gave it, and nothing of what hangs on the fit.
+    /// Answer by the verdict of any method, without the facts of the fit.
     fn plain(
         facts: &Facts,
         verdict: One,
@@ -558,6 +562,7 @@ impl Summary {
         }
     }
 
+    /// Sort key: the most urgent first.
     fn ranked(&self) -> (u8, u8, u8, f64) {
         let urgency = match self.urgency {
             Urgency::High => 0,
@@ -584,7 +589,7 @@ impl Summary {
 }
 
 impl Serialize for NextStep {
-    /// A code, what it is about (none where it has nothing of that kind), and whether it was tested: always all three.
+    /// A code, its subject (none where it has none), and whether it was tested: always all three.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut fields = serializer.serialize_struct("NextStep", 3)?;
         fields.serialize_field("code", self.step.code())?;
@@ -618,18 +623,19 @@ impl Next {
         }
     }
 
-    /// Whether a step test is what it asks for, or tells what it asks for.
+    /// Whether it asks for a step test, or its result.
     const fn asks_for_a_test(self) -> bool {
         !matches!(self, Self::Tuning | Self::Nothing | Self::Review | Self::RecordLonger)
     }
 }
 
 impl Facts {
+    /// A width in percent of span, where the span is known.
     fn percent(&self, width: f64) -> Option<f64> {
         self.span.map(|span| 100.0 * width / span)
     }
 
-    /// What is acceptable: as given, else where OP's span is known the nominal limit.
+    /// Acceptable limit: as given, else the nominal limit where OP's span is known.
     fn limit(&self) -> Option<Limit> {
         let of = |percent_span: f64, origin| {
             let width = self.span.map(|span| 0.01 * percent_span * span);
@@ -652,7 +658,7 @@ impl Facts {
         })
     }
 
-    /// The trend, and when it will have reached what is acceptable; none where there are too few widths for one.
+    /// The trend, and when it will have reached the acceptable limit; none where there are too few widths for one.
     fn moves(&self, trend: WidthTrend) -> Option<Moves> {
         let (per_day, (_, newest)) = (trend.per_day?, trend.d?);
         let limit = self.limit().and_then(|limit| limit.width);
@@ -662,7 +668,7 @@ impl Facts {
 }
 
 impl FitFacts {
-    /// What is so once a step test has decided what these leave open; none where the fit has found a gap itself, or nothing is
+    /// Answer after a step test has decided an open question; none where the fit has found a gap itself, or nothing is
     /// decided.
     fn decided_by(&self, test: StepTestWidth) -> Option<Self> {
         let before = self.judged();
@@ -679,7 +685,7 @@ impl FitFacts {
         Some(Self { verdict, why: TEST.into(), d, low: Some(low), high: test.high, judgement, ..self.clone() })
     }
 
-    /// What the ladder says; where nobody asked it, what the verdict does.
+    /// Judgement of the ladder; where it was not asked, that of the verdict.
     fn judged(&self) -> Judgement {
         self.judgement.unwrap_or_else(|| {
             let (confidence, cause, width_kind) = match self.verdict {
@@ -705,7 +711,7 @@ impl FitFacts {
             },
             FitVerdict::AtLeast => (self.low, None),
             FitVerdict::Sound => (Some(0.0), self.high),
-            // With any other word the interval is that of a model nobody believes.
+            // For every other code the interval is that of a rejected model.
             FitVerdict::CannotTell if OPEN.contains(&&*self.why) => (self.high.and(Some(0.0)), self.high),
             verdict if verdict.found() => (self.low, self.high),
             _ => (None, None),
@@ -722,8 +728,8 @@ impl FitFacts {
         }
     }
 
-    /// How the crossings' width contradicts the fit, if it does.
-    fn strikes(&self, d_hat: f64) -> Option<Struck> {
+    /// Contradiction of the crossings' width to the fit, if there is one.
+    fn contradicted_by(&self, d_hat: f64) -> Option<Struck> {
         let struck = |code, limit| Some(Struck { code, limit });
         match self.interval() {
             (_, Some(high)) if self.verdict == FitVerdict::Sound => struck(Contradiction::Sound, high),
@@ -755,7 +761,7 @@ mod tests {
         }
     }
 
-    /// Of a span of 200 OP units, of which 2 % are acceptable.
+    /// Facts for a span of 200 OP units, with 2 % acceptable.
     fn of(crossings: Verdict, d_hat: Option<f64>, fit: Option<FitFacts>) -> Summary {
         let facts = Facts { crossings, d_hat, fit, span: Some(200.0), acceptable: Some(2.0), ..Facts::default() };
         Summary::of(&facts)
@@ -820,7 +826,7 @@ mod tests {
         // Narrower than the nominal limit: nothing to do, whoever set it.
         let narrow = Summary::of(&facts(Some(1000.0), None, wide()));
         assert_eq!((narrow.next.step, narrow.health), (Next::Review, Health::Normal));
-        // Neither span nor limit: nothing is acceptable or not.
+        // No span and no limit: no comparison is possible.
         let bare = answer(None, None);
         assert_eq!((bare.limit, bare.acceptable, bare.urgency), (None, None, Urgency::Medium));
         assert_eq!((bare.health, bare.score), (Health::MaintenanceRequired, None));

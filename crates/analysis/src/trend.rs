@@ -1,4 +1,5 @@
-//! How a width changes from day to day, as every face shows it. The rule is [`glapp_fit::Trend`]'s, which the fit itself goes by.
+//! Trend of a width from day to day, the one for every interface. The rule is [`glapp_fit::Trend`]'s, which the fit
+//! itself goes by.
 
 use glapp_fit::{Trend, Width};
 use serde::{Deserialize, Serialize};
@@ -6,24 +7,24 @@ use serde::{Deserialize, Serialize};
 /// \[s\].
 pub(crate) const DAY: f64 = 86_400.0;
 
-/// What widths over time say.
+/// Kind of a trend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
-    /// It is plain that the width grows.
+    /// The width grows.
     Grows,
-    /// It is plain that it shrinks.
+    /// The width shrinks.
     Shrinks,
     /// No change is plain.
     Steady,
-    /// There are too few widths, or all are of one time.
+    /// Too few widths, or all of one time.
     TooFew,
 }
 
 /// The change of a width, with the numbers that decide it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WidthTrend {
-    /// What it says.
+    /// Kind of trend.
     pub code: Change,
     /// Widths that it rests on.
     pub widths: usize,

@@ -1,4 +1,4 @@
-//! What a person reads: the one catalogue of messages and the one renderer.
+//! Texts for a person: the one catalogue of messages and the one renderer.
 //!
 //! A message is a code with named, typed [`Numbers`]; [`text`] puts it into a sentence. Python, the page, the report and C all call
 //! it, so that a sentence, a number's format and the choice between two wordings stand once. The catalogue has a file a subject;
@@ -90,7 +90,7 @@ fn plain(_: &str, _: &dyn Numbers) -> Vec<String> {
 /// A message that has no text.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TextError {
-    /// There is no such code.
+    /// The code is unknown.
     #[error("there is no message '{0}'")]
     Code(String),
     /// The sentence needs a number that is not given.

@@ -1,4 +1,5 @@
-//! What is needed to learn a controller's law, and that any numbers get an answer; tests/test_identify.py has known controllers.
+//! Information that a controller's law needs, and an answer for any numbers; tests/test_identify.py has known
+//! controllers.
 
 use glapp_analysis::Inspected;
 use glapp_analysis::identify::{R2_USABLE, Reason, WIDEST, identified};

@@ -1,4 +1,4 @@
-//! What went wrong in a call: a code, and a text that says what to do.
+//! Errors of a call: a code, and a text that says what to do.
 
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
@@ -21,7 +21,7 @@ pub const REFUSED: i32 = -5;
 /// A fault inside the library. The handle can only be freed.
 pub const BROKEN: i32 = -6;
 
-/// What went wrong.
+/// Error of a call.
 #[derive(Debug)]
 pub(crate) struct CallError {
     pub(crate) code: i32,
@@ -33,7 +33,7 @@ impl CallError {
         Self { code, text: text.into() }
     }
 
-    /// What the crates refuse.
+    /// The call's error for an error of the crates.
     pub(crate) fn refused(error: impl std::fmt::Display) -> Self {
         Self::new(REFUSED, error.to_string())
     }

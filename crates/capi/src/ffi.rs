@@ -29,9 +29,9 @@ pub enum GlappGraph {}
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GlappSetting {
-    /// Its name in the catalogue.
+    /// Name in the catalogue.
     pub name: *const c_char,
-    /// In the unit of the catalogue.
+    /// Value in the unit of the catalogue.
     pub value: f64,
 }
 
@@ -39,13 +39,13 @@ pub struct GlappSetting {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GlappModule {
-    /// Its name in the graph.
+    /// Name in the graph.
     pub name: *const c_char,
-    /// Its kind.
+    /// Kind of the module.
     pub kind: *const c_char,
-    /// Its parameters.
+    /// Parameters.
     pub settings: *const GlappSetting,
-    /// How many there are.
+    /// Number of parameters.
     pub count: usize,
 }
 
@@ -85,7 +85,7 @@ pub struct GlappHalfPeriod {
     pub reason: u32,
 }
 
-/// What the detections say.
+/// Estimate by the detections.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GlappEstimate {
@@ -99,7 +99,7 @@ pub struct GlappEstimate {
     pub noise_floor: f64,
     /// Detections in the window.
     pub count: u32,
-    /// Those of them within 80–120 % of their median.
+    /// Number of detections within 80–120 % of their median.
     pub kept: u32,
 }
 
@@ -147,13 +147,13 @@ pub struct GlappWidth {
     pub lag: f64,
     /// The process integrates.
     pub integrating: u32,
-    /// What kind of lost motion there is.
+    /// Kind of lost motion.
     pub verdict: u32,
-    /// What decided.
+    /// Reason of the verdict.
     pub why: [c_char; 32],
 }
 
-// What C hands in. -----------------------------------------------------------------------------------------------------
+// Inputs from C. -----------------------------------------------------------------------------------------------------
 
 /// Checks a pointer: an error where it is NULL or not aligned for its type.
 fn address<T>(at: *const T, name: &str) -> Result<(), CallError> {
@@ -167,7 +167,7 @@ fn address<T>(at: *const T, name: &str) -> Result<(), CallError> {
     Err(CallError::new(BAD_POINTER, format!("{name}: {what}")))
 }
 
-/// Where an answer goes.
+/// Checked pointer to the place of an answer.
 fn place<T>(to: *mut T, name: &str) -> Result<*mut T, CallError> {
     address(to, name).map(|()| to)
 }
@@ -356,7 +356,7 @@ pub unsafe extern "C" fn glapp_detector_update(
     })
 }
 
-/// What the detections say so far, if it is above the noise limit.
+/// Estimate by the detections so far, if it is above the noise limit.
 ///
 /// # Safety
 /// As [`glapp_detector_new`].
@@ -552,7 +552,7 @@ pub unsafe extern "C" fn glapp_text(
     })
 }
 
-/// What a text in JSON says.
+/// Parses a text of JSON.
 fn json<'a, T: serde::Deserialize<'a>>(text: &'a str, name: &str) -> Result<T, CallError> {
     serde_json::from_str(text).map_err(|error| CallError::new(BAD_TEXT, format!("{name}: {error}")))
 }
@@ -616,7 +616,7 @@ unsafe fn hand_over(
     Ok(OK)
 }
 
-// What goes out. -------------------------------------------------------------------------------------------------------
+// Outputs to C. ------------------------------------------------------------------------------------------------------
 
 fn half_period(row: &Row) -> GlappHalfPeriod {
     let Row { span, record, .. } = row;

@@ -1,4 +1,4 @@
-//! What C holds of an object: a number, never an address, so that a wrong one is refused and never followed.
+//! Handle of an object for C: a number, never an address, so that a wrong one is refused and never followed.
 
 use crate::errors::{BAD_HANDLE, BROKEN, CallError};
 use std::collections::BTreeMap;

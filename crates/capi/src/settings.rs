@@ -59,16 +59,19 @@ pub(crate) fn step_test(given: &[(&str, f64)]) -> Result<(Manual, StepTestSettin
     Ok((manual, settings))
 }
 
+/// Refuses a name that is given twice.
 fn once(given: &[(&str, f64)]) -> Result<(), CallError> {
     let again = given.iter().enumerate().find(|(at, one)| given[..*at].iter().any(|before| before.0 == one.0));
     again.map_or(Ok(()), |(_, (name, _))| Err(CallError::refused(format!("{name}: is given twice"))))
 }
 
+/// A value that must be above a bound.
 fn above(name: &str, value: f64, bound: f64) -> Result<f64, CallError> {
     let good = value.is_finite() && value > bound;
     if good { Ok(value) } else { Err(CallError::refused(format!("{name} = {value}: must be a number above {bound}"))) }
 }
 
+/// A switch: 0 or 1.
 fn yes(name: &str, value: f64) -> Result<bool, CallError> {
     match value {
         0.0 => Ok(false),
@@ -77,6 +80,7 @@ fn yes(name: &str, value: f64) -> Result<bool, CallError> {
     }
 }
 
+/// A count: a whole number.
 fn whole(name: &str, value: f64) -> Result<u32, CallError> {
     let number = value as u32;
     let same = f64::from(number) == value;

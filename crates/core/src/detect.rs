@@ -14,7 +14,7 @@ pub(crate) mod zero_crossing;
 pub use corrected::{Corrected, Doubt, FEWEST, Half, Pair, corrected, pairs};
 pub use correction::{Correction, CorrectionState, NOISE_SPAN, PAIRS};
 pub use detector::{Columns, Detector, DetectorState, HalfPeriodResult, Sample, Span};
-pub use detector_settings::{DETECTIONS, DetectorSettings, GAP_STEPS, KP_DEFAULT, process_gain};
+pub use detector_settings::{DATA_GAP_STEPS, DETECTIONS, DetectorSettings, KP_DEFAULT, process_gain};
 pub use half_period::{HalfPeriod, HalfPeriodState};
 pub use median_mean::{Estimate, LONGEST_WINDOW, MedianMean, MedianMeanState};
 pub use safety_net::{Conditions, Reason, SafetyNet};

@@ -1,4 +1,4 @@
-//! What a block says when its parameters are out of bounds.
+//! Error of a block with parameters out of bounds.
 
 /// A parameter that a block cannot work with: its name, its value and the bound it breaks.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! What a number and several side by side have in common.
+//! Operations common to one number and several side by side.
 
 use crate::{Real, Sum};
 use core::ops::{Add, BitAnd, Div, Mul, Sub};
@@ -6,7 +6,7 @@ use core::ops::{Add, BitAnd, Div, Mul, Sub};
 /// A number, or several side by side on each of which an operation does the same: what of the blocks' law runs in the lanes of a
 /// processor is written for both.
 pub trait Numbers: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
-    /// What a comparison gives.
+    /// Result of a comparison.
     type Truth: Copy + BitAnd<Output = Self::Truth>;
 
     /// `x` in each of as many numbers as these.
@@ -99,7 +99,7 @@ pub trait Lanes: Numbers + Adding<Self> {
     /// The numbers of an array.
     fn load(self, numbers: &[f64; LANES]) -> Self;
 
-    /// They in an array.
+    /// The numbers as an array.
     fn numbers(self) -> [f64; LANES];
 
     /// Whether something holds in one lane or more.

@@ -36,7 +36,7 @@ pub trait Real:
     /// A number beyond which nothing is a measurement; below it the integrals of a half-period stay finite. Literals of this size
     /// can be written for every controller: some compilers read them in 32 bits.
     const MOST: Self;
-    /// What of a quotient of two times counts as rounded off.
+    /// Part of a quotient of two times that counts as rounding.
     const SLIVER: Self;
 
     /// The nearest number to `x`.

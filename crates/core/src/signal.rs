@@ -1,4 +1,4 @@
-//! What a signal goes through: filters, noise, limits, and the valve with its gap and its friction.
+//! Blocks for one signal: filters, noise, limits, and the valve with its gap and its friction.
 
 mod backlash;
 mod derivative;

@@ -1,4 +1,4 @@
-//! Status flags: what is the matter with a signal, a half-period or a module, one list for all of them.
+//! Status flags of a signal, a half-period or a module, one list for all of them.
 
 /// A sum of flags; 0 = all well. No sum of them reaches 2¹⁵, so that a PLC's signed `INT` holds it.
 pub type Status = u16;
@@ -12,14 +12,14 @@ pub const AT_LOW: Status = 4;
 /// Something in the loop was at its upper limit.
 pub const AT_HIGH: Status = 8;
 /// The samples before are missing: the start of a recording, or a gap in it.
-pub const GAP: Status = 16;
+pub const DATA_GAP: Status = 16;
 /// The setpoint handed over is bad; the last good one is in effect.
 pub const BAD_SP: Status = 32;
 /// The feed-forward handed over is bad; the last good one is in effect.
 pub const BAD_FF: Status = 64;
-/// The limits told backward cross, or cross the module's own, which then are in effect.
+/// The backward limits cross, or cross the module's own, which then are in effect.
 pub const BAD_LIMITS: Status = 128;
-/// The gain K has the wrong sign: for the process, or as the detector was told it.
+/// The gain K has the wrong sign: for the process, or in the detector's settings.
 pub const WRONG_SIGN: Status = 256;
 
 /// All flags with the names that they have in every face of glapp, in order.
@@ -28,7 +28,7 @@ pub const FLAGS: [(Status, &str); 9] = [
     (BAD, "bad"),
     (AT_LOW, "at_low"),
     (AT_HIGH, "at_high"),
-    (GAP, "gap"),
+    (DATA_GAP, "data_gap"),
     (BAD_SP, "bad_sp"),
     (BAD_FF, "bad_ff"),
     (BAD_LIMITS, "bad_limits"),

@@ -42,13 +42,13 @@ pub trait Sum<R>: Copy + Debug + Default + PartialEq + From<R> + Saved + Send + 
     }
 }
 
-/// What can be saved and restored, with the feature `serde`.
+/// A state that can be saved and restored, with the feature `serde`.
 #[cfg(feature = "serde")]
 pub trait Saved: serde::Serialize + for<'de> serde::Deserialize<'de> {}
 #[cfg(feature = "serde")]
 impl<T: serde::Serialize + for<'de> serde::Deserialize<'de>> Saved for T {}
 
-/// What can be saved and restored, with the feature `serde`.
+/// A state that can be saved and restored, with the feature `serde`.
 #[cfg(not(feature = "serde"))]
 pub trait Saved {}
 #[cfg(not(feature = "serde"))]
@@ -106,7 +106,7 @@ impl Sum<f64> for f64 {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Carried {
     value: f32,
-    /// At most half of the last digit of `value`.
+    /// Rest, at most half of the last digit of `value`.
     rest: f32,
 }
 

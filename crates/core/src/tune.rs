@@ -1,4 +1,4 @@
-//! Controllers for processes: rules in closed form, and the experiment that finds what they ask for (thesis chapter 4).
+//! Controllers for processes: rules in closed form, and the experiment that finds their inputs (thesis chapter 4).
 
 pub mod auto_tuner;
 pub mod tuning;

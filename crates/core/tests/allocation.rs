@@ -1,4 +1,4 @@
-//! Nothing in a scan touches the heap.
+//! A scan does not touch the heap.
 
 use glapp_core::auto_tuner::Phase;
 use glapp_core::modules::{

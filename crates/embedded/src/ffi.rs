@@ -29,7 +29,7 @@ struct Held<B, S> {
     state: S,
 }
 
-/// What stands at the pointer, where it is one.
+/// Value at the pointer; an error where it is null or not aligned.
 ///
 /// # Safety
 /// A pointer that is not null and aligned points to memory of that type, which nobody else uses meanwhile.
@@ -93,7 +93,7 @@ macro_rules! faces {
             /// Bytes that a detector, a compensation and a PID need here.
             pub const NEEDED: [usize; 3] = [size_of::<OfDetector>(), size_of::<OfCompensation>(), size_of::<OfPid>()];
 
-            /// Settings of a detector, as in the header; what is not known is no number.
+            /// Settings of a detector, as in the header; an unknown one is no number.
             #[repr(C)]
             #[derive(Clone, Copy, Debug, Default, PartialEq)]
             #[allow(missing_docs)]
@@ -113,7 +113,7 @@ macro_rules! faces {
                 pub integrating: u32,
             }
 
-            /// What a detector shows.
+            /// Estimate of a detector.
             #[repr(C)]
             #[derive(Clone, Copy, Debug, Default, PartialEq)]
             #[allow(missing_docs)]
@@ -167,6 +167,7 @@ macro_rules! faces {
                 pub max_h: $float,
             }
 
+            /// A number from C, where NaN means not known.
             fn known(x: $float) -> Option<$float> {
                 if x.is_nan() { None } else { Some(x) }
             }
@@ -262,7 +263,7 @@ macro_rules! faces {
                 i32::from(one.block.update(&mut one.state, &sample).is_some())
             }
 
-            /// What the detections say.
+            /// Estimate by the detections.
             ///
             /// # Safety
             /// As the header says.
@@ -479,7 +480,7 @@ macro_rules! faces {
                 OK
             }
 
-            /// What comes after it tells; gives the flags for a detector beside it.
+            /// Takes the backward signals of the part after it; gives the flags for a detector beside it.
             ///
             /// # Safety
             /// As the header says.

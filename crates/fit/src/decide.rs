@@ -1,4 +1,4 @@
-//! From likelihoods to an answer.
+//! From likelihoods to an answer: width, interval, verdict.
 
 pub(crate) mod best;
 pub(crate) mod bootstrap;

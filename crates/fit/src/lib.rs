@@ -20,6 +20,7 @@ mod search;
 
 pub use data::history::{Batch, LONG_HISTORY, MOST_EPOCHS, Rows, Windows};
 pub use data::recorder::Recorder;
+pub use data::repeated::Recorded;
 pub use data::samples::{Samples, Unfit};
 pub use data::segment::{Segment, Stretch};
 pub use data::signal::{shifts, spikes};
@@ -35,5 +36,5 @@ pub use decide::weights::LEARNED;
 pub use decide::witness::{cycle::Cycle, plateau::Plateau};
 pub use model::structure::{Noise, Structure};
 pub use position::{AtValve, PositionAnswer, Shown, fit_position};
-pub use problem::{Divided, FitProblem, Recorded, Window, WindowFit, fit, fit_valve};
+pub use problem::{Divided, FitProblem, Window, WindowFit, fit, fit_valve};
 pub use progress::Tell;

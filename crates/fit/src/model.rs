@@ -1,4 +1,4 @@
-//! What may have made a record: lost motion, process and disturbance, and the filter that gives their likelihood.
+//! Possible models of a record: lost motion, process and disturbance, and the filter that gives their likelihood.
 
 pub(crate) mod backlash_model;
 pub(crate) mod kalman;

@@ -18,7 +18,7 @@ mod track;
 
 use crate::data::recorder::Recorder;
 use crate::data::samples::{Samples, Unfit};
-use crate::data::segment::Signals;
+use crate::data::segment::OpAndPv;
 use crate::decide::combine::{Combined, Reading, combine};
 use crate::decide::joint::{SegmentAnswer, newest};
 use crate::decide::trend::Trend;
@@ -26,10 +26,10 @@ use crate::decide::verdict::Verdict;
 use crate::position::track::{FEWEST, Track};
 use crate::problem::records;
 
-/// What the position says of the valve.
+/// Result of the valve's position.
 #[derive(Clone, Debug)]
 pub struct AtValve {
-    /// What it says; never more than [`Verdict::AtLeast`] where the valve turned but once.
+    /// Verdict on the valve; never more than [`Verdict::AtLeast`] where the valve turned but once.
     pub verdict: Verdict,
     /// Why, a word that `glapp` turns into a sentence.
     pub reason: &'static str,
@@ -43,13 +43,13 @@ pub struct AtValve {
     pub jump: f64,
     /// Likelihood ratio of no gap against the best width, times `information_ratio`.
     pub lr_no_gap: f64,
-    /// What it must exceed.
+    /// Likelihood ratio that a gap needs.
     pub lr_needed: f64,
     /// Likelihood ratio of J = 0 against the best J, times `information_ratio`.
     pub lr_no_jump: f64,
-    /// Share of the likelihood's own information on d that is left where what the model leaves is alike from row to row.
+    /// Share of the likelihood's own information on d that remains where the residual is alike from row to row.
     pub information_ratio: f64,
-    /// How far −2·ln L may rise within the interval.
+    /// Allowed rise of −2·ln L within the interval.
     pub rise: f64,
     /// Times that the valve began to move up, and down.
     pub traversals: [usize; 2],
@@ -59,11 +59,11 @@ pub struct AtValve {
     pub delay: isize,
     /// Lag of the actuator [rows].
     pub lag: f64,
-    /// Standard deviation of what the model leaves [position unit].
+    /// Standard deviation of the residual [position unit].
     pub sigma: f64,
     /// Share of the position's variance that the model explains.
     pub explained: f64,
-    /// How the position was recorded.
+    /// Recorder of the position.
     pub recorder: Recorder,
     /// Rows that count, and spikes that do not.
     pub rows: usize,
@@ -88,11 +88,11 @@ pub struct Shown {
     pub recorded: f64,
     /// The model's [position unit].
     pub predicted: f64,
-    /// Where the valve is [OP unit].
+    /// Position of the valve [OP unit].
     pub valve: f64,
 }
 
-/// What the positions of several records say together.
+/// Result of the positions of several records together.
 #[derive(Clone, Debug)]
 pub struct PositionAnswer {
     /// The verdict.
@@ -141,7 +141,7 @@ pub fn fit_position(samples: &[Samples]) -> Result<PositionAnswer, Unfit> {
     Ok(PositionAnswer { verdict, d, low, high, trend, records, shown })
 }
 
-/// Whether what was recorded as the position is OP in every row that has both.
+/// Whether the recorded position is OP in every row that has both.
 fn copied(samples: &[Samples]) -> bool {
     let mut compared = false;
     for Samples { pv, op, .. } in samples {
@@ -158,7 +158,7 @@ fn copied(samples: &[Samples]) -> bool {
 
 /// The width from `parts` of (position, OP) at even steps, one for each unbroken stretch; NaN in the position is a row
 /// without it, OP is without NaN. None where fewer than 50 rows have a position or OP does not move.
-fn at_valve(parts: &[Signals]) -> Option<AtValve> {
+fn at_valve(parts: &[OpAndPv]) -> Option<AtValve> {
     let track = Track::new(parts);
     if track.count() < FEWEST || track.range <= 0.0 {
         return None;
@@ -246,7 +246,7 @@ mod tests {
         let a = asked(&kept(&z, 0.5), &u);
         assert_eq!(a.verdict, Verdict::Sound, "{a:?}");
         assert!(matches!(a.recorder, Recorder::Kept(band) if (band - 0.5).abs() < 0.05));
-        // What the band may hide is not excluded.
+        // A width that the band may hide is not excluded.
         assert!(a.high.unwrap() >= 0.5);
         let worn = asked(&kept(&valve(&u, 1.5, 0.0), 0.5), &u);
         assert_eq!(worn.verdict, Verdict::Backlash, "{worn:?}");

@@ -1,9 +1,9 @@
 //! The one question: how wide is the lost motion that all of these records share?
 
 use crate::data::cells::Cells;
-use crate::data::repeated::{Once, once};
+use crate::data::repeated::{Once, Recorded, once};
 use crate::data::samples::{SHORTEST, Samples, Unfit};
-use crate::data::segment::{Segment, Signals, Stretch};
+use crate::data::segment::{OpAndPv, Segment, Stretch};
 use crate::data::signal::{Unit, bow, shifts, without_spikes};
 use crate::decide::joint::{Curve, JointAnswer, joint};
 use crate::decide::segment::{Fitted, fit_segment};
@@ -95,7 +95,7 @@ pub struct Window {
     pub(crate) bootstrap: usize,
 }
 
-/// What a window says by itself, to be joined with the others; also that it says nothing: it cannot be fitted, or is not yet.
+/// Fit of one window, to be joined with the others; empty where the window cannot be fitted, or is not yet.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct WindowFit(Option<Fitted>);
 
@@ -132,7 +132,7 @@ impl Divided {
                 stretches: record.stretches.iter().flat_map(|s| between_shifts(scaled(s), record.h)).collect(),
             })
             .collect();
-        let signals: Vec<Signals> = scaled.iter().flat_map(Segment::signals).collect();
+        let signals: Vec<OpAndPv> = scaled.iter().flat_map(Segment::signals).collect();
         let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
         let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
         let window =
@@ -140,7 +140,7 @@ impl Divided {
         Ok(Self { windows: records.into_iter().map(window).collect(), op, pv })
     }
 
-    /// What the windows say together; of each what it says by itself, in the same order.
+    /// Joint result of the windows, and the result of each alone, in the same order.
     ///
     /// # Errors
     ///
@@ -149,6 +149,7 @@ impl Divided {
         joint(&mut self.curves(alone), self.op, self.pv).ok_or(Unfit::Few)
     }
 
+    /// Cost curves of the windows that could be fitted.
     fn curves(&self, alone: Vec<WindowFit>) -> Vec<Curve> {
         let of = |(window, alone): (&Window, WindowFit)| Some(Curve::new(&window.record, alone.0?, window.sign));
         self.windows.iter().zip(alone).filter_map(of).collect()
@@ -156,7 +157,7 @@ impl Divided {
 }
 
 impl Window {
-    /// What it says by itself.
+    /// Fit of this window alone.
     pub fn fit(&self) -> WindowFit {
         WindowFit(self.fitted(&|_| ()))
     }
@@ -171,13 +172,14 @@ impl Window {
         let cells = Cells::new(&signals, finest);
         let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
         let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
-        let fitted = (cells.count >= FEWEST).then(|| fit_segment(&cells, &seeds, bow, self, done));
+        let fitted = (cells.count >= FEWEST)
+            .then(|| fit_segment(&cells, &seeds, bow, (&self.record, self.sign, self.bootstrap), done));
         done(1.0);
         fitted
     }
 }
 
-/// A stretch, ended where PV is shifted: what PV was before tells nothing of what it is then.
+/// A stretch, ended where PV is shifted: PV before the shift is no information on PV after it.
 fn between_shifts<'a>(stretch: Stretch<'a>, h: f64) -> Vec<Stretch<'a>> {
     let shifts = shifts(&stretch.pv, &stretch.op);
     if shifts.is_empty() {
@@ -190,15 +192,6 @@ fn between_shifts<'a>(stretch: Stretch<'a>, h: f64) -> Vec<Stretch<'a>> {
         Stretch { start, sp: of(&stretch.sp), pv: of(&stretch.pv), op: of(&stretch.op) }
     };
     ends.windows(2).filter(|ends| ends[1] - ends[0] >= SHORTEST).map(piece).collect()
-}
-
-/// One recording of a valve: its rows, or those of its windows.
-#[derive(Clone, Debug)]
-pub struct Recorded<'a> {
-    /// When its time is 0, on a clock that all recordings share [s]; NaN where that is not known.
-    pub since: f64,
-    /// Its rows, in one piece, or the windows that were kept of a long history.
-    pub samples: Vec<Samples<'a>>,
 }
 
 /// One answer of several recordings of one valve, in the order of time: they share the lost motion. What a recording repeats of one
@@ -263,7 +256,7 @@ mod tests {
         assert!(alone.0.as_ref().is_some_and(|fitted| !fitted.answer.reason.is_empty()));
         let handed: WindowFit = postcard::from_bytes(&postcard::to_allocvec(&alone).unwrap()).unwrap();
         assert_eq!(format!("{handed:?}"), format!("{alone:?}"));
-        // What one of two says is told while the other is not fitted yet, and nothing while neither is.
+        // One of two windows gives its result while the other is not fitted yet, and none while neither is.
         let two = Divided { windows: vec![window.clone(), window.clone()], ..divided };
         assert_eq!(two.combine(vec![handed, WindowFit::default()]).unwrap().records.len(), 1);
         assert!(two.combine(vec![WindowFit::default(), WindowFit::default()]).is_err());

@@ -1,4 +1,4 @@
-//! How far a fit is, told to whoever waits for it.
+//! Progress of a fit, reported to the caller that waits for it.
 
 use std::cell::Cell;
 use std::sync::Mutex;
@@ -44,13 +44,13 @@ mod tests {
 
     #[test]
     fn windows_that_end_add_up() {
-        let told = Mutex::new(Vec::new());
-        let tell = |share| told.lock().unwrap().push(share);
+        let shares = Mutex::new(Vec::new());
+        let tell = |share| shares.lock().unwrap().push(share);
         let windows = Windows::new(2, &tell);
         let (first, second) = (windows.one(), windows.one());
         first(0.5);
         first(1.0);
         second(1.0);
-        assert_eq!(*told.lock().unwrap(), [0.2375, 0.475, 0.95]);
+        assert_eq!(*shares.lock().unwrap(), [0.2375, 0.475, 0.95]);
     }
 }

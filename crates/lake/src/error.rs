@@ -1,16 +1,16 @@
-//! What is wrong with a file.
+//! Error of a file.
 
 use std::path::{Path, PathBuf};
 
-/// A file that cannot be read, or a row that breaks what was promised.
+/// A file that cannot be read, or a row that breaks the promised order.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}", .file.display(), .row.map_or_else(String::new, |row| format!(", row {row}")))]
 pub struct LakeError {
     /// The file.
     pub file: PathBuf,
-    /// Its row, the first one is 1.
+    /// Row of the error, the first one is 1.
     pub row: Option<u64>,
-    /// What is wrong, and what to do.
+    /// Error in words, and its remedy.
     pub what: String,
 }
 

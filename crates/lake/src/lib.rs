@@ -1,4 +1,5 @@
-//! From Parquet files to crossings: the rows of many loops stream, batch by batch, from their files into the lanes of the processor.
+//! From Parquet files to crossings: the rows of many loops stream, batch by batch, from their files into the lanes of
+//! the processor.
 //!
 //! ```text
 //! files of a loop ──pages──→ columns of a batch ─┐
@@ -27,30 +28,30 @@ use stream::Stream;
 /// The files and columns in which the samples of a loop lie.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoopFiles {
-    /// Its files; their rows, one file after the other, are in the order of time.
+    /// Files; their rows, one file after the other, are in the order of time.
     pub files: Vec<PathBuf>,
     /// The column of times: timestamps, or numbers of seconds.
     pub time: String,
-    /// From when on the seconds of timestamps are counted, else from the first row on \[µs since 1970\].
+    /// Origin of the seconds of timestamps, else the first row \[µs since 1970\].
     pub since: Option<i64>,
-    /// Of setpoints.
+    /// Column of setpoints.
     pub sp: String,
-    /// Of process values.
+    /// Column of process values.
     pub pv: String,
-    /// Of controller outputs, where they are recorded.
+    /// Column of controller outputs, where they are recorded.
     pub op: Option<String>,
 }
 
 /// A loop whose files are to be read.
 #[derive(Clone, Debug)]
 pub struct Loop {
-    /// Its detector, at the beginning of these files.
+    /// Detector at the beginning of these files.
     pub crossings: Crossings,
-    /// Its files.
+    /// Files of the loop.
     pub source: LoopFiles,
 }
 
-/// What came of a loop.
+/// Result of a loop.
 #[derive(Clone, Debug)]
 pub struct Read {
     /// The detector behind the last row.

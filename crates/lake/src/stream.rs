@@ -49,7 +49,7 @@ struct Column {
     reader: ColumnReader,
     /// The level at which a value is there.
     there: i16,
-    /// What its integers are, where it holds timestamps.
+    /// Unit of its integers, where it holds timestamps.
     ticks: Option<Ticks>,
 }
 
@@ -86,7 +86,7 @@ struct Clock {
     last: Option<f64>,
 }
 
-/// What is used again from batch to batch.
+/// Memory that is used again from batch to batch.
 #[derive(Default)]
 struct Scratch {
     levels: Vec<i16>,
@@ -125,6 +125,7 @@ impl Stream {
         found
     }
 
+    /// Reads the next batch; whether there was one.
     fn read_on(&mut self) -> Result<bool, LakeError> {
         while self.rows() == 0 {
             if self.open.is_none() {
@@ -171,6 +172,7 @@ impl Stream {
         self.done += n as u64;
     }
 
+    /// Drops the rows that are used.
     fn forget(&mut self) {
         for column in [&mut self.t, &mut self.sp, &mut self.pv, &mut self.op] {
             column.clear();

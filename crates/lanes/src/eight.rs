@@ -15,7 +15,7 @@ pub(crate) struct Eight<S: Simd, const R: usize> {
     registers: [S::f64s; R],
 }
 
-/// What a comparison of two [`Eight`] gives.
+/// Result of a comparison of two [`Eight`].
 #[derive(Clone, Copy)]
 pub(crate) struct Truths<S: Simd, const R: usize> {
     simd: S,
@@ -24,6 +24,7 @@ pub(crate) struct Truths<S: Simd, const R: usize> {
 
 /// Instructions that turn rows into columns.
 pub(crate) trait Turn<const R: usize>: Simd {
+    /// Transposes eight rows of eight numbers.
     fn turned(self, rows: [[Self::f64s; R]; LANES]) -> [[Self::f64s; R]; LANES];
 }
 
@@ -34,6 +35,7 @@ impl<S: Simd, const R: usize> Eight<S, R> {
         Self { simd, registers: [simd.splat_f64s(0.0); R] }
     }
 
+    /// The numbers combined with others, register by register.
     #[inline(always)]
     fn with(self, other: Self, of: impl Fn(S, S::f64s, S::f64s) -> S::f64s) -> Self {
         let of = |r| of(self.simd, self.registers[r], other.registers[r]);
@@ -209,7 +211,7 @@ impl Turn<2> for V3 {
     }
 }
 
-/// Work with what it needs.
+/// Work with its inputs.
 pub(crate) struct With<W, N> {
     pub(crate) work: W,
     pub(crate) like: N,

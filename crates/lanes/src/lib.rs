@@ -12,7 +12,7 @@ use glapp_core::Lanes;
 /// An instruction set that the processor has; the bits do not depend on it.
 #[derive(Clone, Copy, Debug)]
 pub enum Instructions {
-    /// What every processor of its kind has: SSE2, NEON.
+    /// Instructions of every processor of its kind: SSE2, NEON.
     Baseline,
     /// x86-64-v3: AVX2.
     #[cfg(target_arch = "x86_64")]

@@ -16,14 +16,17 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::HashMap;
 
-/// What can be asked.
+/// A request.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Request {
-    /// Begins the analysis of the recording whose columns are in memory.
+    /// Begins the analysis of the recording whose columns are in memory, and gives the unit of OP.
     Begin {
-        /// What is known of its loop.
+        /// Facts known of its loop.
         task: glapp_analysis::Task,
+        /// Unit of OP, where a person or the file states one.
+        #[serde(default)]
+        op_unit: Option<String>,
     },
     /// Goes on with so many rows.
     Rows {
@@ -32,42 +35,42 @@ enum Request {
         /// The row after the last.
         to: usize,
     },
-    /// Cuts what is to be fitted into windows, and gives them; none where nothing is.
+    /// Cuts the problem into windows, and gives them; none where there is no problem.
     Windows,
-    /// Fits a window by itself, and gives what it says; needs no recording.
+    /// Fits a window by itself, and gives the result; needs no recording.
     Alone {
         /// One of those of [`Request::Windows`].
         window: Vec<u8>,
     },
     /// Fits, and gives the answer.
     Finish {
-        /// Who reads it.
+        /// Reader of the texts.
         reader: Reader,
     },
     /// Gives the answer, with what each of the windows says; what those say that are fitted so far, where some are not.
     Join {
         /// The answers of [`Request::Alone`], in the order of the windows; none of one that is not fitted yet.
         alone: Vec<Option<Vec<u8>>>,
-        /// Who reads it.
+        /// Reader of the texts.
         reader: Reader,
     },
     /// Puts something into words.
     Words(words::Asked),
     /// Reads the step test in the recording whose columns are in memory.
     StepTest {
-        /// Which rows were made in manual.
+        /// Rows made in manual.
         manual: Manual,
-        /// What is known of its loop.
+        /// Facts known of its loop.
         #[serde(default)]
         settings: StepTestSettings,
     },
     /// Begins a laboratory.
     Laboratory(laboratory::Project),
-    /// Makes scans, and gives what is recorded in each.
+    /// Makes scans, and gives the recorded values of each.
     Run {
-        /// How many.
+        /// Number of scans.
         scans: usize,
-        /// `module.name` of what is recorded.
+        /// `module.name` of the recorded values.
         record: Vec<String>,
     },
     /// The value of every variable of the laboratory, in the order of their names.
@@ -76,7 +79,7 @@ enum Request {
     Set {
         /// `module.name`.
         path: String,
-        /// Its value; none: as where it is not given.
+        /// Value; none: the default.
         value: Option<f64>,
     },
 }
@@ -93,10 +96,11 @@ struct Memory {
 impl Memory {
     fn answer(&mut self, request: &str) -> Result<Value, String> {
         match serde_json::from_str(request).map_err(|error| error.to_string())? {
-            Request::Begin { task } => {
-                let recording = Recording::begin(task, std::mem::take(&mut self.columns))?;
+            Request::Begin { task, op_unit } => {
+                let columns = std::mem::take(&mut self.columns);
+                let (recording, unit) = Recording::begin(task, op_unit.as_deref(), columns)?;
                 self.recording = Some(recording);
-                Ok(Value::Null)
+                Ok(json!(unit))
             }
             Request::Rows { from, to } => {
                 self.recording.as_mut().ok_or("no recording was begun")?.rows(from..to).map(|()| Value::Null)
@@ -150,7 +154,7 @@ pub fn answer(request: &str) -> String {
 
 thread_local! {
     static MEMORY: RefCell<Memory> = RefCell::default();
-    /// What is handed over: a request, a name, an answer.
+    /// Exchanged text: a request, a name, an answer.
     static TEXT: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 

@@ -1,10 +1,10 @@
 //! A recording on its way to an answer.
 
 use glapp_analysis::crossings::Row;
-use glapp_analysis::quality::Finding;
+use glapp_analysis::quality::{Finding, PERCENT, op_unit};
 use glapp_analysis::words::{self, AnswerFacts, Reader, TextError};
 use glapp_analysis::{
-    Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Manual, ManualRows, StepTestSettings, Task, within_percent,
+    Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Manual, ManualRows, StepTestSettings, Task,
 };
 use glapp_fit::{Divided, JointAnswer, PositionAnswer, SegmentAnswer, SegmentFit, Window, WindowFit};
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ pub(crate) struct Recording {
     analysis: Analysis,
     /// Width of OP's span, where it is known [OP unit].
     span: Option<f64>,
-    /// What is to be fitted, where it was asked for.
+    /// Problem to fit, where it was asked for.
     divided: Option<Divided>,
 }
 
@@ -59,18 +59,25 @@ impl Columns {
     }
 }
 
+/// A range of a column, where the column is there.
 fn part<'a>(column: &'a Option<Vec<f64>>, rows: &Range<usize>) -> Option<&'a [f64]> {
     column.as_deref().map(|column| &column[rows.clone()])
 }
 
 impl Recording {
-    pub(crate) fn begin(task: Task, columns: HashMap<String, Vec<f64>>) -> Result<Self, String> {
+    /// Begins, and gives the unit of OP; `stated` is the one that a person or the file states.
+    pub(crate) fn begin(
+        mut task: Task,
+        stated: Option<&str>,
+        columns: HashMap<String, Vec<f64>>,
+    ) -> Result<(Self, String), String> {
         let columns = Columns::of(columns)?;
         let (beginning, position) = columns.rows(0..columns.t.len().min(INSPECTED_ROWS));
-        let percent = task.op_percent.unwrap_or_else(|| columns.op.as_deref().is_none_or(within_percent));
+        let unit = op_unit(stated, task.op_span, beginning.op).to_owned();
+        let percent = *task.op_percent.get_or_insert(unit == PERCENT);
         let span = task.op_span.or(percent.then_some((0.0, 100.0))).map(|(low, high)| high - low);
         let analysis = Analysis::new(task, &beginning, position).map_err(|error| error.to_string())?;
-        Ok(Self { columns, analysis, span, divided: None })
+        Ok((Self { columns, analysis, span, divided: None }, unit))
     }
 
     pub(crate) fn rows(&mut self, rows: Range<usize>) -> Result<(), String> {
@@ -112,7 +119,7 @@ fn to_json(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, Stri
         }))
     });
     let mut shown = shown(done);
-    shown["told"] = texts.map_err(|error| error.to_string())?;
+    shown["texts"] = texts.map_err(|error| error.to_string())?;
     Ok(shown)
 }
 
@@ -134,7 +141,7 @@ pub(crate) fn step_test(
     Ok(json!(rows.read(settings)))
 }
 
-/// What a window says by itself.
+/// Fit of a window alone.
 pub(crate) fn alone(window: &[u8]) -> Result<Value, String> {
     bytes(&read::<Window>(window)?.fit())
 }
@@ -174,7 +181,7 @@ fn half_periods(crossings: &Crossings) -> Value {
     })
 }
 
-/// What PV said, with the record that shows it best.
+/// Result of PV, with the record that shows it best.
 fn of_pv(joint: JointAnswer) -> Value {
     let JointAnswer { whole, mut records, shown } = joint;
     let SegmentAnswer { starts, h, answer, .. } = records.swap_remove(shown);
@@ -217,7 +224,7 @@ fn of_pv(joint: JointAnswer) -> Value {
     Value::Object(document)
 }
 
-/// What the valve's own position said, with the record that shows it best.
+/// Result of the valve's own position, with the record that shows it best.
 fn of_position(joint: PositionAnswer) -> Value {
     let PositionAnswer { mut records, shown, .. } = joint;
     let SegmentAnswer { starts, h, answer, .. } = records.swap_remove(shown);
@@ -246,5 +253,24 @@ mod tests {
         );
         let uneven = [column("t", vec![0.0]), column("pv", vec![])];
         assert!(step_test(Manual::All, &StepTestSettings::default(), uneven.into_iter().collect()).is_err());
+    }
+
+    /// The page said by a rule of its own what the unit of OP is.
+    #[test]
+    fn the_unit_of_op_is_that_of_the_crate() {
+        let begin = |op: [f64; 3], stated, task| {
+            let column = |name: &str, of: [f64; 3]| (name.to_string(), of.to_vec());
+            let columns = [column("t", [0.0, 1.0, 2.0]), column("pv", [3.0, 4.0, 3.0]), column("op", op)];
+            let (recording, unit) = Recording::begin(task, stated, columns.into_iter().collect()).unwrap();
+            (unit, recording.span)
+        };
+        let mut task = Task { op_span: Some((4.0, 20.0)), ..Task::default() };
+        assert_eq!(begin([30.0, 60.0, 40.0], None, Task::default()), ("%".into(), Some(100.0)));
+        assert_eq!(begin([6.0, 14.0, 8.0], None, Task::default()), ("OP unit".into(), None));
+        assert_eq!(begin([6.0, 14.0, 8.0], Some("%"), Task::default()), ("%".into(), Some(100.0)));
+        assert_eq!(begin([6.0, 14.0, 8.0], Some("mA"), task.clone()), ("mA".into(), Some(16.0)));
+        assert_eq!(begin([0.2, 0.9, 0.4], Some("%"), Task::default()), ("OP unit".into(), None));
+        task.op_span = Some((0.0, 100.0));
+        assert_eq!(begin([6.0, 14.0, 8.0], None, task), ("%".into(), Some(100.0)));
     }
 }

@@ -1,22 +1,22 @@
-//! What a person reads: the words of `glapp_analysis::words` for JavaScript.
+//! Texts for a person: the words of `glapp_analysis::words` for JavaScript.
 
 use glapp_analysis::words::{self, Headline, Reader, Value};
 use serde::Deserialize;
 use serde_json::json;
 use std::collections::BTreeMap;
 
-/// What can be asked of the words.
+/// A request for words.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Asked {
     /// A message.
     Text {
-        /// Its code.
+        /// Code of the message.
         code: String,
-        /// Its numbers.
+        /// Numbers of the message.
         #[serde(default)]
         numbers: BTreeMap<String, Value>,
-        /// Who reads.
+        /// Reader of the texts.
         #[serde(default)]
         reader: Reader,
     },

@@ -130,6 +130,7 @@ impl AutoTuner {
     }
 }
 
+/// Gains by a rule from an experiment's result.
 fn tuned(found: &Found<f64>, rule: &str, kind: &str) -> PyResult<(f64, f64, f64)> {
     let kind = match kind {
         "PI" => Kind::Pi,

@@ -102,7 +102,7 @@ impl Derivative {
 
 type Measured = (Status, u32, f64, f64, f64, f64, f64, f64, f64);
 
-/// What the signals did between two zero crossings.
+/// Signals between two zero crossings.
 ///
 /// Examples
 /// --------
@@ -304,7 +304,7 @@ impl Correction {
         Ok(Self { block, state: CorrectionState::default() })
     }
 
-    /// Begins a scan: works off what the scan before has left.
+    /// Begins a scan: finishes the work that the scan before has left.
     fn conclude(&mut self) {
         self.block.conclude(&mut self.state);
     }

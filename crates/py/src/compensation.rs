@@ -8,7 +8,7 @@ use glapp_core::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Settings as a scenario has them, in a dict; what is None has its default.
+/// Settings of a scenario, in a dict; None means the default.
 pub fn settings(given: &Bound<'_, PyAny>) -> PyResult<CompensationSettings<f64>> {
     let must = |name| given.get_item(name)?.extract::<f64>();
     let or = |name, usual: f64| Ok::<_, PyErr>(given.get_item(name)?.extract::<Option<f64>>()?.unwrap_or(usual));
@@ -45,6 +45,7 @@ fn hindrance_named(standing: &str) -> PyResult<Standing> {
     all.into_iter().find(|one| one.name() == standing).ok_or_else(unknown)
 }
 
+/// A range of values; without limits all numbers.
 fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
     limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high)).map_err(refused)
 }
@@ -175,7 +176,7 @@ impl Compensation {
         Ok(self.block.update(&mut self.state, &sample))
     }
 
-    /// What it does, or why it does nothing.
+    /// State: active, or the reason why it is not.
     #[getter]
     fn standing(&self) -> &'static str {
         self.state.standing.name()
@@ -187,13 +188,13 @@ impl Compensation {
         2.0 * self.state.half
     }
 
-    /// δ: what is left of the share of the width after the noise band.
+    /// δ: share of the width less the noise band.
     #[getter]
     fn delta(&self) -> f64 {
         self.state.delta
     }
 
-    /// What stays uncompensated of the width while it is in force.
+    /// Part of the width that stays uncompensated while it is in force.
     #[getter]
     fn left(&self) -> f64 {
         self.state.left()

@@ -13,7 +13,7 @@ use crate::columns::columns_of;
 
 type EstimateParts = (f64, f64, f64, u8, u8);
 
-/// Settings of a detector as Python has them, in a dict; what is not there has its default.
+/// Settings of a detector in Python's form, in a dict; missing ones have their default.
 pub struct Settings(pub DetectorSettings<f64>);
 
 impl<'a, 'py> FromPyObject<'a, 'py> for Settings {
@@ -57,12 +57,13 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Settings {
 
 const KNOWN: [&str; 12] = ["k", "ti", "td", "b", "kp", "tf", "n", "h", "max_h", "op_limits", "op_span", "off"];
 
-/// One half-period: what the signals did, the width and the verdict. Attributes as the columns of the table.
+/// One half-period: its signals, width and verdict. Attributes as the columns of the table.
 #[pyclass(frozen, module = "glapp", name = "HalfPeriod")]
 pub struct PyHalfPeriod {
     row: Row,
 }
 
+/// Estimate, lowest, highest, kept and count.
 fn parts(e: Estimate<f64>) -> EstimateParts {
     (e.value, e.low, e.high, e.kept, e.count)
 }
@@ -162,7 +163,7 @@ attributes! {
     reason: u8 = |_span, record, _swing| record.reason() as u8;
     /// Estimate after this half-period [OP unit], NaN while there is none or it is below the noise limit.
     d_hat: f64 = |_span, record, _swing| record.shown().map_or(f64::NAN, |e| e.value);
-    /// What the detections say, whether above the noise limit or not [OP unit], NaN while there are none.
+    /// Estimate by the detections, above the noise limit or not [OP unit], NaN while there are none.
     median_mean: f64 = |_span, record, _swing| record.estimate.map_or(f64::NAN, |e| e.value);
     /// The noise limit [OP unit], NaN where it is not known.
     noise_floor: f64 = |_span, record, _swing| record.noise_floor.unwrap_or(f64::NAN);
@@ -223,7 +224,7 @@ impl PyDetector {
         columns(py, self.crossings.rows())
     }
 
-    /// How many half-periods ended with each first reason; index 0: accepted.
+    /// Number of half-periods by their first reason; index 0: accepted.
     #[getter]
     fn reasons(&self) -> Vec<u64> {
         self.crossings.reasons().to_vec()

@@ -1,9 +1,9 @@
 //! Width with an interval from OP and PV.
 
 use crate::plain::plain;
-use crate::position;
+use crate::position::{self, name};
 use crate::windows::{Batch, columns};
-use glapp_analysis::{FitVerdict, Fitted, FittedValve, OneWidth, fall_of, fitted, fitted_valve, words};
+use glapp_analysis::{Fitted, FittedValve, OneWidth, fall_of, fitted, fitted_valve, words};
 use glapp_fit::{
     Evidence, JointAnswer, Judgement, LEARNED, PositionAnswer, Prediction, SegmentAnswer, SegmentFit, THRESHOLDS, Tell,
     Together, Trend, Unfit, ValveAnswer, Verdict, Width,
@@ -91,7 +91,7 @@ pub fn fit_valve<'py>(
     Ok(out)
 }
 
-/// What PV said in several recordings.
+/// Result of PV in several recordings.
 fn of_recordings(py: Python<'_>, found: Result<ValveAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
     let valve = match found {
         Ok(valve) => valve,
@@ -115,7 +115,7 @@ fn of_recordings(py: Python<'_>, found: Result<ValveAnswer, Unfit>) -> PyResult<
     Ok(out)
 }
 
-/// What the valve's position said.
+/// Result of the valve's position.
 pub(crate) fn of_position(py: Python<'_>, found: Result<PositionAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
     let joint = match found {
         Ok(joint) => joint,
@@ -129,7 +129,7 @@ pub(crate) fn of_position(py: Python<'_>, found: Result<PositionAnswer, Unfit>) 
     Ok(out)
 }
 
-/// What all records say together.
+/// Joint result of all records.
 fn joined<'py>(
     py: Python<'py>,
     (verdict, d, low, high): (Verdict, f64, f64, Option<f64>),
@@ -164,7 +164,8 @@ fn judged<'py>(py: Python<'py>, out: &Bound<'py, PyDict>, judgement: &Judgement,
     out.set_item("evidence", plain(py, evidence)?)
 }
 
-/// What the ladder says of the `evidence` of an answer, which may be changed, with the reason and what no gap must exceed to be found.
+/// Judgement of the ladder on the `evidence` of an answer, which may be changed, with the reason and the likelihood
+/// ratio that a gap needs.
 #[pyfunction]
 pub fn fit_judgement<'py>(py: Python<'py>, evidence: &str) -> PyResult<Bound<'py, PyDict>> {
     let evidence: Evidence = serde_json::from_str(evidence).map_err(|e| PyValueError::new_err(e.to_string()))?;
@@ -200,10 +201,6 @@ pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(out)
 }
 
-pub(crate) fn name(verdict: Verdict) -> &'static str {
-    FitVerdict::from(verdict).name()
-}
-
 fn unfit<'py>(py: Python<'py>, why: Unfit, signal: &'static str) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     out.set_item("message", plain(py, &words::of_unfit(why, signal))?)?;
@@ -211,7 +208,7 @@ fn unfit<'py>(py: Python<'py>, why: Unfit, signal: &'static str) -> PyResult<Bou
     Ok(out)
 }
 
-/// Under the names of `glapp.fit.Trend`, slope and error a second.
+/// Trend under the names of `glapp.fit.Trend`, slope and error a second.
 fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDict>>> {
     let Some(trend) = trend else { return Ok(None) };
     let out = PyDict::new(py);
@@ -251,7 +248,8 @@ pub fn width_fall<'py>(py: Python<'py>, widths: &str) -> PyResult<Bound<'py, PyA
     plain(py, &fall_of(&widths))
 }
 
-/// How a loop did before and after a repair, by rows of either side and its width as JSON, as in `width_fall` or null.
+/// Comparison of a loop before and after a repair, by rows of either side and its width as JSON, as in `width_fall` or
+/// null.
 #[pyfunction]
 pub fn before_after<'py>(
     py: Python<'py>,
@@ -264,7 +262,7 @@ pub fn before_after<'py>(
     plain(py, &py.detach(|| glapp_analysis::before_after((before.as_ref(), after.as_ref()), widths)))
 }
 
-/// What one record says.
+/// Result of one record.
 fn answered<'py>(py: Python<'py>, record: SegmentAnswer<SegmentFit>) -> PyResult<Bound<'py, PyDict>> {
     let SegmentAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);

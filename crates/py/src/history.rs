@@ -37,7 +37,7 @@ impl History {
         Ok(())
     }
 
-    /// What was heard so far, in plain types.
+    /// State so far, in plain types.
     fn heard<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &self.history.heard())
     }

@@ -11,11 +11,11 @@ use std::num::NonZero;
 use std::path::PathBuf;
 
 /// t, SP, PV and OP of a loop.
-type Signals<'py> = (Signal<'py>, Signal<'py>, Signal<'py>, Option<Signal<'py>>);
+type LakeColumns<'py> = (Signal<'py>, Signal<'py>, Signal<'py>, Option<Signal<'py>>);
 /// Files, and the columns of time, SP, PV and OP.
 type Asked = (Vec<PathBuf>, (String, String, String, Option<String>));
-/// Rows that were read; or the file, its row, and what is wrong with it.
-type Answer = (u64, Option<(PathBuf, Option<u64>, String)>);
+/// Number of rows read; or the file, its row, and the error.
+type LoopOutcome = (u64, Option<(PathBuf, Option<u64>, String)>);
 
 /// Runs many detectors side by side in the lanes of the processor, see `Detector.run`. `instructions` is one of
 /// `instruction_sets`, the widest where it is not given.
@@ -24,7 +24,7 @@ type Answer = (u64, Option<(PathBuf, Option<u64>, String)>);
 pub fn run_side_by_side(
     py: Python<'_>,
     detectors: Vec<Bound<'_, PyDetector>>,
-    signals: Vec<Signals<'_>>,
+    signals: Vec<LakeColumns<'_>>,
     instructions: Option<&str>,
 ) -> PyResult<()> {
     let instructions = chosen(instructions)?;
@@ -51,7 +51,7 @@ pub fn run_lake(
     threads: NonZero<usize>,
     since: Option<i64>,
     instructions: Option<&str>,
-) -> PyResult<Vec<Answer>> {
+) -> PyResult<Vec<LoopOutcome>> {
     let instructions = chosen(instructions)?;
     if detectors.len() != places.len() {
         return Err(PyValueError::new_err("places: one entry a detector is needed"));

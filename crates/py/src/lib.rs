@@ -32,7 +32,7 @@ mod wrong_sign;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// What the core refuses, as Python's ValueError; `glapp` adds the loop or the file.
+/// An error of the core as Python's ValueError; `glapp` adds the loop or the file.
 fn refused(error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
@@ -61,7 +61,7 @@ mod _glapp {
     #[pymodule_export]
     const DETECTIONS: u32 = glapp_core::DETECTIONS;
     #[pymodule_export]
-    const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
+    const DATA_GAP_STEPS: f64 = glapp_core::DATA_GAP_STEPS;
     #[pymodule_export]
     const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]
@@ -95,7 +95,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]
-    use crate::quality::{assumed_time, inspect, looks_like_fraction, noise_sigma, own_times, within_percent};
+    use crate::quality::{assumed_time, inspect, newest_first, noise_sigma, op_unit, own_times, setting_unused};
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
     #[pymodule_export]

@@ -1,4 +1,4 @@
-//! What Rust serializes, as plain Python: dict, list, str, int, float (infinite ones and NaN too), bool and None.
+//! Serialized Rust values as plain Python: dict, list, str, int, float (infinite ones and NaN too), bool and None.
 
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
@@ -35,7 +35,7 @@ impl From<PyErr> for Error {
 
 type Made<'py> = Result<Bound<'py, PyAny>, Error>;
 
-/// A dict under way, and the name that what it holds goes under where a variant has one.
+/// A dict under construction, and the variant's name for its content where there is one.
 struct Dict<'py> {
     dict: Bound<'py, PyDict>,
     key: Option<Bound<'py, PyAny>>,
@@ -48,6 +48,7 @@ struct List<'py> {
     named: Option<&'static str>,
 }
 
+/// A value, within a dict under its variant's name where it has one.
 fn named<'py>(py: Python<'py>, name: Option<&'static str>, value: Bound<'py, PyAny>) -> Made<'py> {
     let Some(name) = name else { return Ok(value) };
     let dict = PyDict::new(py);

@@ -1,12 +1,17 @@
 //! Width with an interval from OP and the valve's own position.
 
-use crate::fit::name;
-use glapp_fit::{AtValve, Recorder, SegmentAnswer};
+use glapp_analysis::FitVerdict;
+use glapp_fit::{AtValve, Recorder, SegmentAnswer, Verdict};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// What one record says, times in seconds.
+/// Name of a verdict in every interface.
+pub(crate) fn name(verdict: Verdict) -> &'static str {
+    FitVerdict::from(verdict).name()
+}
+
+/// Result of one record, times in seconds.
 pub(crate) fn answered(py: Python<'_>, record: SegmentAnswer<AtValve>) -> PyResult<Bound<'_, PyDict>> {
     let SegmentAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);

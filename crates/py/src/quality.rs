@@ -1,6 +1,6 @@
-//! What is wrong with a recording: rows and counts in, findings out.
+//! Findings on a recording: rows and counts in, findings out.
 
-use glapp_analysis::quality::{Interval, Known, Law, Scale};
+use glapp_analysis::quality::{Interval, Known, Law};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -8,7 +8,7 @@ use crate::columns::{Signal, rows_of};
 use crate::data_statistics::Counts;
 use crate::plain::plain;
 
-/// `glapp.Identification`, as far as a recording is held against it.
+/// `glapp.Identification`, the part that a recording is compared with.
 #[derive(FromPyObject)]
 pub struct Identification {
     usable: bool,
@@ -37,7 +37,7 @@ impl Identification {
     }
 }
 
-/// What is wrong with a recording, without sentences.
+/// Findings on a recording, without sentences.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "the arguments of Python")]
 pub fn inspect<'py>(
@@ -61,7 +61,7 @@ pub fn inspect<'py>(
     plain(py, &found)
 }
 
-/// What the numbers of a time column were taken for.
+/// Finding on the assumed unit of a time column.
 #[pyfunction]
 pub fn assumed_time<'py>(
     py: Python<'py>,
@@ -74,10 +74,27 @@ pub fn assumed_time<'py>(
     plain(py, &glapp_analysis::quality::assumed_time(column, first, step, calendar, sure))
 }
 
-/// How signals with times of their own were brought to common rows.
+/// Finding on signals with times of their own that were brought to common rows.
 #[pyfunction]
 pub fn own_times<'py>(py: Python<'py>, held: &str, pv_rows: u64, rows: u64) -> PyResult<Bound<'py, PyAny>> {
     plain(py, &glapp_analysis::quality::own_times(held, pv_rows, rows))
+}
+
+/// That the newest row came first, and the rows were taken from the last to the first.
+#[pyfunction]
+pub fn newest_first<'py>(py: Python<'py>, column: &str) -> PyResult<Bound<'py, PyAny>> {
+    plain(py, &glapp_analysis::quality::newest_first(column))
+}
+
+/// That a setting is given which is not used.
+#[pyfunction]
+pub fn setting_unused<'py>(
+    py: Python<'py>,
+    setting: &str,
+    value: &str,
+    column: Option<&str>,
+) -> PyResult<Bound<'py, PyAny>> {
+    plain(py, &glapp_analysis::quality::setting_unused(setting, value, column))
 }
 
 /// Standard deviation of PV's fast noise. See `glapp.quality.noise_sigma`.
@@ -87,14 +104,9 @@ pub fn noise_sigma(py: Python<'_>, pv: Signal<'_>) -> PyResult<Option<f64>> {
     Ok(py.detach(|| glapp_analysis::noise_sigma(pv)))
 }
 
-/// Whether OP stays within 0 to 1, as a fraction does and hardly any percentage.
+/// Unit of OP, as far as its settings and its values tell. See `glapp.Loop.op_label` and `glapp.recording.with_op_unit`.
 #[pyfunction]
-pub fn looks_like_fraction(op: Signal<'_>) -> PyResult<bool> {
-    Ok(Scale::of(op.as_slice()?) == Some(Scale::Fraction))
-}
-
-/// Whether OP may be a percentage: no value says that it is not.
-#[pyfunction]
-pub fn within_percent(op: Signal<'_>) -> PyResult<bool> {
-    Ok(glapp_analysis::within_percent(op.as_slice()?))
+pub fn op_unit(stated: Option<&str>, span: Option<(f64, f64)>, op: Option<Signal<'_>>) -> PyResult<String> {
+    let op = op.as_ref().map(|op| op.as_slice()).transpose()?;
+    Ok(glapp_analysis::quality::op_unit(stated, span, op).to_owned())
 }

@@ -105,7 +105,7 @@ fn valve((lag, positioner, stem, d, curve): PyValve) -> Valve {
     Valve { lag, positioner, stem, d, curve }
 }
 
-/// Where the plug of a valve stands under each of the outputs, `h` seconds apart.
+/// Positions of a valve's plug under each of the outputs, `h` seconds apart.
 #[pyfunction]
 #[pyo3(name = "valve_positions")]
 pub fn valve_positions<'py>(
@@ -234,10 +234,10 @@ impl PyChecked {
     }
 }
 
-/// What was seen of a watched scenario: d_hat, lowest, highest (NaN: none), detections, half-periods, or the error.
+/// Result of a watched scenario: d_hat, lowest, highest (NaN: none), detections, half-periods, or the error.
 type PySeen = (f64, f64, f64, u32, u32, Option<String>);
 
-/// Runs watched scenarios and keeps only what the detector saw. `instructions` is one of those of `instruction_sets`,
+/// Runs watched scenarios and keeps only the detector's results. `instructions` is one of those of `instruction_sets`,
 /// the widest where it is not given.
 #[pyfunction]
 #[pyo3(signature = (scenarios, instructions=None))]

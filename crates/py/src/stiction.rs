@@ -109,7 +109,7 @@ impl Stiction {
         self.block.update(&mut self.state, &StictionSample { e, u, h, enable, flags })
     }
 
-    /// Name of the state: what the block does, or why it does nothing.
+    /// Name of the state: active, or the reason why it is not.
     #[getter]
     fn standing(&self) -> &'static str {
         self.state.standing.name()

@@ -1,4 +1,4 @@
-//! What a person reads: messages, numbers and answers as text. The words stand in `crates/analysis/src/words`.
+//! Texts for a person: messages, numbers and answers. The words stand in `crates/analysis/src/words`.
 
 use crate::plain::plain;
 use glapp_analysis::words::{self, AnswerFacts, Headline, Numbers, Reader, Value};

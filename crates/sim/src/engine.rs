@@ -3,35 +3,25 @@
 
 use crate::error::require;
 use crate::looped::Looped;
+use crate::machine::{Machine, Mode, Rest, bad, resolution, rest, source, stream};
 use crate::module::rounded;
 use crate::plant::{Sampled, SampledState};
 use crate::random::Integers;
 use crate::scenario::{Block, Controller, Manual, Scenario, magnitude};
 use crate::signal::{Source, sample_at};
 use crate::valve::Moving;
-use crate::{Outer, Piece, Plant, SimError};
+use crate::{Outer, Plant, SimError};
 use glapp_core::status::{BAD, NOT_AUTO};
 use glapp_core::{
-    Backlash, BacklashState, Friction, FrictionState, ParameterError, Pid, PidState, RateLimit, RateLimitState,
-    Saturation, SecondOrderFilter, SecondOrderFilterState,
+    Backlash, BacklashState, Friction, FrictionState, Pid, PidState, RateLimit, RateLimitState, Saturation,
+    SecondOrderFilter, SecondOrderFilterState,
 };
 use std::ops::Range;
 
 /// Most samples of a simulation; more are a mistake in the scenario.
 const MOST_SAMPLES: f64 = 1e8;
-/// How far beyond what is asked of it a loop may go before it is called unstable.
+/// Ratio of a loop's value to its inputs from which it is called unstable.
 const RUNAWAY: f64 = 1e6;
-
-/// The random streams of a scenario.
-pub(crate) mod stream {
-    pub(crate) const NOISE: u64 = 0;
-    pub(crate) const SETPOINT: u64 = 1;
-    pub(crate) const LOAD: u64 = 2;
-    pub(crate) const OUTER_NOISE: u64 = 3;
-    pub(crate) const OUTER_LOAD: u64 = 4;
-    pub(crate) const JITTER: u64 = 5;
-    pub(crate) const LOST: u64 = 6;
-}
 
 /// A scenario under way.
 pub(crate) struct Run {
@@ -51,38 +41,6 @@ pub(crate) fn samples(h: f64, t_end: f64) -> Result<usize, SimError> {
     let within = t_end >= 0.0 && t_end / h < MOST_SAMPLES;
     require("t_end", t_end, within, "0 s or greater, and not above 10⁸ steps")?;
     Ok((t_end / h + 1e-9).floor() as usize + 1)
-}
-
-/// A signal of a scenario, with random numbers of its own.
-pub(crate) fn source(
-    s: &Scenario,
-    name: &'static str,
-    signal: &[Piece],
-    stream: u64,
-    n: usize,
-) -> Result<Source, SimError> {
-    Source::new(name, signal, s.h, n, s.seed, stream)
-}
-
-/// Steady state of a loop.
-pub(crate) struct Rest {
-    /// Process value.
-    pub(crate) y: f64,
-    /// Input of the process.
-    pub(crate) v: f64,
-    /// Output of the controller.
-    pub(crate) op: f64,
-}
-
-/// The loop at rest at the process value `y` under `load`.
-pub(crate) fn rest(plant: &Plant, limits: Saturation<f64>, y: f64, load: f64) -> Result<Rest, SimError> {
-    let v = plant.gain().map_or(0.0, |kp| y / kp);
-    let op = v - load;
-    if limits.update(op) == op {
-        Ok(Rest { y, v, op })
-    } else {
-        Err(SimError::NoRest { op, why: "outside the limits" })
-    }
 }
 
 type ControllerBlocks = (SecondOrderFilter<f64>, Pid<f64>, Saturation<f64>);
@@ -197,18 +155,6 @@ impl Bounds {
     }
 }
 
-/// Who sets the output; in manual, to what, unless it stays.
-#[derive(Clone, Copy)]
-pub(crate) enum Mode {
-    Auto,
-    Manual(Option<f64>),
-}
-
-/// A loop of any order: sp, load and noise (in the place of pv) in the block become all signals.
-pub(crate) trait Machine {
-    fn advance(&mut self, block: &mut Block<'_>, first: usize, mode: Mode);
-}
-
 /// A process of any order.
 pub(crate) trait Process: Send + Sync {
     /// Takes the input held from this sample to the next, gives the output at the next.
@@ -291,7 +237,7 @@ struct State<const N: usize> {
     gap: BacklashState<f64>,
 }
 
-/// What most loops do without.
+/// Parts that most loops do not have.
 struct Extras {
     pv_resolution: f64,
     op_resolution: f64,
@@ -396,7 +342,7 @@ impl<const N: usize> Blocks<N> {
             }
             let mut flow = x;
             if !PLAIN && let Some(valve) = &mut extras.valve {
-                // Where it stands now; what flows until the next sample.
+                // Present position; the flow until the next sample follows from it.
                 let stands = valve.position();
                 flow = valve.update(x);
                 x = stands;
@@ -435,23 +381,6 @@ impl Extras {
             || !self.bad.is_empty()
             || self.outside.is_some()
     }
-}
-
-/// Steps that a signal is rounded to.
-pub(crate) fn resolution(name: &'static str, step: f64) -> Result<f64, ParameterError> {
-    require(name, step, step >= 0.0, "0 or greater")
-}
-
-/// The samples without process value.
-pub(crate) fn bad(s: &Scenario, n: usize) -> Result<Vec<Range<usize>>, SimError> {
-    let samples = |&(from, to): &(f64, f64)| {
-        if from.is_finite() && to.is_finite() && from < to {
-            return Ok(sample_at(from, s.h, n)..sample_at(to, s.h, n));
-        }
-        let what = format!("stretch from {from} s to {to} s; write an end after the begin");
-        Err(SimError::Signal { name: "bad", what })
-    };
-    s.bad.iter().map(samples).collect()
 }
 
 impl Outside {
@@ -552,6 +481,7 @@ impl Recorder {
         }
         let kept: Vec<usize> =
             (0..block.t.len()).filter(|_| (self.losses.uniform() + 1.0) / 2.0 >= self.lost).collect();
+        /// Moves the kept entries of a column to its front.
         fn gather<T: Copy>(column: &mut [T], kept: &[usize]) {
             if !column.is_empty() {
                 kept.iter().enumerate().for_each(|(to, from)| column[to] = column[*from]);

@@ -1,163 +1,9 @@
 //! A loop put together from modules.
 
-use crate::SimError;
 use crate::module::{Jumps, Live, MOST_INPUTS, Module, Refusal};
+use crate::{GraphError, SimError};
 use glapp_core::modules::Gains;
 use glapp_core::{Backward, Forward};
-
-/// What is wrong with a graph of modules.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum GraphError {
-    /// A parameter out of its bounds.
-    #[error("{module}: {error}")]
-    Parameter {
-        /// The module.
-        module: String,
-        /// What is wrong with it.
-        error: SimError,
-    },
-    /// No such kind of modules.
-    #[error("there is no kind of modules '{kind}': {known}")]
-    NoKind {
-        /// The kind that was asked for.
-        kind: String,
-        /// All there are.
-        known: String,
-    },
-    /// A parameter that a module cannot do without.
-    #[error("{module}: {parameter} must be given")]
-    Missing {
-        /// The module's kind.
-        module: &'static str,
-        /// The parameter.
-        parameter: &'static str,
-    },
-    /// No parameter, variable or module of that name, or not one that can be set.
-    #[error("{module}: there is no '{name}' here: {known}")]
-    NoName {
-        /// The module.
-        module: String,
-        /// The name that was asked for.
-        name: String,
-        /// What there is.
-        known: String,
-    },
-    /// A wire that cannot be laid.
-    #[error("wire '{wire}': {what}")]
-    Wire {
-        /// The wire as it was written.
-        wire: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// A module that takes no values from outside.
-    #[error("{module} is a {kind}: values are handed to an Input")]
-    NoInput {
-        /// The module.
-        module: String,
-        /// Its kind.
-        kind: &'static str,
-    },
-    /// A column of inputs of the wrong length.
-    #[error("{module}: {values} values for {scans} scans")]
-    Column {
-        /// The module.
-        module: String,
-        /// How many values there are.
-        values: usize,
-        /// How many scans.
-        scans: usize,
-    },
-    /// An input or output that leads nowhere.
-    #[error("{end} is open: connect it")]
-    OpenEnd {
-        /// module.port.
-        end: String,
-    },
-    /// Two signals into one input.
-    #[error(
-        "{input} is driven by {first} and by {second}: one input takes one signal. One valve in two loops has no width \
-         that either of them could read"
-    )]
-    TwoSources {
-        /// module.port.
-        input: String,
-        /// The module connected first.
-        first: String,
-        /// The module connected then.
-        second: String,
-    },
-    /// Outputs that wait for one another.
-    #[error("circle without a delay: {0}. A loop is closed through a ProcessSim or a Plant")]
-    Circle(String),
-    /// A module made for another scan time.
-    #[error(
-        "{module} is made for a scan time of {own} s, the graph runs at {h} s: all modules of a graph scan together"
-    )]
-    SampleTimes {
-        /// The module.
-        module: String,
-        /// Its scan time \[s\].
-        own: f64,
-        /// The graph's \[s\].
-        h: f64,
-    },
-    /// A detector in the outer loop of a cascade.
-    #[error(
-        "{detector} stands in the outer loop of a cascade: {inner} distorts its output before it reaches a gap, and no \
-         width can be read there (thesis 8.3). Put the detector into the inner loop, a plain Pid here"
-    )]
-    OuterLoop {
-        /// The module with the detector.
-        detector: String,
-        /// The controller further in.
-        inner: String,
-    },
-    /// A detector at a controller with several valves.
-    #[error(
-        "{detector} watches an output that goes to {ends}: with a split range no one can tell which valve's gap is seen. \
-         Put a plain Pid here"
-    )]
-    SplitRange {
-        /// The module with the detector.
-        detector: String,
-        /// The valves.
-        ends: String,
-    },
-    /// A phase lead in the loop of something that makes jumps.
-    #[error(
-        "{lead} and {jumping} are in the same loop: a phase lead multiplies the jumps of {what} by lead/lag (thesis 2.2). Take one \
-         of them out"
-    )]
-    LeadWithJumps {
-        /// The phase lead.
-        lead: String,
-        /// The module whose output jumps.
-        jumping: String,
-        /// What makes it jump.
-        what: &'static str,
-    },
-    /// A detector beside no controller.
-    #[error(
-        "{detector} watches no controller: connect it to the ff of the Pid beside it, or give both the same setpoint and \
-         process value; beside a controller that is no module here, connect {detector}.flags, its mode and limits"
-    )]
-    NotWatching {
-        /// The module with the detector.
-        detector: String,
-    },
-    /// A controller of which the output is read, and not whether it is in automatic.
-    #[error(
-        "{detector}.{input} is connected, and {detector}.flags is not: nothing may be done beside a controller of which nobody \
-         tells whether it is in automatic"
-    )]
-    ModeUnknown {
-        /// The module with the detector.
-        detector: String,
-        /// What is connected.
-        input: &'static str,
-    },
-}
 
 /// A loop of modules: a small graph, checked when it is made, that runs scan by scan.
 ///
@@ -199,12 +45,12 @@ struct Node {
     name: String,
     live: Live,
     out: Forward<f64>,
-    /// Which node drives each input.
+    /// Node that drives each input.
     sources: [Option<usize>; MOST_INPUTS],
-    /// Which inputs of which nodes follow its output.
+    /// Nodes and inputs that follow its output.
     followers: Vec<(usize, usize)>,
-    /// What each input is told.
-    told: [Backward<f64>; MOST_INPUTS],
+    /// Backward signal at each input.
+    backward: [Backward<f64>; MOST_INPUTS],
     leads: Leads,
 }
 
@@ -278,7 +124,7 @@ impl Graph {
                 out: Forward::new(0.0, 0),
                 sources: *sources,
                 followers: Vec::new(),
-                told: [Backward::default(); MOST_INPUTS],
+                backward: [Backward::default(); MOST_INPUTS],
                 leads,
             });
         }
@@ -297,7 +143,7 @@ impl Graph {
         self.h
     }
 
-    /// How many scans there were.
+    /// Number of scans.
     pub fn scans(&self) -> u64 {
         self.scans
     }
@@ -314,9 +160,9 @@ impl Graph {
             self.nodes[i].out = self.nodes[i].live.work.forward(&inputs, h);
         }
         for &i in self.order.iter().rev() {
-            let told = |&(follower, port): &(usize, usize)| self.nodes[follower].told[port];
-            let back = self.nodes[i].followers.iter().map(told).reduce(Backward::and);
-            self.nodes[i].told = self.nodes[i].live.work.backward(back);
+            let backward = |&(follower, port): &(usize, usize)| self.nodes[follower].backward[port];
+            let back = self.nodes[i].followers.iter().map(backward).reduce(Backward::and);
+            self.nodes[i].backward = self.nodes[i].live.work.backward(back);
         }
         self.scans += 1;
     }
@@ -467,7 +313,7 @@ impl Graph {
         self.nodes[i].out.value
     }
 
-    /// What [`Self::get`] gives, of the module with this number; not a number where there is no such name.
+    /// Value of [`Self::get`] for the module with this number; not a number where the name is unknown.
     pub(crate) fn read(&self, i: usize, name: &str) -> f64 {
         self.nodes[i].read(name).flatten().unwrap_or(f64::NAN)
     }
@@ -487,6 +333,7 @@ impl Graph {
         })
     }
 
+    /// Module and variable of a path "module.variable".
     fn place(&self, path: &str) -> Result<(usize, String), GraphError> {
         let (module, name) = path.split_once('.').unwrap_or((path, "out"));
         let i = self.node(module)?;
@@ -522,6 +369,7 @@ impl Node {
 }
 
 impl Wiring<'_> {
+    /// Adds the connections of one wire "a b c".
     fn lay(&mut self, wire: &str) -> Result<(), GraphError> {
         let wrong = |what: String| GraphError::Wire { wire: wire.into(), what };
         let stops: Vec<&str> = wire.split("->").map(str::trim).collect();
@@ -563,6 +411,7 @@ impl Wiring<'_> {
         self.names[i].0.into()
     }
 
+    /// Name of an input for an error: module and port.
     fn end(&self, i: usize, port: usize) -> String {
         format!("{}.{}", self.names[i].0, self.names[i].1.kind.inputs[port])
     }
@@ -572,6 +421,7 @@ impl Wiring<'_> {
         all.flat_map(move |(to, inputs)| (0..MOST_INPUTS).filter(move |p| inputs[*p] == Some(i)).map(move |p| (to, p)))
     }
 
+    /// Refuses inputs and outputs that must not stay open.
     fn open_ends(&self) -> Result<(), GraphError> {
         for (i, (name, module)) in self.names.iter().enumerate() {
             for (port, input) in module.kind.inputs.iter().enumerate() {
@@ -688,7 +538,7 @@ impl Wiring<'_> {
         leads
     }
 
-    /// Which modules the output of a module reaches; modules with a delay end the way unless `through_processes`.
+    /// Modules that the output of a module reaches; modules with a delay end the way unless `through_processes`.
     fn reached(&self, from: usize, through_processes: bool) -> Vec<bool> {
         let mut reached = vec![false; self.names.len()];
         let mut ahead = vec![from];

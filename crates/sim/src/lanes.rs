@@ -4,10 +4,12 @@
 //! whatever width the processor has. Every lane does the operations of the blocks in the blocks' order and nothing is fused,
 //! so that a loop has the same bits here, alone, and on every instruction set.
 
-use crate::engine::{Bounds, rest, samples, source};
+use crate::engine::{Bounds, samples};
+use crate::machine::{rest, source, stream};
 use crate::plant::{Sampled, delay};
 use crate::random::times;
-use crate::scenario::{Block, CHUNK, Columns, Seen, Watcher};
+use crate::run::Watcher;
+use crate::scenario::{Block, CHUNK, Columns, Seen};
 use crate::signal::Source;
 use crate::{Piece, Scenario, SimError, engine};
 use glapp_core::{Backlash, Detector, NoiseState, PidState, Saturation};
@@ -85,7 +87,7 @@ pub fn run_together(
     }
 }
 
-/// Runs scenarios, in lanes where all are of one structure, and keeps what the detector of each saw, as
+/// Runs scenarios, in lanes where all are of one structure, and keeps the detector's results of each, as
 /// [`Scenario::watch`] does.
 pub fn watch_together(
     scenarios: &[(&Scenario, &Detector<f64>)],
@@ -115,6 +117,7 @@ pub fn watch_together(
     watchers.iter().zip(group.faults).map(|(watcher, fault)| fault.map_or(Ok(watcher.seen()), Err)).collect()
 }
 
+/// The structure that all scenarios share, where they do.
 fn shared(scenarios: &[&Scenario]) -> Option<Structure> {
     let first = structure(scenarios.first()?)?;
     let alike = scenarios.len() <= LANES && scenarios.iter().all(|s| structure(s) == Some(first));
@@ -137,8 +140,8 @@ impl Group {
     fn new(scenarios: &[&Scenario], structure: Structure, instructions: Instructions) -> Result<Self, SimError> {
         let n = structure.2;
         let signals = |s: &&Scenario| {
-            let sp = source(s, "setpoint", &s.setpoint, engine::stream::SETPOINT, n)?;
-            Ok((sp, source(s, "load", &s.load, engine::stream::LOAD, n)?))
+            let sp = source(s, "setpoint", &s.setpoint, stream::SETPOINT, n)?;
+            Ok((sp, source(s, "load", &s.load, stream::LOAD, n)?))
         };
         let signals: Vec<(Source, Source)> = scenarios.iter().map(signals).collect::<Result<_, SimError>>()?;
         let machine = match structure.3 {

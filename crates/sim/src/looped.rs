@@ -1,7 +1,7 @@
 //! A scenario as a loop of the modules that ship.
 
-use crate::engine::{Machine, Mode, bad, resolution, rest, source, stream};
 use crate::error::require;
+use crate::machine::{Machine, Mode, bad, resolution, rest, source, stream};
 use crate::scenario::{Block, Compensated};
 use crate::signal::{Source, sample_at};
 use crate::{Controller, Graph, GraphError, Module, Outer, Plant, Scenario, SimError};
@@ -33,13 +33,13 @@ struct Numbers {
     noise: usize,
     pid: usize,
     pv: usize,
-    /// What is sent to the valve, and the valve.
+    /// Nodes of the signal sent to the valve, and of the valve.
     op: usize,
     position: usize,
     watch: Option<usize>,
-    /// Where u_FF is handed to the controller, and what is told of a controller that is not ours.
+    /// Node that hands u_FF to the controller, and the signals of a controller that is not ours.
     u_ff: Option<usize>,
-    told: Option<usize>,
+    flags: Option<usize>,
     /// Setpoint, load, noise and process value of the outer loop.
     outer: Option<[usize; 4]>,
 }
@@ -110,8 +110,8 @@ impl Machine for Looped {
             if let (Some(watch), true) = (at.watch, first + k == self.begin) {
                 graph.command(watch, "compensate", 1.0);
             }
-            if let Some(told) = at.told {
-                graph.feed(told, f64::from(if is_bad { NOT_AUTO } else { by_hand }));
+            if let Some(flags) = at.flags {
+                graph.feed(flags, f64::from(if is_bad { NOT_AUTO } else { by_hand }));
             }
             graph.scan(self.h);
             if !is_bad {
@@ -157,7 +157,7 @@ impl Parts {
 /// The loop of a scenario at rest at the setpoint `sp` under its loads, that of the outer loop too; with where its modules
 /// are, and its process value.
 fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Numbers, f64), SimError> {
-    // What enters a dead time longer than the run is never seen.
+    // A signal that enters a dead time longer than the run never leaves it.
     let seen = |plant: &Plant| plant.clone().within(s.h * n as f64);
     let mut parts = Parts::default();
     let (mut first_sp, mut sp_from) = (sp, "sp");
@@ -191,7 +191,7 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
     let op = valve[valve.len() - 1];
     if let Some(rate) = s.rate {
         // A valve tells nobody that it is slow.
-        parts.add("rate", "RateLimit", &[("rate", rate), ("told", 0.0), start])?;
+        parts.add("rate", "RateLimit", &[("rate", rate), ("reports", 0.0), start])?;
         valve.push("rate");
     }
     parts.add("gap", "Backlash", &[("d", s.d), start])?;
@@ -221,10 +221,10 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         parts.wire(&[sp_from, "watch.sp"]);
         parts.wire(&[pv, "watch.pv"]);
         if let Some(delay) = given.delay {
-            parts.add("told", "Input", &[])?;
+            parts.add("flags", "Input", &[])?;
             parts.add("late", "Delay", &[("scans", delay.into())])?;
             parts.wire(&["pid", "watch.op"]);
-            parts.wire(&["told", "watch.flags"]);
+            parts.wire(&["flags", "watch.flags"]);
             parts.wire(&["watch", "late", "pid.ff"]);
         } else {
             parts.wire(&["watch", "pid.ff"]);
@@ -251,7 +251,7 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         position: graph.node(position)?,
         watch: s.compensation.map(|_| graph.node("watch")).transpose()?,
         u_ff: s.compensation.map(|c| graph.node(if c.delay.is_some() { "late" } else { "watch" })).transpose()?,
-        told: s.compensation.and_then(|c| c.delay).map(|_| graph.node("told")).transpose()?,
+        flags: s.compensation.and_then(|c| c.delay).map(|_| graph.node("flags")).transpose()?,
         outer: s.outer.as_ref().map(|_| outer()).transpose()?,
     };
     Ok((graph, at, rest.y))
@@ -322,7 +322,7 @@ mod tests {
         let mut columns = Columns::of_length(samples(s.h, s.t_end).unwrap(), s);
         let n = columns.t.len();
         let mut run = Run::new(s, on_modules).unwrap();
-        // In parts, as a run goes on.
+        // Computed in parts, as in a run that goes on.
         for first in (0..n).step_by(700) {
             run.advance(&mut columns.block().part(first..(first + 700).min(n)), first).unwrap();
         }

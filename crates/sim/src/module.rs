@@ -26,17 +26,16 @@ mod sum;
 
 pub(crate) use resolution::rounded;
 
-use crate::graph::GraphError;
-use crate::{Plant, SimError};
+use crate::{GraphError, Plant, SimError};
 use glapp_core::modules::Gains;
 use glapp_core::{Backward, Forward, ParameterError};
 
 /// The most inputs of a module.
 pub(crate) const MOST_INPUTS: usize = 5;
 
-/// What a module is handed at its inputs, in the order of its kind's ports.
+/// Inputs of a module, in the order of its kind's ports.
 pub(crate) type Inputs = [Forward<f64>; MOST_INPUTS];
-/// What the modules at its inputs are told.
+/// Backward signals to the modules at its inputs.
 pub(crate) type BackwardSignals = [Backward<f64>; MOST_INPUTS];
 
 /// All kinds, in the order of the documentation.
@@ -66,21 +65,21 @@ static KINDS: [&Kind; 19] = [
 #[derive(Debug)]
 pub(crate) struct Kind {
     pub(crate) name: &'static str,
-    /// Its inputs; those in `optional` may stay open.
+    /// Names of the inputs; those in `optional` may stay open.
     pub(crate) inputs: &'static [&'static str],
     pub(crate) optional: &'static [&'static str],
-    /// Its output may stay open.
+    /// The output may stay open.
     pub(crate) may_end: bool,
-    /// It has a setpoint at `sp`, and its output goes to a valve or to the setpoint of another.
+    /// The module has a setpoint at `sp`, and its output goes to a valve or to the setpoint of another.
     pub(crate) is_controller: bool,
-    /// Its output in a scan was made by the inputs of the scans before.
+    /// The output in a scan depends on the inputs of earlier scans only.
     pub(crate) is_delay: bool,
     parameters: &'static [&'static [Parameter]],
     /// Parameters that are used only when it is made.
     beginnings: &'static [&'static str],
-    /// What an operator sets while it runs.
+    /// Commands that an operator can set during the run.
     commands: &'static [&'static str],
-    /// What can only be read.
+    /// Variables that can only be read.
     variables: &'static [&'static [&'static str]],
     make: Make,
 }
@@ -88,26 +87,26 @@ pub(crate) struct Kind {
 /// Makes a module of a kind.
 type Make = fn(&Module, Context) -> Result<Box<dyn Work>, SimError>;
 
-/// A parameter: its name, and what it is where it is not given.
+/// A parameter: its name and its default.
 type Parameter = (&'static str, Usual);
 
-/// What a parameter is where it is not given.
+/// Default of a parameter.
 #[derive(Clone, Copy, Debug)]
 enum Usual {
-    /// It must be given.
+    /// No default: it must be given.
     Required,
     Is(f64),
-    /// Not known: the module does without, or finds it out.
+    /// Not known: the module works without it or finds it out.
     Unknown,
 }
 use Usual::{Is, Required, Unknown};
 
-/// Where a module works.
+/// Surroundings of a module.
 #[derive(Clone, Copy)]
 pub(crate) struct Context {
     /// Scan time \[s\].
     h: f64,
-    /// Which of its inputs are connected.
+    /// Inputs that are connected.
     connected: [bool; MOST_INPUTS],
 }
 
@@ -118,13 +117,13 @@ impl Context {
     }
 }
 
-/// What a module does in a graph.
+/// Behaviour of a module in a graph.
 pub(crate) trait Work: Send + Sync {
     /// The forward pass: what its inputs hand on, and the time since the last scan \[s\].
     fn forward(&mut self, inputs: &Inputs, h: f64) -> Forward<f64>;
 
-    /// The backward pass: what its followers tell, where it has any; gives what each of its inputs is told. By default the first
-    /// one is told the same.
+    /// The backward pass: takes the followers' signals, where it has any; gives those of each of its inputs. By default
+    /// the first one is told the same.
     fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
         passed(back)
     }
@@ -152,7 +151,7 @@ pub(crate) trait Work: Send + Sync {
         None
     }
 
-    /// Such an offer has been put in force.
+    /// Called after such an offer was put in force.
     fn taken_over(&mut self) {}
 
     /// The detections behind its estimate, the oldest first, where it has a detector.
@@ -184,7 +183,7 @@ impl Kind {
         }
     }
 
-    /// What a valve drives: here flags end, and a loop is closed.
+    /// Whether the module is driven by a valve: flags end here, and a loop is closed.
     pub(crate) fn is_process(&self) -> bool {
         self.is_delay && self.name != delay::KIND.name
     }
@@ -247,7 +246,7 @@ impl Kind {
 #[derive(Clone, Debug)]
 pub struct Module {
     pub(crate) kind: &'static Kind,
-    /// In the order of the kind's parameters; none: not known.
+    /// Values in the order of the kind's parameters; none: not known.
     values: Vec<Option<f64>>,
     plant: Option<Plant>,
     schedule: Vec<Gains<f64>>,
@@ -310,7 +309,7 @@ impl Module {
         found.map(|one| one.1).ok_or(ParameterError { name, value, bound })
     }
 
-    /// What makes jumps of its output, where something does.
+    /// Cause of jumps of its output, if there is one.
     pub(crate) fn jumps(&self) -> Option<Jumps> {
         let has = |name| self.kind.parameter(name).is_some();
         if has("comp_size") && matches!(compensation::settings(self), Ok(Some(_))) {
@@ -330,7 +329,7 @@ impl Module {
     }
 }
 
-/// What makes jumps of a module's output.
+/// Cause of jumps of a module's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Jumps {
     /// u_FF.
@@ -348,11 +347,11 @@ pub(crate) struct Live {
 
 /// Why a name could not be set.
 pub(crate) enum Refusal {
-    /// There is none of that name that can be set.
+    /// No settable name.
     NoName,
     /// A parameter that the module cannot do without, or that does not go with another module of the graph.
     Graph(GraphError),
-    /// Its value.
+    /// Error of its value.
     Value(SimError),
 }
 
@@ -384,8 +383,8 @@ impl Live {
         kind.parameters().map(|known| known.0).chain(set.copied()).chain(variables.copied())
     }
 
-    /// Sets a parameter or a command; none: the parameter is what it is where it is not given. What the module remembers
-    /// stays; where the new value is out of bounds, or the graph does not allow the `changed` module, all stays.
+    /// Sets a parameter or a command; none: the parameter has its default. What the module remembers stays; where the
+    /// new value is out of bounds, or the graph does not allow the `changed` module, all stays.
     pub(crate) fn set(
         &mut self,
         name: &str,
@@ -415,7 +414,7 @@ impl Live {
         self.change(Module { schedule: rows.to_vec(), ..self.module.clone() })
     }
 
-    /// Puts in force what the module's autotuner offers.
+    /// Puts the offer of the module's autotuner in force.
     pub(crate) fn take_over(&mut self) -> Result<(), Refusal> {
         let offered = self.work.offered().ok_or(Refusal::NoName)??;
         let mut changed = self.module.clone();
@@ -435,25 +434,25 @@ impl Live {
     }
 }
 
-/// What is told where nothing stands in the way of any value.
+/// Backward signal without limits.
 fn open() -> Backward<f64> {
     Backward::default()
 }
 
-/// What is told at the first input of a module whose followers tell `back`, by one that has nothing to add.
+/// Backward signal at the first input of a module that adds nothing to the `back` of its followers.
 fn passed(back: Option<Backward<f64>>) -> BackwardSignals {
     [back.unwrap_or_default(), open(), open(), open(), open()]
 }
 
-/// What was told backward, by name.
+/// Names of the backward signals.
 const BACKWARD: &[&str] = &["low", "high", "flags", "tracking"];
 
-fn backward_named(told: &Backward<f64>, name: &str) -> Option<f64> {
+fn backward_named(back: &Backward<f64>, name: &str) -> Option<f64> {
     match name {
-        "low" => Some(told.low),
-        "high" => Some(told.high),
-        "flags" => Some(told.flags.into()),
-        "tracking" => Some(told.tracking),
+        "low" => Some(back.low),
+        "high" => Some(back.high),
+        "flags" => Some(back.flags.into()),
+        "tracking" => Some(back.tracking),
         _ => None,
     }
 }

@@ -98,7 +98,7 @@ impl Plant {
         self.den.len()
     }
 
-    /// How far a constant input of 1 takes the process value within `t` seconds, by the slowest part of the response.
+    /// Change of the process value by a constant input of 1 within `t` seconds, by the slowest part of the response.
     pub(crate) fn reach(&self, t: f64) -> f64 {
         let integrators = self.den.iter().rev().take_while(|a| **a == 0.0).count();
         let slowest = if integrators == self.order() { 1.0 } else { self.den[self.order() - 1 - integrators] };
@@ -126,7 +126,7 @@ impl Plant {
     }
 }
 
-/// A dead time as whole steps of `h` and what is left of it.
+/// A dead time as whole steps of `h` and the rest.
 pub(crate) fn delay(dead_time: f64, h: f64) -> (usize, f64) {
     let steps = dead_time / h;
     // A dead time meant as a multiple of h must not become a step less and a sliver.
@@ -201,7 +201,7 @@ impl<const N: usize> Sampled<N> {
             0 => y,
             _ => self.rest[i - 1].0 * y - self.rest[i - 1].1 * v,
         });
-        // What enters after the end is never seen: a dead time longer than the run needs no longer memory than the run.
+        // An input after the end is never seen: a dead time longer than the run needs no longer memory than the run.
         SampledState { x, w_old: v, ring: vec![v; self.delay.min(steps)], at: 0 }
     }
 

@@ -1,8 +1,7 @@
 //! A scenario: a control loop with a worn valve, what acts on it, and how it is recorded.
 
-use crate::engine::{self, Run};
-use crate::{Piece, Plant, Signal, SimError, Valve};
-use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, Friction};
+use crate::{Piece, Plant, Signal, Valve};
+use glapp_core::{CompensationSettings, Estimate, Friction};
 use std::ops::Range;
 
 /// A closed loop, sampled at one rate:
@@ -83,14 +82,15 @@ pub struct Controller {
 /// beside the controller. The module is told Ti, Td, b, the limits and the static gain as they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensated {
-    /// Its settings; `k` is the gain that the module is told, in all that it does. The limits are the controller's.
+    /// Settings of the compensation; `k` is the gain that the module is told, in all that it does. The limits are the
+    /// controller's.
     pub settings: CompensationSettings<f64>,
     /// Time constant of the detector's filter ≥ 0 \[s\].
     pub tf: f64,
-    /// When it is enabled \[s\].
+    /// Time of enabling \[s\].
     pub begin: f64,
-    /// After how many scans the controller has what it is handed, where it is not a controller of the graph: the module reads
-    /// its output, and whether it is in automatic. `None`: it is, and a scan is what it takes.
+    /// Number of scans until the controller has the value handed over, where it is not a controller of the graph: the
+    /// module reads its output, and whether it is in automatic. `None`: it is, and a scan is what it takes.
     pub delay: Option<u32>,
     /// The longest delay with which it may be enabled, as a share of Ti; by the way where not given.
     pub longest: Option<f64>,
@@ -151,13 +151,13 @@ pub struct Columns {
     pub outer_sp: Vec<f64>,
     /// Process value of the outer loop; empty where there is none.
     pub outer_pv: Vec<f64>,
-    /// What the compensation handed to the controller's feed-forward; empty where there is none, as the next three.
+    /// Feed-forward that the compensation handed to the controller; empty without one, as the next three.
     pub u_ff: Vec<f64>,
-    /// How the compensation stood after the sample, as a number.
+    /// State of the compensation after the sample, as a number.
     pub standing: Vec<f64>,
-    /// Which warnings of over-compensation held: 1 that of code block 7.1, 2 the relay, 3 both.
+    /// Warnings of over-compensation: 1 that of code block 7.1, 2 the relay, 3 both.
     pub over: Vec<f64>,
-    /// What the module found wrong: [`WRONG_SIGN`](glapp_core::status::WRONG_SIGN) or 0.
+    /// Error of the module: [`WRONG_SIGN`](glapp_core::status::WRONG_SIGN) or 0.
     pub error: Vec<f64>,
 }
 
@@ -180,7 +180,7 @@ pub struct Block<'a> {
     pub error: &'a mut [f64],
 }
 
-/// What a detector saw in a simulated loop whose signals were not kept.
+/// Results of a detector in a simulated loop whose signals were not kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// The estimate at the end.
@@ -234,88 +234,6 @@ impl Scenario {
             t_end,
             seed: 0,
         }
-    }
-
-    /// Runs the loop from t = 0 to `t_end`.
-    ///
-    /// A scenario gives the same bits every time.
-    pub fn run(&self) -> Result<Columns, SimError> {
-        let mut columns = Columns::of_length(self.samples()?, self);
-        let n = self.run_into(&mut columns.block())?;
-        columns.shorten(n);
-        Ok(columns)
-    }
-
-    /// Samples between t = 0 and `t_end`, recorded or lost.
-    pub fn samples(&self) -> Result<usize, SimError> {
-        engine::samples(self.h, self.t_end)
-    }
-
-    /// [`Self::run`] into columns of [`Self::samples`] that are there already; gives how many of them are recorded.
-    ///
-    /// # Panics
-    /// Where the columns are of another length.
-    pub fn run_into(&self, block: &mut Block<'_>) -> Result<usize, SimError> {
-        let mut run = Run::new(self, false)?;
-        assert_eq!(block.t.len(), run.n, "as many rows as samples");
-        for first in (0..run.n).step_by(CHUNK) {
-            run.advance(&mut block.part(first..(first + CHUNK).min(run.n)), first)?;
-        }
-        Ok(engine::Recorder::new(self)?.record(block))
-    }
-
-    /// Runs the loop, shows it to `detector` and forgets it: the same as with the detector over [`Self::run`].
-    pub fn watch(&self, detector: &Detector<f64>) -> Result<Seen, SimError> {
-        let mut run = Run::new(self, false)?;
-        let mut watcher = Watcher::new(self, detector)?;
-        let mut columns = Columns::of_length(CHUNK.min(run.n), self);
-        for first in (0..run.n).step_by(CHUNK) {
-            let mut block = columns.block();
-            let mut block = block.part(0..CHUNK.min(run.n - first));
-            run.advance(&mut block, first)?;
-            watcher.see(&mut block);
-        }
-        Ok(watcher.seen())
-    }
-
-    /// Checks everything that [`Self::run`] would refuse, short of an unstable loop.
-    pub fn check(&self) -> Result<(), SimError> {
-        Run::new(self, false)?;
-        engine::Recorder::new(self)?;
-        Ok(())
-    }
-}
-
-/// A detector beside a run.
-pub(crate) struct Watcher<'a> {
-    detector: &'a Detector<f64>,
-    state: DetectorState<f64>,
-    recorder: engine::Recorder,
-    half_periods: u32,
-}
-
-impl<'a> Watcher<'a> {
-    pub(crate) fn new(scenario: &Scenario, detector: &'a Detector<f64>) -> Result<Self, SimError> {
-        let recorder = engine::Recorder::new(scenario)?;
-        Ok(Self { detector, state: DetectorState::default(), recorder, half_periods: 0 })
-    }
-
-    /// Takes the next samples.
-    pub(crate) fn see(&mut self, block: &mut Block<'_>) {
-        let n = self.recorder.record(block);
-        let signals = glapp_core::Columns {
-            t: &block.t[..n],
-            sp: &block.sp[..n],
-            pv: &block.pv[..n],
-            op: Some(&block.op[..n]),
-            flags: Some(&block.flags[..n]),
-        };
-        self.detector.run(&mut self.state, signals, |_, _| self.half_periods += 1, |_, _| {});
-    }
-
-    pub(crate) fn seen(&self) -> Seen {
-        let (estimate, detections) = (self.state.estimate(), self.state.accepted());
-        Seen { estimate, detections, half_periods: self.half_periods }
     }
 }
 

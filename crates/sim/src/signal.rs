@@ -1,4 +1,4 @@
-//! What acts on a loop from outside: setpoint, load and measurement noise.
+//! Signals from outside a loop: setpoint, load and measurement noise.
 
 use crate::SimError;
 use crate::error::require;
@@ -15,7 +15,7 @@ pub enum Piece {
     /// (time, value from then on), times ascending; 0 before the first. A step takes effect at the first sample not
     /// before its time.
     Steps(Vec<(f64, f64)>),
-    /// From 0 at `t` to `by` at `t` + `over`, and there it stays.
+    /// Ramp from 0 at `t` to `by` at `t` + `over`, constant after it.
     Ramp {
         /// Begin \[s\].
         t: f64,
@@ -143,6 +143,7 @@ impl Source {
 const ODD: u64 = 0xD1B5_4A32_D192_ED03;
 
 impl Piece {
+    /// The piece at its first sample, with checked numbers; `integers`: its random stream.
     fn start(&self, name: &'static str, h: f64, n: usize, mut integers: Integers) -> Result<Running, SimError> {
         let wrong = |what| Err(SimError::Signal { name, what });
         let number = |key, x: f64, holds, bound: &str| match holds && x.is_finite() {
@@ -195,7 +196,7 @@ impl Piece {
             Self::Coloured { sigma, tau } => {
                 let sigma = number("sigma", sigma, sigma >= 0.0, "0 or greater")?;
                 let tau = number("tau", tau, tau >= 0.0, "0 s or greater")?;
-                // With a = τ/(τ + h) the filter leaves the variance (1 − a)/(1 + a) of white noise.
+                // The filter with a = τ/(τ + h) leaves the variance (1 − a)/(1 + a) of white noise.
                 let gain = sigma * ((2.0 * tau + h) / h).sqrt();
                 let x = sigma * integers.gaussian();
                 Ok(Running::Coloured { gain, share: h / (tau + h), x, integers })

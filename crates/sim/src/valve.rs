@@ -45,7 +45,7 @@ pub struct Valve {
 ///   friction*, IEEE Trans. Automatic Control 40, 1995): bristles of 100 times the spring's rate bend first, by fs/100.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stem {
-    /// How it sticks.
+    /// Model of friction.
     pub model: StemModel,
     /// Static friction ≥ `fc` [unit of the output].
     pub fs: f64,
@@ -59,7 +59,7 @@ pub struct Stem {
     pub w: f64,
 }
 
-/// Which model of friction.
+/// Model of friction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StemModel {
     /// Stands still.
@@ -86,12 +86,12 @@ pub(crate) struct Moving {
     p: f64,
     x: f64,
     v: f64,
-    /// How far the bristles are bent.
+    /// Bending of the bristles.
     z: f64,
 }
 
 impl Valve {
-    /// At rest at the output `op`, for samples `h` apart.
+    /// Steady state at the output `op`, for samples `h` apart.
     pub(crate) fn at_rest(&self, op: f64, h: f64) -> Result<Moving, SimError> {
         require("valve.lag", self.lag, self.lag >= 0.0, "0 s or greater")?;
         require("valve.positioner", self.positioner, self.positioner >= 0.0, "0 or greater")?;
@@ -129,12 +129,12 @@ impl Valve {
         })
     }
 
-    /// How far the output moves at most, after a turn, before the plug does; for the bounds of a loop that runs away.
+    /// Largest travel of the output after a turn before the plug moves; for the bounds of a loop that runs away.
     pub(crate) fn width(&self) -> f64 {
         self.d + self.stem.map_or(0.0, |stem| 2.0 * stem.fs)
     }
 
-    /// Where the plug stands under each of the outputs, `h` \[s\] apart, from rest at the first.
+    /// Positions of the plug under each of the outputs, `h` \[s\] apart, from rest at the first.
     ///
     /// ```
     /// use glapp_sim::Valve;
@@ -166,7 +166,7 @@ impl Moving {
         flow / f64::from(self.steps)
     }
 
-    /// Where the plug stands.
+    /// Position of the plug.
     pub(crate) fn position(&self) -> f64 {
         self.plug.output
     }
@@ -231,7 +231,7 @@ mod tests {
         leg(50.0, 60.0).chain(leg(60.0, 40.0)).chain(leg(40.0, 60.0)).collect()
     }
 
-    /// How far OP goes after its turns at rows 1000 and 2000 before the plug has moved by 0.05.
+    /// Travel of OP after its turns at rows 1000 and 2000 before the plug has moved by 0.05.
     fn widths(valve: Valve) -> [f64; 2] {
         let op = sweep();
         let x = valve.positions(&op, 1.0).unwrap();

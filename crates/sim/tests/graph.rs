@@ -207,7 +207,7 @@ fn everything_can_be_read_and_set_while_it_runs() {
     assert_eq!(graph.get("pid.k").unwrap(), 3.0);
     graph.run(1).unwrap();
     assert!((graph.get("pid").unwrap() - before).abs() < 0.1, "without a bump");
-    // What is refused changes nothing, and says why.
+    // A refused value changes nothing, and the error says why.
     for (path, value, what) in [
         ("pid.ti", 0.0, "pid: ti = 0: must be greater than 0 s"),
         ("pid.high", -1.0, "low = 0"),
@@ -256,7 +256,7 @@ fn what_a_plant_tells_reaches_every_module_before_it() {
     assert_eq!(graph.get("sp.flags").unwrap(), 0.0);
     graph.set("valve.flags", f64::from(AT_LOW)).unwrap();
     graph.run(1).unwrap();
-    // In the backward pass of the same scan; direct-acting, so that the master sees its upper side.
+    // Read in the backward pass of the same scan; direct-acting, so that the master sees its upper side.
     assert_eq!(graph.get("sp.flags").unwrap(), f64::from(AT_HIGH));
     graph.set("valve.flags", f64::from(NOT_AUTO)).unwrap();
     graph.set("valve.tracking", 77.0).unwrap();
@@ -288,7 +288,7 @@ fn what_a_valve_and_a_converter_do() {
     assert_eq!(through("Friction", &[&friction[..], &[("start", 0.0)]].concat(), &moves[1..]), stem[1..]);
     // He's stem sticks again at once.
     assert_eq!(through("Friction", &[&friction[..], &[("model", 2.0)]].concat(), &moves)[3..5], [1.5, 1.5]);
-    // What is bad leaves the stem where it is.
+    // A bad value leaves the stem where it is.
     assert_eq!(through("Friction", &friction, &[0.0, 2.5, f64::NAN, 2.6])[1..], [1.5, 1.5, 1.6]);
     let wrong = Graph::new(
         1.0,
@@ -314,23 +314,23 @@ fn the_parts_of_a_sum_are_told_what_is_left_to_them() {
     let mut graph = Graph::new(0.1, modules, &["a -> sum.in", "b -> sum.plus", "sum -> valve -> out"]).unwrap();
     graph.run(1).unwrap();
     assert_eq!(graph.get("out.value").unwrap(), 35.0);
-    let told =
+    let reports =
         |graph: &Graph, name: &str| [".low", ".high", ".flags"].map(|it| graph.get(&format!("{name}{it}")).unwrap());
-    assert_eq!(told(&graph, "a"), [-5.0, 30.0, f64::from(AT_HIGH)]);
-    assert_eq!(told(&graph, "b"), [-30.0, 5.0, f64::from(AT_HIGH)]);
+    assert_eq!(reports(&graph, "a"), [-5.0, 30.0, f64::from(AT_HIGH)]);
+    assert_eq!(reports(&graph, "b"), [-30.0, 5.0, f64::from(AT_HIGH)]);
     graph.set("b.value", f64::NAN).unwrap();
     graph.run(1).unwrap();
     assert!(graph.get("out.value").unwrap().is_nan());
-    assert_eq!(told(&graph, "a")[..2], [0.0, 35.0], "what is no number takes nothing away");
+    assert_eq!(reports(&graph, "a")[..2], [0.0, 35.0], "what is no number takes nothing away");
 }
 
 #[test]
 fn an_actuator_that_tells_nobody_lets_the_integral_run() {
-    let found = [1.0, 0.0].map(|told| {
+    let found = [1.0, 0.0].map(|reports| {
         let modules = vec![
             ("sp", module("Input", &[("value", 50.0)])),
             ("pid", pid()),
-            ("actuator", module("RateLimit", &[("rate", 0.1), ("told", told), ("start", 0.0)])),
+            ("actuator", module("RateLimit", &[("rate", 0.1), ("reports", reports), ("start", 0.0)])),
             ("process", process()),
         ];
         let mut graph = Graph::new(0.1, modules, &["sp -> pid.sp", "pid -> actuator -> process -> pid.pv"]).unwrap();
@@ -356,7 +356,7 @@ fn what_is_not_known_is_none() {
     assert_eq!((graph.known("pid.max_h").unwrap(), graph.known("process.h").unwrap()), (Some(2.5), Some(0.1)));
     assert_eq!(graph.window("pid").unwrap(), []);
     assert!(graph.window("process").unwrap_err().to_string().starts_with("process: there is no 'window' here"));
-    // And what has a default goes back to it.
+    // A parameter with a default goes back to it.
     graph.set("pid.b", 0.5).unwrap();
     graph.set("pid.b", None).unwrap();
     assert_eq!(graph.get("pid.b").unwrap(), 1.0);

@@ -1,10 +1,11 @@
-//! What `foreign/driver.c` needs to know of the library under another maker's compiler: where each variable of each block is. Written to
-//! standard output: `cargo run -p glapp-plc-check --example foreign -- matiec|strucpp LREAL|REAL`.
+//! Addresses that `foreign/driver.c` needs of the library under another maker's compiler: the place of each variable of
+//! each block. Written to standard output: `cargo run -p glapp-plc-check --example foreign -- matiec|strucpp
+//! LREAL|REAL`.
 
 use glapp_plc_check::{Build, Library, Variable, Within, sources};
 use std::path::Path;
 
-/// Where a variable of `*o` is.
+/// C expression for a variable of `*o`.
 fn place(variable: &Variable, matiec: bool) -> String {
     let mut out = String::from("o->");
     for (number, (name, within)) in variable.parts.iter().enumerate() {

@@ -20,7 +20,7 @@ use std::process::{Command, ExitCode, Stdio};
 const OTHERS: [&str; 7] = ["docs", "subset", "lint_samples", "self_test", "demo", "example_loop", "must_show"];
 /// Programs, which have tests of their own, and the tests' block.
 const PROGRAMS: [&str; 4] = ["SelfTest.st", "Demo.st", "Loop.st", "TryFunctions.st"];
-/// So many mutants go over the traces together, and what became of them is written then.
+/// Number of mutants that go over the traces together; their fates are written after each such group.
 const AT_ONCE: usize = 1000;
 
 fn tests() -> Vec<PathBuf> {
@@ -41,8 +41,8 @@ fn trace(path: &Path) -> Trace {
     Trace::of(&mut std::fs::File::open(path).expect("a file")).expect("a trace")
 }
 
-/// What the tests do with the library as it stands, in a folder: the shortest trace of each block, then the next of each, and so on; those of
-/// which nothing is held to the core come last.
+/// Traces of the tests with the unchanged library, in a folder: the shortest trace of each block, then the next of
+/// each, and so on; those of which nothing is held to the core come last.
 fn traces(folder: &Path) -> Vec<(Build, PathBuf)> {
     std::fs::create_dir_all(folder).expect("a folder");
     let there = std::fs::read_dir(folder).expect("a folder").next().is_some();
@@ -83,7 +83,7 @@ fn told(mutant: &Mutant) -> String {
     format!("{}{which}\t{}\t{}", mutant.file, mutant.line.0, mutant.line.1)
 }
 
-/// What became of mutants so far, in a file.
+/// Fates of mutants so far, in a file.
 struct Fates {
     known: BTreeMap<String, Fate>,
     file: Option<std::fs::File>,
@@ -119,18 +119,18 @@ impl Fates {
     }
 }
 
-/// Of a file.
+/// Counts of a file.
 #[derive(Clone, Copy, Default)]
 struct Count {
-    /// What there is to change, and what was tried of it.
+    /// Number of places that can change, and of the changes tried.
     places: usize,
     tried: usize,
     noticed: usize,
     equal: usize,
 }
 
-/// Which share of the mutants that are not proved equal is noticed, in %, with the ends of its 95 % interval: a ratio of two sums over files,
-/// each drawn for itself (Cochran, *Sampling Techniques*, 6.11).
+/// Share of the mutants not proved equal that are noticed, in %, with the ends of its 95 % interval: a ratio of two
+/// sums over files, each drawn for itself (Cochran, *Sampling Techniques*, 6.11).
 fn share(counts: &BTreeMap<String, Count>) -> (f64, f64, f64) {
     let sum = |of: &dyn Fn(&Count) -> usize| -> f64 {
         counts.values().map(|count| count.places as f64 * of(count) as f64 / count.tried as f64).sum()
@@ -141,7 +141,7 @@ fn share(counts: &BTreeMap<String, Count>) -> (f64, f64, f64) {
     for count in counts.values().filter(|count| count.tried > 1 && count.tried < count.places) {
         let (places, tried) = (count.places as f64, count.tried as f64);
         let missed = tried - count.equal as f64 - count.noticed as f64;
-        // Of one mutant 1 - share where it is noticed, -share where it is left, 0 where it is equal.
+        // A mutant adds 1 - share where it is noticed, -share where it is left, 0 where it is equal.
         let sum = count.noticed as f64 * (1.0 - share) - missed * share;
         let squares = count.noticed as f64 * (1.0 - share).powi(2) + missed * share.powi(2);
         let spread = (squares - sum * sum / tried) / (tried - 1.0);
@@ -184,7 +184,7 @@ fn main() -> ExitCode {
         (file.to_owned(), format!("Glapp{}", file.trim_end_matches(".st")))
     };
     let twin = |file: &str| ours.join("real").join(file).exists();
-    // In LREAL first; what is left of it in REAL, and what stands in `real/`.
+    // LREAL comes first; then REAL for the mutants that are left, and for the files of `real/`.
     let mut counts = BTreeMap::<String, Count>::new();
     let mut left = Vec::<(Mutant, Option<Fate>)>::new();
     for (build, files) in [(Build::Lreal, &long), (Build::Real, &short)] {
@@ -212,7 +212,7 @@ fn main() -> ExitCode {
                 left.push((mutant, fate));
                 continue;
             }
-            // What REAL refuses is noticed.
+            // A mutant that REAL refuses is noticed.
             let (file, _) = unit(&mutant);
             match reals.with(&file, &real(&mutant.text)) {
                 Ok(changed) => {

@@ -1,4 +1,4 @@
-//! What a unit reads of what stands in its memory: of the call before, and of what one of its steps has written.
+//! Data flow of a unit: reads of the previous call's memory, and of values that its steps have written.
 
 use crate::library::{Code, Compiled, Kind, Place, Step, StepKind, Value};
 use crate::run::whole;
@@ -6,12 +6,12 @@ use crate::tree::{Class, Op};
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// By place in the memory of a unit.
+/// Data flow by place in the memory of a unit.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Flow {
-    /// On some way through it this is read before it is written.
+    /// Places that are read before they are written on some way through the unit.
     pub read: Vec<bool>,
-    /// On every way through it this is written.
+    /// Places that are written on every way through the unit.
     pub written: Vec<bool>,
 }
 
@@ -19,12 +19,12 @@ pub(crate) struct Flow {
 type Called<'c, 'f> = &'c dyn Fn(usize, usize, &[(usize, Code)]) -> Cow<'f, Flow>;
 
 impl Flow {
-    /// Of a unit with so many places; `called` tells that of another.
+    /// Data flow of a unit with so many places; `called` tells that of another.
     pub(crate) fn of(body: &[Step], places: usize, called: Called<'_, '_>) -> Self {
         Self::walked(body, places, called, HashMap::new(), None).0
     }
 
-    /// Of a unit of which some BOOL inputs are known: ways that these close are none.
+    /// Data flow of a unit of which some BOOL inputs are known: branches that these close are none.
     fn given(units: &[Compiled], unit: usize, known: HashMap<usize, bool>) -> Self {
         let of = &units[unit];
         Self::walked(&of.body, of.image.len(), &|unit, at, inputs| inside(units, unit, at, inputs), known, None).0
@@ -44,7 +44,7 @@ impl Flow {
     }
 }
 
-/// By the BOOL inputs that a call gives as literals.
+/// Data flow by the BOOL inputs that a call gives as literals.
 fn inside<'f>(units: &[Compiled], unit: usize, at: usize, inputs: &[(usize, Code)]) -> Cow<'f, Flow> {
     let literal = |(to, code): &(usize, Code)| match code {
         Code::Const(Value::Bool(x)) => Some((to - at, *x)),
@@ -84,11 +84,11 @@ pub(crate) fn is_total(code: &Code) -> bool {
     }
 }
 
-/// At a point of the text, by place.
+/// State at a point of the text, by place.
 #[derive(Clone)]
 struct Now {
     written: Vec<bool>,
-    /// It may be another than in the library as it stands.
+    /// Whether each place may differ from the unchanged library.
     other: Vec<bool>,
 }
 
@@ -110,7 +110,7 @@ struct Walk<'w, 'f> {
     known: HashMap<usize, bool>,
     /// A step, and what is another by it.
     other: Option<(usize, Vec<usize>)>,
-    /// What is another was read.
+    /// A differing value was read.
     seen: bool,
 }
 
@@ -137,7 +137,7 @@ impl Walk<'_, '_> {
         }
     }
 
-    /// What a condition is, where that is known.
+    /// Value of a condition, where it is known.
     fn holds(&self, code: &Code) -> Option<bool> {
         match code {
             Code::Const(Value::Bool(x)) => Some(*x),
@@ -164,7 +164,7 @@ impl Walk<'_, '_> {
                     self.code(code, now);
                     match place {
                         Place::Fixed(at) => now.write(*at, false),
-                        // Which element is written is not known here.
+                        // The index of the written element is not known here.
                         Place::Indexed { index, .. } => self.code(index, now),
                     }
                 }

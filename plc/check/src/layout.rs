@@ -2,7 +2,7 @@
 
 use crate::library::{Elementary, Kind, Library, Ty};
 
-/// What a part of a path is a variable of.
+/// Owner of a part of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Within {
     /// A function block.
@@ -16,7 +16,7 @@ pub enum Within {
 /// A variable of an elementary type.
 #[derive(Clone, Debug)]
 pub struct Variable {
-    /// Its path: each part with what it is a part of.
+    /// Path: each part with its owner.
     pub parts: Vec<(String, Within)>,
     /// BOOL, INT, DINT, REAL or LREAL.
     pub ty: &'static str,
@@ -25,7 +25,7 @@ pub struct Variable {
 }
 
 impl Variable {
-    /// Its path with a dot between the parts.
+    /// Path with a dot between the parts.
     pub fn path(&self) -> String {
         self.parts.iter().map(|(name, _)| &**name).collect::<Vec<_>>().join(".")
     }

@@ -1,4 +1,4 @@
-//! From trees to something that runs: names resolved, types checked, every variable at its place in one memory.
+//! From trees to a runnable program: names resolved, types checked, every variable at its place in one memory.
 
 use crate::flow::Flow;
 use crate::tree::{Argument, Class, Expr, Fault, Op, Pou, Stmt, StmtKind, Type, Unit, Var};
@@ -7,12 +7,12 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Which of the two libraries: `LREAL`, or `REAL` made from it.
+/// Build of the library: `LREAL`, or `REAL` made from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Build {
-    /// As the sources stand.
+    /// The sources as they are.
     Lreal,
-    /// With `REAL` in place of `LREAL`, and the files of `real/` in place of theirs.
+    /// The sources with `REAL` in place of `LREAL`, and the files of `real/` in place of theirs.
     Real,
 }
 
@@ -28,7 +28,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// What it is in the memory: two of the same type are the same where these are.
+    /// Bits in the memory: two values of the same type are equal where these are.
     pub(crate) fn bits(self) -> u64 {
         match self {
             Self::Bool(x) => x.into(),
@@ -114,14 +114,14 @@ pub(crate) struct Slot {
 pub(crate) struct Compiled {
     pub name: String,
     pub slots: Vec<Slot>,
-    /// Their places in `slots`: tests name some hundred of them in a scan.
+    /// Places by name in `slots`: tests name some hundred of them in a scan.
     names: HashMap<String, usize>,
-    /// What its memory begins with, and what of it survives a power cut.
+    /// Initial memory, and which parts survive a power cut.
     pub image: Vec<Value>,
     pub retained: Vec<bool>,
     pub kind: Kind,
     pub body: Vec<Step>,
-    /// What its memory of the scan before is to it.
+    /// Dependence on the memory of the scan before.
     pub flow: Flow,
 }
 
@@ -145,7 +145,7 @@ impl Compiled {
 pub(crate) enum Kind {
     Struct,
     Block,
-    /// Its frame in the memory of functions, and the type it gives, whose place is the first.
+    /// Function: its frame in the memory of functions, and the type of its result, whose place is the first.
     Function {
         frame: usize,
         returns: Ty,
@@ -175,7 +175,7 @@ pub(crate) enum Code {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Step {
     pub line: usize,
-    /// Its place in the unit's text, from 0.
+    /// Number of the statement in the unit's text, from 0.
     pub number: usize,
     pub kind: StepKind,
 }
@@ -221,7 +221,7 @@ pub struct Way {
     pub pou: String,
     /// Line of the IF or WHILE.
     pub line: usize,
-    /// Which of its branches, from 0; the last stands for none of the conditions.
+    /// Number of the branch, from 0; the last stands for none of the conditions.
     pub branch: usize,
 }
 
@@ -231,7 +231,7 @@ pub struct Library {
     pub(crate) units: Vec<Compiled>,
     by_name: HashMap<String, usize>,
     pub(crate) function_memory: usize,
-    /// By unit, what of its memory the next call, or who calls it, may read.
+    /// Memory, by unit, that the next call, or the caller, may read.
     pub(crate) kept: Vec<Vec<bool>>,
     /// All ways through it.
     pub ways: Vec<Way>,
@@ -248,7 +248,7 @@ impl Library {
         Self::of(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())), build)
     }
 
-    /// The same from names of files and their texts.
+    /// Library from names of files and their texts.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -256,7 +256,8 @@ impl Library {
         Self::made(sources, build, true)
     }
 
-    /// As [`of`](Self::of), without the rules of the subset: for a library that was changed on purpose, as a mutant is.
+    /// Library without the rules of the subset, from names of files and their texts: for a library that was changed on
+    /// purpose, as a mutant is.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -396,7 +397,7 @@ impl<'u> Builder<'u> {
         Ok(Library { units, by_name: self.by_name, function_memory: self.function_memory, kept, ways: self.ways })
     }
 
-    /// What it is made of comes first; nothing contains or calls itself.
+    /// Compiles a unit after the units it is made of; none contains or calls itself.
     fn compile(&mut self, number: usize) -> Result<(), Fault> {
         if self.done[number].is_some() {
             return Ok(());

@@ -30,7 +30,7 @@ const LISTS: [(&str, &str); 7] = [
     ("AC 800M", include_str!("../names/ac800m.txt")),
 ];
 
-/// Who has a name already.
+/// Owner of a name that is taken already.
 fn taken_by(name: &str) -> Option<&'static str> {
     static ALL: OnceLock<HashMap<&str, &str>> = OnceLock::new();
     let all = ALL.get_or_init(|| {

@@ -11,13 +11,13 @@ pub struct Mutant {
     pub file: String,
     /// The line as it was and as it is, without the spaces before it.
     pub line: (String, String),
-    /// Which of the lines of the file that are the same, from 1.
+    /// Number of the line among equal lines of the file, from 1.
     pub which: usize,
     /// The whole file as it is.
     pub text: String,
 }
 
-/// What a name may be taken for: what else of its type stands there.
+/// Names of the same type that a name may be replaced by.
 struct Names {
     /// Variables of the unit: name, type.
     own: Vec<(String, String)>,
@@ -35,7 +35,7 @@ pub struct Mutants {
 }
 
 impl Mutants {
-    /// Of the library as it stands in LREAL; a file of `real/` comes in the place of its twin.
+    /// Names in the unchanged library in LREAL; a file of `real/` replaces its twin.
     ///
     /// # Errors
     /// Where a file is refused as it stands.
@@ -66,7 +66,7 @@ impl Mutants {
         Ok((0..text.tokens.len()).filter_map(move |at| text.changed(at)))
     }
 
-    /// So many of them, drawn by a seed; all where there are fewer.
+    /// Mutants drawn by a seed, so many of them; all where there are fewer.
     ///
     /// # Errors
     /// As [`of`](Self::of).
@@ -89,7 +89,7 @@ impl Mutants {
         Ok(places.into_iter().filter_map(move |at| text.changed(at)).take(count))
     }
 
-    /// How many operators, literals and names of a file there are to change; a few of them have no change that fits.
+    /// Number of operators, literals and names of a file that can change; a few of them have no change that fits.
     ///
     /// # Errors
     /// As [`of`](Self::of).
@@ -130,7 +130,7 @@ impl Text {
         (0..self.tokens.len()).filter(|at| !self.changes(*at).is_empty()).collect()
     }
 
-    /// With the first change of a token that fits.
+    /// Mutant with the first change of a token that fits.
     fn changed(&mut self, at: usize) -> Option<(Mutant, Library)> {
         let (from, to) = self.tokens[at];
         for instead in self.changes(at) {
@@ -163,7 +163,7 @@ fn blanked(text: &str) -> String {
     out + rest
 }
 
-/// Where words, numbers and signs begin and end.
+/// Begin and end of words, numbers and signs.
 fn tokens(plain: &str) -> Vec<(usize, usize)> {
     let bytes = plain.as_bytes();
     let word = |b: u8| b.is_ascii_alphanumeric() || b == b'_';
@@ -197,7 +197,7 @@ fn tokens(plain: &str) -> Vec<(usize, usize)> {
     all
 }
 
-/// Where the statements begin; the end of the text where there are none.
+/// Offset of the first statement; the end of the text where there are none.
 fn body(plain: &str) -> usize {
     if plain.contains("END_STRUCT") {
         return plain.len();
@@ -205,7 +205,7 @@ fn body(plain: &str) -> usize {
     plain.rfind("END_VAR").map_or(0, |at| at + "END_VAR".len())
 }
 
-/// What may stand in the place of a token; the first that fits is taken.
+/// Replacements of a token; the first that fits is taken.
 fn changes(plain: &str, tokens: &[(usize, usize)], at: usize, within: bool, names: &Names) -> Vec<String> {
     let word = |at: usize| tokens.get(at).map_or("", |(from, to)| &plain[*from..*to]);
     let before = |back: usize| if at >= back { word(at - back) } else { "" };

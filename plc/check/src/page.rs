@@ -3,11 +3,11 @@
 /// A pin or a member with its comment.
 #[derive(Clone, Debug)]
 pub struct Pin {
-    /// What it is called.
+    /// Name.
     pub name: String,
-    /// Its type.
+    /// Type.
     pub ty: String,
-    /// Its comment in one line.
+    /// Comment in one line.
     pub comment: String,
 }
 

@@ -22,7 +22,7 @@ struct Memory {
     functions: usize,
     /// Operators, conversions, assignments and calls so far.
     operations: u64,
-    /// Which ways were taken.
+    /// Branches that were taken.
     taken: Vec<bool>,
 }
 
@@ -144,14 +144,14 @@ impl<'l> Instance<'l> {
         self.run(None, None)
     }
 
-    /// The same with a change of the library; and the changes of a probe are tried wherever their units are called.
+    /// Runs with a change of the library; the changes of a probe are tried wherever their units are called.
     pub(crate) fn run(&mut self, change: Option<&Change>, probe: Option<&mut Probe<'_>>) -> Result<(), Fault> {
         Run::new(self.library, &mut self.memory, change, probe, self.unit, 0)
             .enter(self.unit, 0)
             .map_err(|fault| *fault)
     }
 
-    /// The same block with another memory.
+    /// A copy of the block with another memory.
     pub(crate) fn with(&self, values: Vec<Value>) -> Self {
         let taken = vec![false; self.library.ways.len()];
         let memory = Memory { values, functions: self.memory.functions, operations: 0, taken };
@@ -189,7 +189,7 @@ impl<'l> Instance<'l> {
         self.memory.operations
     }
 
-    /// Which of the library's ways were taken so far.
+    /// Branches of the library that were taken so far.
     pub fn taken(&self) -> &[bool] {
         &self.memory.taken
     }
@@ -200,15 +200,15 @@ impl<'l> Instance<'l> {
 /// A change is tried at its step alone first: the unit runs with it only where its step does something else.
 pub(crate) struct Probe<'p> {
     changes: &'p [Change],
-    /// By unit and step, the changes that have done the same so far.
+    /// Changes, by unit and step, that have had the same effect so far.
     live: Vec<Vec<Vec<usize>>>,
-    /// Of functions that begin with another value.
+    /// Changes of functions whose initial value differs.
     always: Vec<Vec<usize>>,
-    /// How many of both.
+    /// Number of both.
     count: Vec<usize>,
-    /// Those that have left another memory behind, or stopped.
+    /// Changes that have left another memory, or stopped.
     pub differ: Vec<usize>,
-    /// By change: its step was reached; it was another there.
+    /// Whether the step of each change was reached, with another value.
     pub reached: Vec<bool>,
     pub other: Vec<bool>,
     /// The call in which its step was another at last.
@@ -300,21 +300,21 @@ impl<'p> Probe<'p> {
     }
 }
 
-/// What is another in a changed library.
+/// Change between two libraries.
 #[derive(Clone, Debug)]
 pub(crate) struct Change {
     unit: usize,
     step: Option<Step>,
-    /// Where it is one expression of the step: which, and what it is.
+    /// Changed expression of the step: its number and its code, where it is one.
     part: Option<(usize, Code)>,
-    /// By unit, what begins with another value.
+    /// Changed initial values, by unit.
     begins: Vec<(usize, Vec<(usize, Value)>)>,
-    /// It may read what the unit as it stands writes before it reads it.
+    /// The change may read a value that the unchanged unit writes before it reads it.
     pub strict: bool,
 }
 
 impl Change {
-    /// Of a library of which the body of a unit is another, or what its memory begins with.
+    /// Change between a library and one with another body or initial memory of a unit.
     pub(crate) fn between(library: &Library, changed: &Library, unit: usize) -> Self {
         let differing = |number: usize| -> Vec<(usize, Value)> {
             let (as_it_is, other) = (&library.units[number].image, &changed.units[number].image);
@@ -329,12 +329,12 @@ impl Change {
         Self { unit, step, part, begins: begins.filter(|(_, all)| !all.is_empty()).collect(), strict }
     }
 
-    /// It is the same program.
+    /// Whether it is the same program.
     pub(crate) fn is_none(&self) -> bool {
         self.step.is_none() && self.begins.is_empty()
     }
 
-    /// Nothing reads what is another by it.
+    /// Whether no statement reads the changed values.
     pub(crate) fn is_unread(&self, library: &Library) -> bool {
         let Some(changed) = &self.step else {
             let places: Vec<usize> = self.begins(self.unit).map(|(at, _)| *at).collect();
@@ -362,7 +362,7 @@ impl Change {
         unread(&library.units, self.unit, Some(changed.number), &places)
     }
 
-    /// What begins with another value in a unit.
+    /// Changed initial values of a unit.
     pub(crate) fn begins(&self, unit: usize) -> impl Iterator<Item = &(usize, Value)> {
         self.begins.iter().filter(move |(number, _)| *number == unit).flat_map(|(_, all)| all)
     }
@@ -423,7 +423,7 @@ struct Run<'r, 'p> {
     number: usize,
     frame: usize,
     line: usize,
-    /// Of this call among all, and whether changes of this unit are tried in it.
+    /// Number of this call among all, and whether changes of this unit are tried in it.
     call: u64,
     tried: bool,
 }
@@ -670,7 +670,7 @@ impl<'r, 'p> Run<'r, 'p> {
                     (value, to) => self.stop(format!("{value:?} to {to:?}")),
                 }
             }
-            // Both sides of AND and OR too: so do many controllers.
+            // Both sides of AND and OR are evaluated, as in many controllers.
             Code::Binary(op, left, right) => {
                 let (left, right) = (self.value(left)?, self.value(right)?);
                 self.memory.operations += 1;
@@ -764,7 +764,7 @@ impl<'r, 'p> Run<'r, 'p> {
         }
     }
 
-    /// Also where an operand already was none: a controller may trap there.
+    /// Fails also where an operand already was no number: a controller may trap there.
     fn number(&self, value: Value) -> Result<Value, Stop> {
         let finite = match value {
             Value::Real(x) => x.is_finite(),

@@ -1,4 +1,5 @@
-//! What a test did with a block, and what it read there: played again on a changed library, the first other bit ends it.
+//! Trace of a test: its writes to a block and its reads, played again on a changed library, the first other bit ends
+//! it.
 
 use crate::library::Build;
 use std::collections::HashMap;
@@ -20,13 +21,13 @@ pub struct Trace {
     pub(crate) pins: Vec<String>,
     pub(crate) events: Vec<Event>,
     numbers: HashMap<String, u16>,
-    /// What stands at a pin already, and what was read since something happened: neither is noted again.
+    /// Values known at pins, and reads since the last event: neither is noted again.
     stands: HashMap<u16, u64>,
     known: Vec<u16>,
 }
 
 impl Trace {
-    /// Of a block as it stands after its first download.
+    /// Trace of a block in its state after the first download.
     pub fn new(unit: &str, build: Build) -> Self {
         Self {
             unit: unit.to_owned(),
@@ -125,7 +126,7 @@ impl Trace {
         Ok(())
     }
 
-    /// What [`write`](Self::write) wrote.
+    /// Trace from the output of [`write`](Self::write).
     ///
     /// # Errors
     /// Where it cannot be read, or is something else.

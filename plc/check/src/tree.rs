@@ -2,14 +2,14 @@
 
 use std::fmt;
 
-/// What one file holds.
+/// Content of one file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Unit {
     /// `TYPE … STRUCT`.
     Struct {
-        /// Its name.
+        /// Name.
         name: String,
-        /// Its fields.
+        /// Fields.
         fields: Vec<Var>,
     },
     /// `FUNCTION`, `FUNCTION_BLOCK` or `PROGRAM`.
@@ -28,19 +28,19 @@ impl Unit {
 /// A function, a function block or a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pou {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// A program: a block of which there is one.
     pub program: bool,
     /// The type that a function gives; none for the others.
     pub returns: Option<Type>,
-    /// Its declarations.
+    /// Declarations.
     pub blocks: Vec<VarBlock>,
-    /// Its statements.
+    /// Statements.
     pub body: Vec<Stmt>,
 }
 
-/// Who sees a variable.
+/// Visibility of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
     /// `VAR_INPUT`.
@@ -54,31 +54,31 @@ pub enum Class {
 /// `VAR … END_VAR`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VarBlock {
-    /// Who sees them.
+    /// Visibility.
     pub class: Class,
     /// `CONSTANT`.
     pub constant: bool,
     /// `RETAIN`.
     pub retain: bool,
-    /// Its variables.
+    /// Variables.
     pub vars: Vec<Var>,
 }
 
 /// A declaration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Var {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its type.
+    /// Type.
     pub ty: Type,
-    /// What it begins with; none: 0 or FALSE.
+    /// Initial value; none: 0 or FALSE.
     pub initial: Option<Expr>,
 }
 
 /// A type as it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Type {
-    /// By its name.
+    /// A type by its name.
     Named(String),
     /// `ARRAY[low..high] OF element`.
     Array {
@@ -94,13 +94,13 @@ pub enum Type {
 /// A statement and the line it begins in.
 #[derive(Clone, Debug)]
 pub struct Stmt {
-    /// From 1.
+    /// Line, from 1.
     pub line: usize,
-    /// What it does.
+    /// Kind.
     pub kind: StmtKind,
 }
 
-/// Where a statement stands is no part of the tree: a package may break its lines elsewhere.
+/// Comparison without line numbers: a package may break its lines elsewhere.
 impl PartialEq for Stmt {
     fn eq(&self, other: &Self) -> bool {
         self.kind == other.kind
@@ -124,7 +124,7 @@ pub enum StmtKind {
         to: Expr,
         /// Step; none: 1.
         by: Option<Expr>,
-        /// What is repeated.
+        /// Repeated statements.
         body: Vec<Stmt>,
     },
     /// `WHILE … DO … END_WHILE;`
@@ -184,7 +184,7 @@ pub enum Op {
 }
 
 impl Op {
-    /// As it is written.
+    /// Symbol in the source.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::Add => "+",
@@ -242,9 +242,9 @@ impl Expr {
 pub struct Fault {
     /// File or POU.
     pub place: String,
-    /// From 1; 0 where it is not known.
+    /// Line, from 1; 0 where it is not known.
     pub line: usize,
-    /// What is wrong.
+    /// Error in words.
     pub what: String,
 }
 

@@ -4,20 +4,20 @@ use crate::library::Library;
 use crate::run::{Change, Instance, Probe};
 use crate::trace::{Event, Trace};
 
-/// What became of a mutant.
+/// Fate of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fate {
     /// A trace shows another bit, or stops.
     Noticed,
-    /// It is the same program once names are resolved.
+    /// The program is the same once names are resolved.
     Same,
-    /// Nothing reads what is another by it.
+    /// No statement reads the changed values.
     Unread,
     /// No trace reaches the changed step.
     Unreached,
     /// The changed step always did the same.
     Alike,
-    /// It did something else, and its unit left the same memory behind.
+    /// The mutant acted differently, and its unit left the same memory.
     Absorbed,
     /// Another memory was left behind, and nothing showed it.
     Hidden,
@@ -38,7 +38,7 @@ struct Fork<'l> {
 }
 
 impl Trial {
-    /// Of a library as it stands.
+    /// Trial on an unchanged library.
     pub fn new(library: Library) -> Self {
         Self { library, changes: vec![] }
     }
@@ -52,7 +52,7 @@ impl Trial {
         self.changes.push(Change::between(&self.library, changed, number));
     }
 
-    /// What becomes of them on the traces, by the order in which they were added.
+    /// Fates of the mutants on the traces, in the order in which they were added.
     ///
     /// # Panics
     /// Where a trace does not hold on the library as it stands.
@@ -254,17 +254,17 @@ mod tests {
             // On one way.
             ("0.0", "T := #; IF P THEN T := A; END_IF; Y := T;\n"),
             ("0.0", "T := #; WHILE I < 1 DO T := A; I := I + 1; END_WHILE; Y := T;\n"),
-            // In the next pass, or the next scan.
+            // Read in the next pass, or the next scan.
             ("0.0", "T := A; FOR I := 1 TO 2 DO Y := Y + T; T := #; END_FOR;\n"),
             ("0.0", "Y := T; T := #;\n"),
             ("0.0", "@ := 0.0; Y := T;\n"),
             ("#", "Y := T; T := A;\n"),
-            // By who called it.
+            // Read by the caller.
             ("0.0", "Y := #;\n"),
-            // By a block that is called.
+            // Read by a called block.
             ("0.0", "Inner(Clear := P, X := #); Inner(X := A); Y := Inner.Z;\n"),
             ("0.0", "Inner(Clear := TRUE, X := #); Inner(Clear := FALSE); Y := Inner.Z;\n"),
-            // By a stop, or a place that is not known here.
+            // Read by a stop, or at a place that is not known here.
             ("0.0", "T := A / #; T := A; Y := T;\n"),
             ("0.0", "Row[1] := #; Row[I] := A; Y := Row[1];\n"),
         ] {
@@ -308,7 +308,7 @@ mod tests {
             trial.add("GlappTry", &with("0.0", other));
             trial.fates(std::iter::once(trace))[0]
         };
-        // What T held before is written over.
+        // The earlier value of T is overwritten.
         let body = "T := A; Y := T; T := A + 1.0;\n";
         assert_eq!(play(body, "T := A; Y := T; T := A + 2.0;\n"), Fate::Absorbed);
         // A mutant may read what the source writes first.

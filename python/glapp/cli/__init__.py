@@ -144,6 +144,7 @@ def main() -> None:
 
 
 def _run() -> int | str | None:
+    """Run the command line; gives the exit code."""
     try:
         app()
     except SystemExit as end:
@@ -158,6 +159,6 @@ def _run() -> int | str | None:
 
 
 def _silence() -> None:
-    """Standard output to nowhere: else what is left for it is tried again at the end, with a traceback."""
+    """Send standard output to nowhere: else the rest of it is written again at the end, with a traceback."""
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), sys.__stdout__.fileno() if sys.__stdout__ else 1)

@@ -32,7 +32,7 @@ __all__ = ["analyze"]
 
 @with_options
 def analyze(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Recordings, loops.toml files, or both.")],
     options: Options,
     as_loop: Annotated[
         str | None,
@@ -128,7 +128,7 @@ _REFUSED = 3
 
 
 def _show(answers: Sequence[Result | Refused], why: bool) -> None:
-    """What is so and what to do: a block a loop, or of many a table, the most urgent first; why in blocks only."""
+    """Print state and next step: a block a loop, or a table of many, the most urgent first; reasons in blocks only."""
     results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
     shown = [result for result in results if result.trace is not None]  # an error has a line of its own
     if why or len(results) <= _BLOCKS:
@@ -164,6 +164,7 @@ def _planned(plan: Plan) -> list[tuple[str, str]]:
 
 
 def _block(result: Result, why: bool) -> None:
+    """Print the block of one loop, with reasons on request."""
     texts = result.texts()
     head = Text("  ").join(
         filter(None, [styled(_name(result), style="bold"), styled(texts["headline"]), _verdict(result)])
@@ -189,7 +190,7 @@ def _block(result: Result, why: bool) -> None:
 
 
 def _show_repair(result: Result, repair: Repair, below: int, left: int) -> None:
-    """What is told of a repair, and a line for each number before and after it."""
+    """Print the result of a repair, and a line for each number before and after it."""
     rows = repaired.rows(repair, result.unit, result.loop.pv_unit or "PV unit")
     lines = [(name, f"{before} → {after}{change and f': {change}'}") for name, before, after, change in rows]
     out.print(Padding(repaired.text(repair, result.unit), (0, 0, 0, left)))
@@ -197,7 +198,7 @@ def _show_repair(result: Result, repair: Repair, below: int, left: int) -> None:
 
 
 def _columns(results: Sequence[Result]) -> list[Column]:
-    """A row per loop: the one answer first, and after it what came about how."""
+    """Columns of a row per loop: the answer first, then its evidence."""
     fitted = any(result.fit is not None for result in results)
     columns = [Column("loop", [one_line(_name(result)) for result in results])]
     if fitted:
@@ -233,13 +234,13 @@ def _verdict(result: Result, probable: bool = False) -> Text:
 
 
 def _crossing(result: Result) -> Text:
-    """What a PLC would show, in brackets and crossed out where the fit contradicts it."""
+    """Width that a PLC would show, in brackets and crossed out where the fit contradicts it."""
     text = words.quantity(result.d_hat, words.op_unit(result.unit))
     return styled(text, style="dim") if result.answer.struck is None else styled(f"({text})", style="dim strike")
 
 
 def _cells(result: Result) -> list[str]:
-    """What the zero crossings gave: counts, reasons, quality."""
+    """Cells of the zero crossings: counts, reasons, quality."""
     worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
     reasons = [f"{name.replace('_', ' ')} {n}" for name, n in result.ranked_reasons()[:2]]
     return [

@@ -1,4 +1,4 @@
-"""Where guessing fails and somebody sits at the terminal: the first rows, a question, and a settings file."""
+"""Questions at the terminal where guessing fails: the first rows, a question, and a settings file."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ __all__ = ["asked", "can_ask"]
 
 _ROWS = 3
 _WIDEST = 40
-"""So many columns are offered."""
+"""Number of columns offered."""
 _TIMES = 3
-"""So many questions of one file."""
+"""Number of questions about one file."""
 _SIGNALS = (("time", "the time"), ("pv", "PV"), ("op", "OP"), ("sp", "SP"))
 _FORMATS = {
     "day order": ("day first", "month first"),
     "time unit": ("milliseconds", "seconds", "minutes", "hours", "days", "excel", "matlab", "julian"),
 }
-"""What `time_format` may be, by what is asked."""
+"""Choices of `time_format`, by the question."""
 
 
 def can_ask() -> bool:
@@ -42,6 +42,7 @@ def asked(opened: Sequence[Recording | Valve | Refused], settings: dict[str, Any
 
 
 def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
+    """Ask for the missing settings of a file, and open it with the answers."""
     file, given, error = Path(entry.source), dict(settings), entry.error
     for _ in range(_TIMES):
         if error.asks is None:
@@ -59,6 +60,7 @@ def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | R
 
 
 def _columns(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, Any]:
+    """Ask which columns are SP, PV and OP."""
     names, rows = first_rows(file, _ROWS)
     say_error(error)
     err.print(f"\n{file} begins so:")
@@ -84,6 +86,7 @@ def _columns(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, 
 
 
 def _time_format(file: Path, error: InputError, given: dict[str, Any]) -> dict[str, Any]:
+    """Ask how the time column is written."""
     err.print(f"\n{file}: {error.what}.")
     formats = _FORMATS[error.asks or ""]
     for i, one in enumerate(formats, start=1):
@@ -94,6 +97,7 @@ def _time_format(file: Path, error: InputError, given: dict[str, Any]) -> dict[s
 
 
 def _number(question: str, most: int) -> int | None:
+    """Ask for a number from 1 to `most`; None for no answer."""
     while text := _line(question):
         if text.isdecimal() and 1 <= int(text) <= most:
             return int(text)
@@ -112,6 +116,7 @@ def _positive(question: str) -> float:
 
 
 def _line(question: str) -> str:
+    """The person's answer to a question, without spaces around it."""
     err.print(question, end="")
     line = sys.stdin.readline()
     if not line:

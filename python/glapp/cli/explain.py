@@ -96,6 +96,7 @@ def _nearest(result: Result, t: float, at: str) -> int:
 
 
 def _list(result: Result) -> None:
+    """Print the list of half-periods."""
     from ..report.words import REASONS as WORDS
     from ..report.words import clock, count, crossing, number
 
@@ -127,10 +128,12 @@ def _list(result: Result) -> None:
 
 
 def _reason(label: str, accepted: bool) -> Text:
+    """A verdict's label, bold where the half-period was accepted."""
     return styled(label, style="bold" if accepted else "")
 
 
 def _show(result: Result, i: int) -> None:
+    """Print one half-period with the numbers of its verdict."""
     from ..report import words
 
     h, s = result.half_periods, result.settings

@@ -153,6 +153,7 @@ def analyze(
 
 
 def _bar() -> Progress:
+    """Progress bar of a run."""
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -164,6 +165,7 @@ def _bar() -> Progress:
 
 
 def _table(rows: list[dict[str, Any]]) -> Table:
+    """Table of the valves to repair first."""
     from ..report.words import named, number
 
     table = Table(title="To repair first", title_justify="left")

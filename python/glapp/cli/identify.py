@@ -10,12 +10,11 @@ import typer
 from ..controller import Controller
 from ..errors import InputError
 from ..escape import one_line
-from ..estimate import INSPECTED_ROWS
-from ..estimate import identify as read_off
+from ..estimate import identify_with_unit
 from ..identify import R2_USABLE, Identification
 from ..loop import Loop
 from ..reading.settings import write_settings
-from ..recording import Recording, with_op_unit
+from ..recording import Recording
 from .inputs import Valve, open_files, recording_of
 from .options import Options, with_options
 from .screen import key_values, out, say_error
@@ -25,7 +24,7 @@ __all__ = ["identify"]
 
 @with_options
 def identify(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Recordings, loops.toml files, or both.")],
     options: Options,
 ) -> None:
     """Find K, Ti and Td of the controller from OP's moves, with their intervals, ready for a loops.toml."""
@@ -39,14 +38,14 @@ def identify(
     for i, entry in enumerate(recordings):
         try:
             recording = recording_of(entry)
-            found = read_off(recording)
+            found, known = identify_with_unit(recording)
         except InputError as error:
             faults.append(error)
             continue
         if i:
             out.print()
         out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
-        out.print(key_values(_rows(recording, found)))
+        out.print(key_values(_rows(recording, found, known.op_label)))
         if found.usable:
             loops.append(_settings(recording, found))
         else:
@@ -63,7 +62,7 @@ def identify(
 
 
 def _settings(recording: Recording, found: Identification) -> Loop:
-    """The loop with what was found, as a loops.toml has it."""
+    """The loop with the identified settings, as a loops.toml has it."""
     assert found.k is not None and found.ti is not None
     controller: dict[str, Any] = {"k": _rounded(abs(found.k)), "gain_unit": "OP/PV", "ti": _rounded(found.ti)}
     if found.td:
@@ -75,13 +74,13 @@ def _settings(recording: Recording, found: Identification) -> Loop:
     return Loop(name=recording.name, file=Path(recording.source), controller=Controller(**controller))
 
 
-def _rows(recording: Recording, found: Identification) -> list[tuple[str, str]]:
+def _rows(recording: Recording, found: Identification, op: str) -> list[tuple[str, str]]:
+    """Rows of the table of K, Ti and Td with their intervals."""
     from ..report.words import number, quantity
 
     def between(low: float | None, high: float | None, unit: str) -> str:
         return f"95 %: {number(low)} to {quantity(high, unit) if high != float('inf') else 'no upper end'}"
 
-    op = with_op_unit(recording.loop, recording.beginning(INSPECTED_ROWS)).op_label
     pv = recording.loop.pv_unit or recording.units.get("PV") or "PV unit"
     gain = f"{op}/{pv}"
     rows = []

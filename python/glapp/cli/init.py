@@ -22,7 +22,7 @@ __all__ = ["init"]
 @with_columns
 def init(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILES...", help="Recordings: CSV, Excel, JSON, Parquet or Arrow.")
+        list[Path], typer.Argument(metavar="FILES", help="Recordings: CSV, Excel, JSON, Parquet or Arrow.")
     ],
     options: Options,
     output: Annotated[

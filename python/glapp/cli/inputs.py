@@ -115,7 +115,7 @@ def _as_loop(files: Sequence[Path], options: Options, name: str) -> list[Recordi
 
 
 def _gathered(opened: Sequence[Recording | Valve | Refused], name: str) -> list[Recording | Valve | Refused]:
-    """Recordings of one loop as one entry, and what was refused beside it."""
+    """Recordings of one loop as one entry, and the refused ones."""
     recordings = [_called(entry, name) for entry in opened if isinstance(entry, Recording)]
     rest = [entry for entry in opened if not isinstance(entry, Recording)]
     if len(recordings) > 1:
@@ -147,6 +147,7 @@ def _files(loop: Loop) -> tuple[Path, ...]:
 
 
 def _from_settings(file: Path) -> list[Recording | Valve | Refused]:
+    """Recordings of the loops of a settings file."""
     try:
         loops = read_each(file)
     except InputError as error:
@@ -227,6 +228,7 @@ def _with_paths(name: str, sources: Sequence[str]) -> list[str]:
 
 
 def _renamed(entry: Recording | Valve | Refused, name: str) -> Recording | Valve | Refused:
+    """The entry under another name."""
     if isinstance(entry, Refused):
         return replace(entry, name=name)
     if isinstance(entry, Valve):
@@ -235,6 +237,7 @@ def _renamed(entry: Recording | Valve | Refused, name: str) -> Recording | Valve
 
 
 def _called(recording: Recording, name: str) -> Recording:
+    """The recording under another name."""
     recording.name, recording.loop = name, recording.loop.model_copy(update={"name": name})
     return recording
 
@@ -242,7 +245,7 @@ def _called(recording: Recording, name: str) -> Recording:
 def _only(
     opened: list[Recording | Valve | Refused], asked: Sequence[str], names: Sequence[str] | None
 ) -> list[Recording | Valve | Refused]:
-    """Those that were asked for, by the name they have here or by the one in their file."""
+    """The requested recordings, by their name here or by the one in their file."""
     if not names:
         return opened
     known = {entry.name for entry in opened}

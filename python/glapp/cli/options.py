@@ -1,4 +1,4 @@
-"""What a person may say about a loop on the command line, and the same as the keys of `Loop`."""
+"""Options of the command line that describe a loop, and their keys in `Loop`."""
 
 from __future__ import annotations
 
@@ -31,17 +31,20 @@ def _choices(annotation: Any) -> str:
 
 
 def _column(signal: str) -> Any:
+    """Option for the column of a signal."""
     return typer.Option(
         metavar="COLUMN", help=f"Column of {signal}.", rich_help_panel="Columns or tags, where the guess is wrong"
     )
 
 
 def _setting(text: str, metavar: str = "NUMBER") -> Any:
+    """Option for a setting of the controller."""
     panel = "Settings of the loop (for one recording; for several write a loops.toml)"
     return typer.Option(metavar=metavar, help=text, rich_help_panel=panel)
 
 
 def _word(model: type[Controller] | type[Process] | type[Loop], key: str, text: str) -> Any:
+    """Option for a setting that is one of several words."""
     return _setting(text, _choices(model.model_fields[key].annotation))
 
 
@@ -93,7 +96,7 @@ class Options:
         return self._given(_COLUMNS)
 
     def settings(self) -> dict[str, Any]:
-        """What was given, as keys of `Loop`.
+        """The given options as keys of `Loop`.
 
         Raises CommandError where a value is out of its bounds or another is missing beside it.
         """
@@ -113,6 +116,7 @@ class Options:
         return given
 
     def _given(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Options of these names that were given."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 

@@ -55,7 +55,7 @@ def check_output(option: str, path: Path, inputs: Iterable[Path], ours: tuple[st
 
 
 def fault_of(path: Path, write: Callable[[], object]) -> InputError | None:
-    """What went wrong when this file was written."""
+    """The error of writing this file."""
     try:
         write()
     except OSError as error:
@@ -70,6 +70,7 @@ def save(path: Path, content: str | bytes) -> None:
 
 
 def _same(one: Path, other: Path) -> bool:
+    """Whether two paths are the same file."""
     try:
         return one.samefile(other)
     except (OSError, ValueError):  # one of them does not exist

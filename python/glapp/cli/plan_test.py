@@ -26,7 +26,7 @@ __all__ = ["plan_test"]
 
 @with_options
 def plan_test(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Recordings, loops.toml files, or both.")],
     options: Options,
     op_within: Annotated[
         tuple[float, float] | None,
@@ -95,5 +95,6 @@ the reason is told.
 
 
 def _show(one: Plan) -> None:
+    """Print a plan."""
     out.print(one_line(f"{one.name}  ({one.source})"), style="bold", soft_wrap=True)
     out.print(key_values([(name, one_line(text)) for name, text in planned.rows(one)]))

@@ -43,7 +43,7 @@ def need_opcua() -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Fault:
-    """When what happens, where, and for how long [s]."""
+    """Time, kind, loop and duration of a fault [s]."""
 
     after: float
     kind: str
@@ -52,6 +52,7 @@ class _Fault:
 
 
 def _fault(text: str) -> _Fault:
+    """A fault from the text AFTER,KIND,LOOP,SECONDS."""
     parts = text.split(",")
     try:
         after, lasts = float(parts[0]), float(parts[3]) if len(parts) > 3 else 60.0
@@ -136,6 +137,7 @@ def plant(
 
 
 async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]) -> None:
+    """Run the simulated plant with its faults, until stopped."""
     try:
         await made.open()
     except OSError as error:
@@ -154,6 +156,7 @@ async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]
 
 
 async def _happen(made: SimPlant, fault: _Fault) -> None:
+    """Start a fault in the simulated plant, and end it in time."""
     await asyncio.sleep(fault.after)
     what = fault.kind if fault.loop is None else f"{fault.kind} in {fault.loop}"
     out.print(f"fault: {what} for {fault.lasts:g} s", soft_wrap=True)

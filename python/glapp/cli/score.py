@@ -1,4 +1,4 @@
-"""`glapp score`: the answers beside what the workshop found."""
+"""`glapp score`: the answers compared with the workshop's findings."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def score(
         bool, typer.Option("--json", metavar="", help="One JSON object on standard output, nothing else.")
     ] = False,
 ) -> None:
-    """Hold the answers against what the workshop found: how many are right, wrong and silent.
+    """Compare the answers with the workshop's findings: how many are right, wrong and silent.
 
     LABELS has a row per valve, with these columns:
 
@@ -113,7 +113,7 @@ def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refus
 
 
 def _require_another(entry: Recording | Valve | Refused, label: Label, seen: dict[bytes, Label]) -> None:
-    """Refuse a recording that stands in another row already, under whatever name.
+    """Refuse a recording that another row has already, under whatever name.
 
     Raises InputError: naming the first row.
     """
@@ -133,6 +133,7 @@ def _require_another(entry: Recording | Valve | Refused, label: Label, seen: dic
 
 
 def _show(scored: list[Scored], differ: list[Scored]) -> None:
+    """Print the tables of the score."""
     heads = ("the answer is", "right", "wrong", "silent", "right of those that say\nsomething (95 %)")
     _table(heads, texts.counts(scored))
     stated = texts.calibration(scored)

@@ -44,7 +44,7 @@ class _Screen(Console):
         super().__init__(markup=False, emoji=False, highlight=False, stderr=stderr)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Every string that is printed, or stands in a table, comes through here."""
+        """Render every string that is printed, or is in a table."""
         return super().render_str(escaped(text), **options)
 
 
@@ -62,7 +62,7 @@ def say_error(error: Exception | str) -> None:
 
 
 def say_note(text: str) -> None:
-    """One line on standard error about what was done."""
+    """Print one line on standard error about a step that was done."""
     err.print(f"note: {one_line(text)}", soft_wrap=True)
 
 
@@ -128,6 +128,7 @@ def show_table_on(screen: Console, columns: Sequence[Column]) -> None:
 
 
 def _print(screen: Console, columns: Sequence[Column]) -> None:
+    """Print a table that fits the terminal."""
     table = Table(box=None, padding=(0, _GAP, 0, 0), header_style="bold", pad_edge=False)
     first, *others = columns
     widths = [_name_width(screen, first), *map(_least, others)]

@@ -1,4 +1,4 @@
-"""What `glapp watch` and `glapp station` share: their options, what they need, and how they end."""
+"""Parts that `glapp watch` and `glapp station` share: options, requirements, and their end."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def say_first_login(data: Path) -> None:
 
 
 async def until_stopped(*work: Awaitable[None]) -> None:
-    """All of it, until one ends or fails, or the process is told to stop."""
+    """Run all tasks until one ends or fails, or the process is stopped."""
     tasks = [asyncio.ensure_future(one) for one in work]
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()

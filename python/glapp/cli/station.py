@@ -70,6 +70,7 @@ async def _serve(
     trust: Path | None,
     known: Path | None,
 ) -> None:
+    """Run the window, until stopped."""
     from ..service.api import ApiServer
     from ..station.app import app_of
     from ..station.client import ApiClient

@@ -25,7 +25,7 @@ __all__ = ["step_test"]
 
 @with_options
 def step_test(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Recordings, loops.toml files, or both.")],
     options: Options,
     manual: Annotated[
         bool,
@@ -117,6 +117,7 @@ def _page(found: Sequence[StepTest]) -> str:
 
 
 def _show(found: StepTest) -> None:
+    """Print the result of a step test."""
     from ..report.words import clock, number, op_unit, quantity
 
     op = op_unit(found.unit)

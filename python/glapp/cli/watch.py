@@ -1,4 +1,4 @@
-"""`glapp watch`: the service beside a plant, and what is asked of it."""
+"""`glapp watch`: the service beside a plant, and the commands to it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _HURRY = 20_000.0
 """Seconds of a simulated plant per second, until it has caught up with the clock on the wall."""
 
 _SOON = 0.01
-"""How often such a plant tells its values [s]: it waits for each u_FF."""
+"""Interval at which such a plant sends its values [s]: it waits for each u_FF."""
 
 TOKEN = "GLAPP_TOKEN"
 """The environment's variable that may hold a token of the API."""
@@ -45,7 +45,7 @@ _API_URL = "http://127.0.0.1:8107"
 
 
 class _Group(TyperGroup):
-    """`glapp watch loops.toml` is `glapp watch run loops.toml`: what is no command's name is what is to be watched."""
+    """`glapp watch loops.toml` is `glapp watch run loops.toml`: a word that is no command's name is a file to watch."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
@@ -85,6 +85,7 @@ User = Annotated[
 
 
 def _server_option(text: str, metavar: str, low: int | None = None, high: int | None = None) -> Any:
+    """Option of our own OPC UA server."""
     return typer.Option(metavar=metavar, help=text, min=low, max=high, rich_help_panel="Our own OPC UA server")
 
 
@@ -186,6 +187,7 @@ async def _serve(
     demo: dict[str, Any] | None,
     ours: dict[str, Any] | None,
 ) -> None:
+    """Run the service, until stopped."""
     from ..reading.settings import parse_settings, read_settings
     from ..service import demonstration
     from ..service.api import ApiServer, app_of
@@ -324,6 +326,7 @@ def status(
 
 
 def _cells(loop: dict[str, Any], now: float) -> tuple[str, ...]:
+    """Cells of a loop in the table of states."""
     answer, unit = loop["answer"], loop["unit"]
     seen = "never" if loop["seen"] is None else f"{_age(now - loop['seen'])} before"
     if loop["good"] is False:
@@ -394,7 +397,7 @@ def restore(
         say_note(f"the database that was there is {aside.name} now")
 
 
-# What is asked of the service goes through its API, in the name of who asks.
+# Commands to the service go through its API, in the name of the person who asks.
 
 
 @watch.command(epilog=examples("glapp watch login engineer"))
@@ -482,7 +485,7 @@ def take_over(
     api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
-    """Take over what a fit found: the width to compensate, Kp, and K and Ti where they are not known."""
+    """Take over a fit's result: the width to compensate, Kp, and K and Ti where they are not known."""
     if answer is None:
         found = _answer_of_service(api_url, user, "GET", f"/loops/{_path_part(loop)}/answers?most=1")
         if not found:
@@ -530,12 +533,13 @@ def _token_file() -> Path:
 
 
 def _token_of(api_url: str, user: str) -> str:
+    """Ask for the password, and log in; gives the token."""
     password = typer.prompt(f"Password of {user}", hide_input=True, err=True)
     return str(_request(api_url, "POST", "/login", {"user": user, "password": password}, None)["token"])
 
 
 def _answer_of_service(api_url: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
-    """What the service answers."""
+    """Answer of the service."""
     need("watch", "service", "httpx")
     if user is not None:
         token = _token_of(api_url, user)
@@ -549,6 +553,7 @@ def _answer_of_service(api_url: str, user: str | None, method: str, path: str, b
 
 
 def _request(api_url: str, method: str, path: str, body: Any, token: str | None) -> Any:
+    """A request to the service; gives its answer."""
     import httpx
 
     headers = {} if token is None else {"Authorization": f"Bearer {token}"}
@@ -573,6 +578,7 @@ def _request(api_url: str, method: str, path: str, body: Any, token: str | None)
 
 
 def _path_part(name: str) -> str:
+    """A loop's name as part of a URL."""
     from urllib.parse import quote
 
     return quote(name, safe="")

@@ -31,7 +31,7 @@ PATIENCE = 1.0
 def analyze_all(
     opened: Sequence[Recording | Valve | Refused], trust: bool, fit: bool, plan: Mapping[str, Any] | None = None
 ) -> list[Result | Refused]:
-    """Analyse in parallel; the answers in the order of what was opened, with a plan within limits where one is open."""
+    """Analyse in parallel; the answers in the order of the recordings, with a plan within limits where one is open."""
     done = [0.0] * len(opened)
     stop = Event()
 

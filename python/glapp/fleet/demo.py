@@ -59,7 +59,7 @@ Record = Literal["good", "no_op", "compressed", "coarse", "manual"]
 
 _AREAS = ("Wood yard", "Digester", "Bleaching", "Recovery", "Paper machine 1", "Paper machine 2")
 _LETTERS = ("FIC", "PIC", "TIC", "QIC")
-# How many of a hundred valves are of each kind, by how well they are built.
+# Number of valves of each kind in a hundred, by how well they are built.
 _KINDS: dict[str, dict[Kind, int]] = {
     "globe": dict(sound=34, restless=16, swinging=8, tight=4, gap=12, small=14, wear=6, sticking=4, both=2),
     "segment": dict(sound=28, restless=14, swinging=8, tight=4, gap=18, small=10, wear=10, sticking=4, both=4),
@@ -102,7 +102,7 @@ class _Loop:
 
     @property
     def dead_band(self) -> float:
-        """What OP must move after it turned before the valve does, on the last day [%]."""
+        """Move of OP after a turn before the valve moves, on the last day [%]."""
         return self.d[1] + self.friction[0]
 
     def scenario(self, day: int, days: int, seed: int) -> Scenario:
@@ -275,6 +275,7 @@ def _random_loop(i: int, seed: int) -> _Loop:
 
 
 def _write_day(lake: Path, drawn: Sequence[_Loop], day: int, days: int, seed: int) -> None:
+    """Write the files of a day."""
     name = (BEGIN + timedelta(days=day)).isoformat()
     for site in ("historian", "opc"):
         folder = lake / site / f"day={name}"
@@ -292,6 +293,7 @@ def _write_day(lake: Path, drawn: Sequence[_Loop], day: int, days: int, seed: in
 
 
 def _encoded(schema: pa.Schema) -> dict[str, Any]:
+    """Options that encode a table's columns for small files."""
     words = [field.name for field in schema if pa.types.is_string(field.type)]
     times = [field.name for field in schema if pa.types.is_timestamp(field.type)]
     return {"use_dictionary": words, "column_encoding": dict.fromkeys(times, "DELTA_BINARY_PACKED")}
@@ -315,7 +317,7 @@ _OPC = pa.schema(
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """What a historian kept of a day: rows of the simulation, values, and which of PV are bad."""
+    """A historian's data of a day: rows of the simulation, values, and which of PV are bad."""
 
     k: NDArray[np.int64]
     pv: NDArray[np.float64]
@@ -326,6 +328,7 @@ class _Kept:
 
 
 def _recorded_day(loop: _Loop, s: Simulation, day: int, seed: int) -> _Kept:
+    """A simulated day as its historian keeps it."""
     k = np.arange(0, len(s.t), 60 if loop.record == "coarse" else STEP)
     pv = np.round(s.pv[k], 2)
     if loop.record == "compressed":
@@ -336,7 +339,7 @@ def _recorded_day(loop: _Loop, s: Simulation, day: int, seed: int) -> _Kept:
 
 
 def _drawn_as_lines(x: NDArray[np.float64], band: float) -> NDArray[np.float64]:
-    """What is read back from a historian that keeps a value when it has moved by a band, and draws lines between."""
+    """Signal read back from a historian that keeps a value when it has moved by a band, and draws lines between."""
     kept = [0]
     for i in range(1, len(x)):
         if abs(x[i] - x[kept[-1]]) > band:
@@ -377,6 +380,7 @@ def _long(loops: Sequence[_Loop], made: Sequence[Simulation], day: int, seed: in
 
 
 def _wide(loop: _Loop, simulation: Simulation, day: int, seed: int) -> pa.Table:
+    """A day as a table with a column for each signal."""
     kept = _recorded_day(loop, simulation, day, seed)
     columns = {"time": _utc(day, kept.k), "SP": pa.array(kept.sp), "PV": pa.array(kept.pv), "OP": pa.array(kept.op)}
     if loop.record == "no_op":
@@ -387,6 +391,7 @@ def _wide(loop: _Loop, simulation: Simulation, day: int, seed: int) -> pa.Table:
 
 
 def _changes(x: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether each value differs from the one before."""
     changed: NDArray[np.bool_] = np.r_[True, x[1:] != x[:-1]]
     return changed
 
@@ -401,6 +406,7 @@ def _utc(day: int, seconds: NDArray[np.int64]) -> pa.Array:
 
 
 def _write_settings(lake: Path, drawn: Sequence[_Loop]) -> None:
+    """Write the settings of the lake's loops."""
     rows = []
     for loop in drawn:
         row: dict[str, Any] = {"loop": loop.name, "area": loop.area, "valve": loop.valve}
@@ -427,6 +433,7 @@ _SETTINGS = pa.schema(
 
 
 def _write_truth(lake: Path, drawn: Sequence[_Loop]) -> None:
+    """Write the truth of the valves."""
     rows = [
         {
             "loop": loop.name,
@@ -534,6 +541,7 @@ def _spoil(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[tuple[str,
 
 
 def _in_psi(lake: Path, loop: _Loop, day: str) -> Iterator[tuple[str, str, str, str]]:
+    """Rewrite a day of a loop in psi; gives the planted fault: code, file, loop, day."""
     path = lake / "historian" / f"day={day}" / "part-0.parquet"
     with pq.ParquetFile(path) as file:
         groups = [file.read_row_group(i) for i in range(file.metadata.num_row_groups)]

@@ -89,6 +89,7 @@ def follow(rows: pa.Table, look: pa.Table, loop: Loop, state: str | None) -> pa.
 
 
 def _followed(rows: pa.Table, day: dict[str, Any], loop: Loop, state: str | None) -> dict[str, Any]:
+    """Crossings of a day, joined to those of the days before."""
     before: dict[str, Any] = {"held": {}, "pinned": None} if state is None else json.loads(state)
     found, _, _ = signals_of(rows)
     held, samples = before["held"], {name: found[name] for name in (*_HELD, "pv") if name in found}
@@ -124,6 +125,7 @@ def _with_last_value(value: float | None, lost: bool, signal: Signal | None) -> 
 
 
 def _last_value(signal: Signal) -> tuple[float | None, bool]:
+    """Last value of a signal, None where that is not known, and whether the signal was lost."""
     value = float(signal.value[-1])
     return (None if np.isnan(value) else value), bool(signal.lost[-1])
 
@@ -148,6 +150,7 @@ def _settings_differ(pinned: dict[str, Any], detector: dict[str, Any]) -> bool:
 
 
 def _settings(detector: dict[str, Any]) -> dict[str, Any]:
+    """Settings of the detector that it starts with."""
     given = {name: detector[name] for name in ("k", "ti", "td", "b", "kp", "n", "h")}
     given |= {} if detector["tf"] is None else {"tf": detector["tf"]}
     return given | {"op_limits": None if detector["op_limits"] is None else tuple(detector["op_limits"])}
@@ -163,7 +166,7 @@ def _take(history: _glapp.History, samples: dict[str, Signal], pinned: dict[str,
 
 
 def _crossing_columns(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
-    """What was heard so far, in columns."""
+    """State of the crossings so far, in columns."""
     detector = pinned["told"]
     rejected = dict(heard["reasons"])
     answer = {"why": heard["why"], "reasons": rejected, "detections": heard["detections"]}

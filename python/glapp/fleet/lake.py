@@ -82,11 +82,11 @@ BATCH = 1 << 20
 _WORDS = ("mode", "op_low_flag", "op_high_flag")
 _UNITS = {"unit", "units", "uom", "eu", "engunit", "engunits", "engineeringunit", "engineeringunits"}
 _HEAD = 1000
-"""First rows of a file, by which it is told how its texts write numbers."""
+"""First rows of a file, which show the notation of its numbers."""
 _MOST_WORDS = 1000
 """Different words of quality in a file that are looked at."""
 _YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for year in (1971, 2101))
-"""What is older or younger is no time of a sample [µs since 1970]."""
+"""Range of times that a sample may have [µs since 1970]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """What is known of a file after a look.
+    """Facts on a file after a look at it.
 
     - `name`: relative to the lake, with `/`.
     - `size`, `mtime_ns`: by which a changed file is told [B, ns].
@@ -325,6 +325,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
 
 
 def _damaged(name: str, group: int, done: int, rows: int, error: Exception) -> DataIssue:
+    """Data issue of a group of rows that cannot be read."""
     what = f"row group {group} is damaged, {rows} rows are left out: {_line(error)}"
     return DataIssue("damaged", what, "copy the file anew from where it came", name, done + 1, rows=rows)
 
@@ -334,7 +335,7 @@ def _line(error: Exception) -> str:
 
 
 def _folders(name: str) -> dict[str, str]:
-    """What the folders `key=value` of a path tell."""
+    """Folders `key=value` of a path."""
     pairs = (part.partition("=") for part in name.split("/")[:-1] if "=" in part)
     return {key: unquote(value) for key, _, value in pairs if value != "__HIVE_DEFAULT_PARTITION__"}
 
@@ -376,7 +377,7 @@ def _inspected_parts(
 def _batches(
     path: Path, group: int, columns: Sequence[str], dictionary: Sequence[str] = ()
 ) -> Iterator[pa.RecordBatch]:
-    """A group of rows, `BATCH` rows at a time, each column of which holds what it says."""
+    """A group of rows, `BATCH` rows at a time, each column checked against its stated length."""
     with pq.ParquetFile(path, read_dictionary=list(dictionary), buffer_size=1 << 20) as parquet:
         for batch in parquet.iter_batches(BATCH, row_groups=[group], columns=list(columns), use_threads=False):
             batch.validate(full=True)
@@ -403,10 +404,12 @@ def _has_text(kind: pa.DataType) -> bool:
 
 
 def _distinct(column: pa.Array) -> list[str]:
+    """Different texts of a column."""
     return [str(value) for value in pc.unique(words(column)).to_pylist() if value is not None]
 
 
 def _naive(path: Path, file: File) -> bool:
+    """Whether the file's times are without a zone."""
     kind = pq.read_schema(path).field(str(file.column("time"))).type
     return bool(pa.types.is_timestamp(kind) and kind.tz is None)
 
@@ -440,6 +443,7 @@ def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np
 
 
 def _valid_times(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
+    """Times, which of them are valid, and the number of doubtful ones."""
     t: NDArray[np.int64] = ticks.cast(pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
     good: NDArray[np.bool_] = ticks.is_valid().to_numpy(zero_copy_only=False)
     return t, good & (t > _YEARS[0]) & (t < _YEARS[1]), doubtful
@@ -447,7 +451,7 @@ def _valid_times(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDA
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where the loops' signals are.
+    """Places of the loops' signals.
 
     - `loops`: the loops that have a PV and an SP or OP somewhere, by name.
     - `long`: tag to (place of its loop in `loops`, place of its signal in `SIGNALS`).
@@ -466,7 +470,7 @@ class Places:
 def places(
     files: Sequence[File], given: Sequence[Loop] | None, defaults: Mapping[str, Any]
 ) -> tuple[Places, list[DataIssue]]:
-    """Which tag and which column is which signal of which loop; without settings, the loops that the names show."""
+    """Signal and loop of each tag and column; without settings, the loops that the names show."""
     tags = SignalColumns(sorted(set().union(*(file.tags for file in files if file.long))))
     problems: list[DataIssue] = []
     found: dict[str, dict[str, str]] = {}  # loop to role to tag
@@ -594,7 +598,7 @@ def touched(file: File, group: Group, known: Places, wanted: range, begin: int, 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is wanted of a group of rows: of which loops, under which tags or columns, from when to before when."""
+    """Request to a group of rows: the loops, under their tags or columns, and a stretch of time."""
 
     known: Places
     names: Sequence[str]
@@ -605,7 +609,7 @@ class _Asked:
 def _parts(
     lake: Path, file: File, known: Places, wanted: range, begin: int, end: int
 ) -> Iterator[tuple[_Part | None, list[DataIssue]]]:
-    """What a file holds of these loops within that time, a million rows at a time, and what is wrong with it."""
+    """Rows of a file for these loops and that time, a million at a time, and its data issues."""
     at, done = known.of(file), 0
     for i, several in groupby(file.groups, key=lambda group: group.of):
         groups = list(several)
@@ -653,6 +657,7 @@ def _of_group(
 def _within(
     table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Times of the table's rows, and which of them are asked for."""
     t, good, doubtful = _micros(table.column(str(file.column("time"))), file)
     if doubtful:
         what = f"{doubtful} rows stand in the hour in which the clocks of {file.zone} change, and are left out"
@@ -661,6 +666,7 @@ def _within(
 
 
 def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]) -> _Part:
+    """Rows of a table with a tag in each row."""
     tag, value, quality, unit = file.column("tag"), file.column("value"), file.column("quality"), file.unit_column
     known, names = asked.known, asked.names
     t, keep = _within(table, file, asked, done, problems)
@@ -691,6 +697,7 @@ def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
 
 
 def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[DataIssue]) -> _Part:
+    """Rows of a table with a column for each signal."""
     quality, known = file.column("quality"), asked.known
     t, keep = _within(table, file, asked, done, problems)
     rows = np.flatnonzero(keep)
@@ -714,7 +721,7 @@ def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
 def _values(
     cells: pa.Array, role: str, loop: Loop, file: File, name: str, rows: NDArray[np.int64], problems: list[DataIssue]
 ) -> NDArray[np.float64]:
-    """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, and told once a file and tag."""
+    """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, reported once a file and tag."""
     reader = Reader(loop, None, file.digits, Quality((), words_for_bad(loop.bad_values)))
     flag = role in _WORDS
     missing = 0.0 if flag else np.nan
@@ -745,7 +752,7 @@ def _values(
 
 
 def _bad(file: File, cells: pa.Array | None, done: int, problems: list[DataIssue], rows: int) -> NDArray[np.bool_]:
-    """Which rows are of bad quality, whichever of the three ways of telling it a file has; an unknown word is bad."""
+    """Whether each row is of bad quality, by the file's one of three ways to tell; an unknown word is bad."""
     if cells is None or not len(cells):
         return np.zeros(rows, np.bool_)
     decide = Quality(file.qualities, words_for_bad(()), file.column("quality") or "")
@@ -769,7 +776,7 @@ def _bad(file: File, cells: pa.Array | None, done: int, problems: list[DataIssue
 def _units(
     codes: NDArray[np.int64], cells: pa.Array, asked: _Asked, file: File, done: int, problems: list[DataIssue]
 ) -> NDArray[np.bool_]:
-    """Which rows are in the unit that the loop's settings tell; where they tell none, all are."""
+    """Whether each row is in the unit of the loop's settings; without a unit there, all are."""
     fits = np.ones(len(codes), np.bool_)
     texts = plain(cells).cast(pa.string())
     each = texts.dictionary_encode(null_encoding="encode")
@@ -801,6 +808,7 @@ def _unit_of(loop: Loop, signal: int) -> str | None:
 
 
 def _alike(unit: str) -> str:
+    """A unit in the form in which units are compared."""
     return unit.strip().lower().replace("³", "3").replace("²", "2")
 
 

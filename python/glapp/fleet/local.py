@@ -107,7 +107,7 @@ def _chained(pool: ProcessPoolExecutor, plan: Plan, paths: Sequence[Path], stage
 def _run_tasks(
     pool: ProcessPoolExecutor, work: Callable[..., Any], tasks: Sequence[Any], name: str, total: int, stage: Stage
 ) -> list[Any]:
-    """Have all tasks done; what they gave, in their order."""
+    """Run all tasks; their results, in their order."""
     done = total - len(tasks)
     stage(name, total, done)
     futures: list[Future[Any]] = [pool.submit(work, *task) for task in tasks]
@@ -145,6 +145,7 @@ def _plan() -> tuple[Plan, Path]:
 
 
 def _look(i: int) -> None:
+    """Look at the days of a unit, in a process of its own."""
     plan, work = _plan()
     unit = plan.units[i]
     tables, problems = looked(plan, unit)
@@ -158,6 +159,7 @@ def looked(plan: Plan, unit: Unit) -> tuple[list[pa.Table], list[DataIssue]]:
 
 
 def _follow(i: int, before: Sequence[Path], path: Path) -> None:
+    """Follow the crossings of a unit, in a process of its own."""
     plan, work = _plan()
     unit = plan.units[i]
     looked_at = work / "days" / f"{unit.key}.parquet"
@@ -174,6 +176,7 @@ def _follow(i: int, before: Sequence[Path], path: Path) -> None:
 
 
 def _cut(i: int, chosen: dict[int, list[tuple[int, int]]], path: Path) -> None:
+    """Cut the chosen windows of a unit, in a process of its own."""
     plan, work = _plan()
     unit = plan.units[i]
     rows = pieces.read_again(plan, unit, pieces.problems_at(work / "days" / f"{unit.key}.parquet"))

@@ -67,13 +67,13 @@ def chosen_of(days: pa.Table, plan: Plan) -> dict[tuple[int, int], list[tuple[in
 
 
 def crossings_of(paths: Iterable[Path]) -> pa.Table:
-    """Rows of CROSSINGS, from the first that told settings, without the states beside them."""
+    """Rows of CROSSINGS, from the first with settings on, without the states beside them."""
     heard = together(paths, CROSSINGS, [])
     return heard.filter(pc.and_(pc.is_valid(heard["day"]), pc.is_valid(heard["crossings"])))
 
 
 def together(paths: Iterable[Path], schema: pa.Schema, problems: list[DataIssue]) -> pa.Table:
-    """The columns of a schema of several pieces, and what was wrong in making them."""
+    """The columns of a schema of several pieces, and the data issues in making them."""
     tables = []
     for path in paths:
         table, wrong = read_piece(path, columns=schema.names)
@@ -158,6 +158,6 @@ def write_judged(work: Path, key: str, row: pa.Table, windows: pa.Table, problem
 
 
 def answers_of(work: Path, keys: Sequence[str], problems: list[DataIssue]) -> tuple[pa.Table, pa.Table]:
-    """Rows of LOOPS and WINDOWS, and what was wrong in making them."""
+    """Rows of LOOPS and WINDOWS, and the data issues in making them."""
     loops = together([work / "loops" / f"{key}.parquet" for key in keys], LOOPS, problems)
     return loops, together([work / "of_loops" / f"{key}.parquet" for key in keys], WINDOWS, [])

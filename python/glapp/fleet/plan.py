@@ -1,4 +1,4 @@
-"""What a run over a lake has to do: which loops there are, and in which units their days are read."""
+"""Plan of a run over a lake: its loops, and the units of their days."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is to be done, before any signal was read.
+    """Plan of a run, before any signal was read.
 
     `given` are the loops of the settings, none where there are no settings.
     """
@@ -77,7 +77,7 @@ class Plan:
 
 
 class Engine(Protocol):
-    """Who does the work: it gives the rows of DAYS, CROSSINGS, WINDOWS and LOOPS by these names, and what was wrong."""
+    """Engine of a run: it gives the rows of DAYS, CROSSINGS, WINDOWS and LOOPS by these names, and the data issues."""
 
     def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[DataIssue]]:
         """Do all of it."""
@@ -193,6 +193,6 @@ def _expected(files: Sequence[File], known: Places, loops: range, begin: int, en
 
 
 def _columns(files: Sequence[File], known: Places, loops: range) -> list[Any]:
-    """What the settings make of the names in files: they may change while the files do not."""
+    """Columns by the settings: they may change while the files do not."""
     wide = [sorted(name for name, (i, _) in known.of(file).items() if i in loops) for file in files if not file.long]
     return [wide, sorted(name for name, (i, _) in known.long.items() if i in loops)]

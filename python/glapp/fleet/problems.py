@@ -1,4 +1,4 @@
-"""What is wrong with a lake: each fault is a row with its place, and the run goes on."""
+"""Data issues of a lake: each is a row with its place, and the run goes on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pyarrow as pa
 __all__ = ["LEFT_OUT", "LOST", "PROBLEMS", "DataIssue", "problem_table", "problems_of"]
 
 LOST = frozenset({"changed", "damaged", "folder", "time", "unreadable"})
-"""Codes of what is there and could not be read: a file, a folder, or some rows of a file."""
+"""Codes of data that are there and could not be read: a file, a folder, or some rows of a file."""
 
 LEFT_OUT = frozenset({"clock_change", "no_tag", "no_time", "unit", "value"})
 """Codes of rows that were read and not used."""
@@ -48,7 +48,7 @@ PROBLEMS = pa.schema(
 
 
 def problem_table(problems: Iterable[DataIssue]) -> pa.Table:
-    """A row a problem, each once, in an order that does not hang on who found it first.
+    """A row a problem, each once, in an order that does not depend on who found it first.
 
     Examples
     --------

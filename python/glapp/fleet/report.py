@@ -94,7 +94,7 @@ def write_report(out: str | Path) -> Path:
 
 
 def lost_of(lost: Mapping[str, int]) -> str:
-    """What of the lake is not in the answers, in sentences; empty where nothing is.
+    """Sentences on the parts of the lake that are not in the answers; empty where there are none.
 
     Examples
     --------
@@ -113,6 +113,7 @@ def lost_of(lost: Mapping[str, int]) -> str:
 
 
 def _in_short(loops: Sequence[Any], ranked: Sequence[Any], judged: Sequence[Any]) -> str:
+    """The summary of a run in a sentence."""
     beyond = [row for row in ranked if row["acceptable"] == "beyond"]
     gaps = sum(row["valve"] == "gap" for row in loops)
     worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
@@ -177,7 +178,7 @@ def _worn(loops: Iterable[dict[str, Any]], windows: Sequence[dict[str, Any]]) ->
 
 
 def _unjudged(loops: Sequence[dict[str, Any]]) -> list[tuple[str, str, list[dict[str, Any]]]]:
-    """The loops that cannot be judged, by what stands in the way: the most frequent first."""
+    """The loops that cannot be judged, by the obstacle: the most frequent first."""
     of: dict[str, list[dict[str, Any]]] = {}
     for row in loops:
         if row["hindrance"] is not None:
@@ -201,11 +202,13 @@ def _problems(rows: Sequence[dict[str, Any]]) -> list[tuple[str, int, list[str],
 
 
 def _place(row: dict[str, Any]) -> str:
+    """Text of a data issue: its place, and what is wrong."""
     at = [row["file"], f"row {row['row']}" if row["row"] else "", row["tag"] or row["loop"], row["day"]]
     return f"{', '.join(part for part in at if part)}: {row['what']}"
 
 
 def _span(loops: Sequence[dict[str, Any]]) -> str:
+    """First and last day of the lake."""
     first: list[datetime] = [row["first"] for row in loops if row["first"] is not None]
     last: list[datetime] = [row["last"] for row in loops if row["last"] is not None]
     return f"{min(first):%Y-%m-%d} to {max(last):%Y-%m-%d}" if first else "no time"

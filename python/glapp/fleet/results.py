@@ -118,7 +118,7 @@ def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any])
 
 
 def manifest(out: str | Path) -> dict[str, Any]:
-    """What is known of the results in a folder: version, settings, when they were written, rows and checksums.
+    """Facts on the results in a folder: version, settings, time of writing, rows and checksums.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def analyze(
     workers: int | None = None,
     stage: Stage | None = None,
 ) -> dict[str, Any]:
-    """Judge the valves of a lake, and write the results; what was made before is not made again.
+    """Judge the valves of a lake, and write the results; finished parts are not made again.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def analyze(
 
 
 REFUSED = ("loop_tags", "no_tags", "settings", "unreadable")
-"""Codes of problems of the plan that leave a loop without a row, the one to be told first."""
+"""Codes of problems of the plan that leave a loop without a row, the first one to be named."""
 
 
 def _with_refused_loops(loops: pa.Table, plan: Plan, problems: Sequence[DataIssue]) -> tuple[pa.Table, list[DataIssue]]:
@@ -202,7 +202,7 @@ def _parts_lost(plan: Plan, problems: Sequence[DataIssue]) -> dict[str, list[str
 
 
 def _changed_files(plan: Plan) -> list[DataIssue]:
-    """Files that are others now than when they were looked at: what was read of them may be of either."""
+    """Files that have changed since they were looked at: their rows may be of either version."""
 
     def state(file: File) -> tuple[int, int] | None:
         try:
@@ -218,7 +218,7 @@ def _changed_files(plan: Plan) -> list[DataIssue]:
 
 
 def _lost_counts(tables: Mapping[str, pa.Table]) -> dict[str, int]:
-    """What of the lake is not in the answers: the one count for the headline, the report and the exit code."""
+    """Counts of the lake's parts that are not in the answers, for the headline, the report and the exit code."""
     problems = problems_of(tables["problems"])
     parts = [one for one in problems if one.code in LOST]
     return {
@@ -230,6 +230,7 @@ def _lost_counts(tables: Mapping[str, pa.Table]) -> dict[str, int]:
 
 
 def _inputs(files: Sequence[File]) -> pa.Table:
+    """Table of the files of a run."""
     rows = []
     for file in files:
         groups = [group for group in file.groups if group.readable]

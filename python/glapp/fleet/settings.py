@@ -1,4 +1,4 @@
-"""What is known of a lake's loops: a loops.toml, or a table with a row a loop."""
+"""Settings of a lake's loops: a loops.toml, or a table with a row a loop."""
 
 from __future__ import annotations
 
@@ -65,6 +65,7 @@ def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
 
 
 def _table(path: Path) -> pa.Table:
+    """Table of settings in CSV or Parquet."""
     try:
         if path.suffix == ".csv":
             return pyarrow.csv.read_csv(path)
@@ -75,6 +76,7 @@ def _table(path: Path) -> pa.Table:
 
 
 def _loop(row: dict[str, Any], number: int, path: Path) -> Loop | InputError:
+    """A loop from a row of the table, or the error in it."""
     made: dict[str, Any] = {}
     name = str(row.pop("loop", None) or "")
     for key, value in row.items():

@@ -214,6 +214,7 @@ def _reader(
     """Units to their rows; a problem is a row of no loop, where it is not known from the look at them."""
 
     def read(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
+        """Rows of the units whose numbers come in."""
         for batch in batches:
             for i in batch.column(0).to_pylist():
                 if known is None:
@@ -238,6 +239,7 @@ def _reader(
 
 
 def _problem_rows(problems: list[DataIssue], unit: int) -> pa.RecordBatch:
+    """Data issues as rows for Spark."""
     n = len(problems)
     none = [pa.nulls(n, field.type) for field in ROWS]
     texts = pa.array([json.dumps(list(problem)) for problem in problems], pa.string())
@@ -246,6 +248,7 @@ def _problem_rows(problems: list[DataIssue], unit: int) -> pa.RecordBatch:
 
 
 def _looker(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table], pa.Table]:
+    """Function that looks at the days of a loop in a worker of Spark."""
     loops = {loop.name: loop for loop in plan.places.loops}
 
     def looked(key: tuple[Any, ...], rows: pa.Table) -> pa.Table:
@@ -269,6 +272,7 @@ def _looker(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table], pa.Table]:
 
 
 def _follower(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.Table]:
+    """Function that follows the crossings of a loop in a worker of Spark."""
     loops = {loop.name: loop for loop in plan.places.loops}
 
     def followed(key: tuple[Any, ...], rows: pa.Table, known: pa.Table) -> pa.Table:
@@ -290,6 +294,8 @@ def _follower(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.
 def _cutter(
     plan: Plan, chosen: dict[tuple[int, int], list[tuple[int, int]]], known: dict[int, list[DataIssue]]
 ) -> Callable[[Iterator[pa.RecordBatch]], Iterator[pa.RecordBatch]]:
+    """Function that cuts the chosen windows in a worker of Spark."""
+
     def cutted(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in batches:
             for i in batch.column(0).to_pylist():

@@ -1,4 +1,4 @@
-"""What is asked of one loop: pure functions from Arrow tables to Arrow tables, the same for every engine.
+"""Questions about one loop: pure functions from Arrow tables to Arrow tables, the same for every engine.
 
 ::
 
@@ -70,7 +70,7 @@ OUTSIDE = 0.1
 """PV is outside its span where it is beyond it by more than this share of it."""
 
 MOSTLY = 0.5
-"""Where more than this share of a day's PV is outside its span, the day is in another unit."""
+"""Share of a day's PV outside its span from which the day is in another unit."""
 
 US = pa.timestamp("us", tz="UTC")
 
@@ -367,7 +367,7 @@ def _outside(loop: Loop, pv: Floats) -> float:
 
 
 def _judged(result: Result, step: float, op: bool, sp: bool) -> dict[str, Any]:
-    """What a day's analysis says, but for the fit, and what a detector of its crossings is to be told."""
+    """Analysis of a day without the fit, and the settings for a detector of its crossings."""
     s = result.settings
     detector = None
     if s.k is not None and s.ti is not None and sp and step > 0:
@@ -445,7 +445,7 @@ def cut(rows: pa.Table, loop: Loop, windows: Sequence[tuple[int, int]]) -> pa.Ta
 def judge(
     samples: pa.Table, days: pa.Table, crossings: pa.Table, loop: Loop
 ) -> tuple[pa.Table, pa.Table, list[DataIssue]]:
-    """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and what was wrong with its rows.
+    """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and its data issues.
 
     - `samples`: rows of `SAMPLES`: all windows that were chosen, in any order.
     - `days`: rows of `DAYS` of the loop, in any order.
@@ -502,6 +502,7 @@ def refused(loop: Loop, code: str, reason: str, looks: Sequence[dict[str, Any]] 
 
 
 def _order(row: dict[str, Any]) -> tuple[int, int]:
+    """Sort key of windows: day and part."""
     return row["day"], row["part"]
 
 
@@ -531,7 +532,7 @@ def _recordings(samples: pa.Table, loop: Loop) -> tuple[list[Samples], int]:
 
 
 def _known_unfit(day: dict[str, Any]) -> Any:
-    """What a look at the day found that the fit need not ask."""
+    """Finding of a look at the day that makes a fit unnecessary."""
     return None if day["unfit"] is None else (day["unfit"], day["unfit_code"], day["unfit_reason"])
 
 
@@ -680,6 +681,7 @@ def _reason_code(fit: Fit) -> str:
 
 
 def _trend(trend: Any, start: int) -> dict[str, Any]:
+    """Columns of the trend."""
     first, last = (start + round(t * 1e6) for t in trend.t)
     return {
         "trend": trend.slope,
@@ -732,11 +734,11 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
         "noise",
     ),
 }
-"""What stands in the way of an answer, by the codes that tell it; `no_op` and `data` beside these."""
+"""Obstacles to an answer, by their codes; `no_op` and `data` beside these."""
 
 
 def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence[str]) -> str:
-    """What would have to change for an answer.
+    """Change that an answer needs.
 
     OP is not recorded; the reason that was told; where that is too little evidence, a finding that lasts.
     """
@@ -748,7 +750,7 @@ def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence
 
 
 def _problems(loop: Loop, looks: list[dict[str, Any]], crossings: list[dict[str, Any]]) -> list[DataIssue]:
-    """What a loop's days tell that is wrong with the lake and not with the loop, and faults over its crossings."""
+    """Data issues that a loop's days show of the lake and not of the loop, and faults over its crossings."""
     found = [
         DataIssue("fault", day["crossings_reason"], "report it", loop=loop.name, day=day_name(day["day"]))
         for day in crossings

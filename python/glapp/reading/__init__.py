@@ -149,6 +149,7 @@ def recording_from(data: Any, loop: Loop | None = None) -> Recording:
 
 
 def _open(path: Path, label: str) -> list[Source]:
+    """Sources in a file, by its first bytes and its ending."""
     check_file(path, label)
     try:
         with path.open("rb") as file:
@@ -211,6 +212,7 @@ def _unpacked(path: Path, most: int) -> bytes:
 def _recordings(
     source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
 ) -> list[Recording | InputError]:
+    """Recordings of a source, or the errors in their place."""
     if source.nameless is not None and not tagged(source) and not _pv_column_given(loops, defaults):
         raise source.nameless
     source = shaped(source, loops or (), defaults or {})

@@ -45,11 +45,12 @@ _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from glapp.reading.apart import serve; "
     "serve(int(sys.argv[2]))"
 )
-# What is asked of the system is then near what is used: no arena of a GiB, no heap for each thread.
+# The memory asked of the system is then near the memory used: no arena of a GiB, no heap for each thread.
 _FRUGAL = {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "2", "OPENBLAS_NUM_THREADS": "1"}
 _HINT = "export it again, in smaller parts, or save it as CSV"
 
-# Of the processor where the system counts that, so that a busy computer refuses nothing; and then of the clock as well.
+# Time of the processor where the system counts it, so that a busy computer refuses nothing; and then of the clock as
+# well.
 _PROF: int | None = getattr(signal, "SIGPROF", None)
 _CLOCK = 1.0 if _PROF is None else 4.0
 
@@ -88,7 +89,7 @@ class Worker:
         self.close()
 
     def call(self, label: str, function: Callable[P, R], *args: P.args, **named: P.kwargs) -> R:
-        """What a function of a module gives in the process.
+        """Result of a function of a module, in the process.
 
         Raises InputError as the function; of the file `label`, where it ends the process or takes longer than it may.
         """
@@ -133,10 +134,12 @@ class Worker:
                 pipe.close()
 
     def _end(self) -> None:
+        """Kill the child, since it took too long."""
         self._late = True
         self._process.kill()
 
     def _fault(self, label: str) -> InputError:
+        """The error for a child that has ended."""
         code = self._process.wait()
         if self._late or (_PROF is not None and code == -_PROF):
             what = f"took longer than the {bounds.PATIENCE:g} s that a piece of a file may take to be read"
@@ -177,7 +180,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def call(label: str, function: Callable[P, R], *args: P.args, **named: P.kwargs) -> R:
-    """What a function of a module gives, in a process apart: see `Worker.call`."""
+    """Result of a function of a module, in a separate process: see `Worker.call`."""
     if _inside:
         return function(*args, **named)
     with _leased() as worker:
@@ -237,12 +240,14 @@ def _source(kind: Callable[[str, str], Source], path: str, label: str) -> Source
 def _shape(
     kind: Callable[[str, str], Source], path: str, label: str
 ) -> tuple[list[str], list[str | None], int | None, bool]:
+    """Names, units, number of rows and `one_fault` of a source."""
     _source.cache_clear()  # the file may be another than last time
     source = _source(kind, path, label)
     return source.names, source.units, source.rows, source.one_fault
 
 
 def _first(kind: Callable[[str, str], Source], path: str, label: str, column: int) -> pa.Buffer:
+    """First values of a column, packed."""
     return _packed(next(_slices(_source(kind, path, label).head([column])))).to_pybytes()
 
 
@@ -271,6 +276,7 @@ def _slices(arrays: Sequence[pa.Array]) -> Iterator[Sequence[pa.Array]]:
 
 
 def _packed(arrays: Sequence[pa.Array]) -> pa.Buffer:
+    """Columns as bytes of an Arrow stream."""
     batch = pa.RecordBatch.from_arrays(list(arrays), names=[str(i) for i in range(len(arrays))])
     sink = pa.BufferOutputStream()
     with ipc.new_stream(sink, batch.schema) as stream:
@@ -279,12 +285,13 @@ def _packed(arrays: Sequence[pa.Array]) -> pa.Buffer:
 
 
 def _unpacked(data: pa.Buffer | bytes) -> list[pa.Array]:
+    """Columns from bytes of an Arrow stream."""
     columns: list[pa.Array] = ipc.open_stream(pa.py_buffer(data)).read_next_batch().columns
     return columns
 
 
 def serve(memory: int) -> None:
-    """Answer requests until there are no more: what the process does.
+    """Answer requests until there are no more: the child's main loop.
 
     - `memory`: bytes that it may take beyond those it has now.
     """
@@ -330,6 +337,7 @@ def serve(memory: int) -> None:
 
 
 def _error_of(error: Exception) -> InputError:
+    """An exception of the child as an InputError."""
     if isinstance(error, MemoryError):
         return InputError(f"asks for more memory than the {bounds.MEMORY >> 20} MiB that are allowed", hint=_HINT)
     return error if isinstance(error, InputError) else unforeseen(error, None)

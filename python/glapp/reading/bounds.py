@@ -1,4 +1,4 @@
-"""How much a file may ask for: every bound of reading, in one place.
+"""Limits on a file's demands: every bound of reading, in one place.
 
 A file that breaks one of them is refused in a line that says what was found, what is allowed and what to do. The bounds
 are checked before memory is asked for. `MEMORY` and `PATIENCE` hold whatever a library does (`glapp.reading.apart`).
@@ -38,7 +38,7 @@ PARTS = 10_000
 UNPACKED = 1 << 30
 """Bytes that any file may unpack to."""
 RATIO = 200
-"""From `UNPACKED` on, bytes that a file may unpack to for each of its own."""
+"""Largest ratio of unpacked to packed bytes, from `UNPACKED` on."""
 WHOLE = 1 << 28
 """Bytes of a file that is read whole: JSON, a web page, an export of InfluxDB."""
 MEMORY = 1 << 30

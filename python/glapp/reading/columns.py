@@ -1,4 +1,4 @@
-"""Which column, or which tag, is which signal of which loop.
+"""Assignment of columns and tags to the signals of loops.
 
 Names are split at the usual separators and compared, whatever case and accents, with the words that control systems
 use (`glapp.reading.names`)::
@@ -51,7 +51,7 @@ _INSIDE = 6  # letters of a word that is a signal's in the middle of a name too
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a column's name says: role, loop ("" where the name has no more to it), unit, and a word of `WEAK`."""
+    """Meaning of a column's name: role, loop ("" where the name has no more to it), unit, and a word of `WEAK`."""
 
     role: str | None
     loop: str = ""
@@ -318,7 +318,7 @@ def choose(
 def _missing(
     signals: SignalColumns, chosen: Mapping[str, str], loop: Loop, group: str | None, label: str, kind: str
 ) -> InputError:
-    """What is said where PV is missing, or SP and OP are: which is, what is left for it, and what to do."""
+    """Message where PV is missing, or SP and OP are: which is, what is left for it, and what to do."""
     taken = ", ".join(f"{LABELS[role]} is {name}" for role, name in chosen.items())
     also = f" ({taken})" if taken else ""
     unused = [name for name in signals.names if name not in chosen.values()]
@@ -347,6 +347,7 @@ def _missing(
 
 
 def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str, kind: str) -> str:
+    """The column that a loop names for a role."""
     same = signals.named(named)
     if len(same) == 1:
         return same[0]
@@ -369,6 +370,7 @@ def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str
 
 
 def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kind: str) -> str | None:
+    """The column that a role most likely has; None where none is plain."""
     if group is None and role != "time":
         return None
     fits = signals.meant(role, group or "")
@@ -390,5 +392,6 @@ def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kin
 
 
 def _listed(names: Sequence[str]) -> str:
+    """Names in a list for a message, the first ones where there are many."""
     shown = ", ".join(n if n.strip() else "(no name)" for n in names[:20])
     return f"{shown} and {len(names) - 20} more" if len(names) > 20 else shown

@@ -1,4 +1,4 @@
-"""Text tables: what they look like, and streaming them.
+"""Text tables: their layout, and streaming them.
 
 The first 64 KiB, or 20 lines where they are longer, (and the last, where they can be had) tell encoding, separator,
 decimal comma, thousands, header and a row of units; the last block tells what stands below the rows. Arrow parses the
@@ -44,7 +44,7 @@ _THREADS = min(os.cpu_count() or 1, 4)
 _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
 PACKED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
-"""How a file of that ending is packed."""
+"""Compression of a file by its ending."""
 
 
 class CsvSource(Source):
@@ -176,7 +176,7 @@ class CsvSource(Source):
                     future.cancel()
 
     def _blocks(self) -> Iterator[tuple[bytes, float]]:
-        """The file's rows in pieces that end with a line, with the fraction read; without what stands below them."""
+        """The file's rows in pieces that end with a line, with the fraction read; without the lines below the table."""
         held: deque[tuple[bytes, float]] = deque()
         size, whole = 0, True  # what is held, and whether that is all of the file
         for piece in self._pieces():
@@ -332,7 +332,7 @@ class CsvSource(Source):
 
 
 def encoding_of(raw: bytes, whole: bool, label: str) -> str:
-    """How a text is written, from its first bytes; `whole` where they are all of it.
+    """Encoding of a text, from its first bytes; `whole` where they are all of it.
 
     Raises InputError where they are no text.
     """

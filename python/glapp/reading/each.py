@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def each(loops: Sequence[Loop], make: Callable[[Loop], T], file: str) -> list[T | InputError]:
-    """What `make` makes of every loop, or the error it raises; among several loops an error names its own."""
+    """Results of `make` for every loop, or the error it raises; among several loops an error names its own."""
     made: list[T | InputError] = []
     for loop in loops:
         try:

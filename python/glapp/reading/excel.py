@@ -53,6 +53,7 @@ def sheets(path: str, label: str) -> list[Source]:
 
 
 def _sheets(path: str, label: str) -> list[Source]:
+    """Sheets of a workbook that hold signals."""
     from python_calamine import CalamineWorkbook, SheetTypeEnum
 
     made: list[Source] = []
@@ -81,7 +82,7 @@ def _sheets(path: str, label: str) -> list[Source]:
 
 
 def _check(path: str, label: str) -> None:
-    """Refuse a workbook that asks for more than `bounds` allows, by what is in it and not by what it says.
+    """Refuse a workbook that exceeds `bounds`, by its content and not by its own statements.
 
     Raises InputError where it does.
     """
@@ -119,7 +120,7 @@ def _from(file: IO[bytes]) -> Iterator[bytes]:
 
 
 class Reach:
-    """How far apart the cells of a sheet are that hold something, from its text piece by piece.
+    """Extent of the filled cells of a sheet, from its text piece by piece.
 
     - `cells`: rows by columns, from the first to the last.
     - `last`: the last of both.
@@ -273,6 +274,7 @@ def _whole(moment: datetime) -> datetime:
 
 
 def _array(cells: Sequence[Any]) -> pa.Array:
+    """Cells of a column as an array of one type."""
     kinds = {type(cell) for cell in cells if cell != ""}
     if kinds <= {int, float}:
         return pa.array([None if cell == "" else float(cell) for cell in cells], pa.float64())

@@ -1,4 +1,4 @@
-"""What a path tells before its file is opened: whether it can be read at all, and the name of the recording."""
+"""Checks of a path before its file is opened: whether it can be read at all, and the name of the recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STRUCTURED = frozenset((".json", ".jsonl", ".ndjson", ".html", ".htm", ".xls", 
 _TABLES = frozenset((".xlsx", ".xlsm", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
 _COMPRESSED = frozenset((".gz", ".bz2", ".zst", ".lz4"))
 ENDINGS = tuple(sorted(_TEXT | _STRUCTURED | _TABLES | _COMPRESSED))
-"""Of the files that are read."""
+"""Endings of the files that are read."""
 
 
 def name_of(path: str | Path) -> str:
@@ -35,7 +35,7 @@ def name_of(path: str | Path) -> str:
 
 
 def check_file(path: Path, label: str) -> None:
-    """Refuse what is no ordinary file: reading a pipe or a device would wait for ever, or never end.
+    """Refuse a path that is no ordinary file: reading a pipe or a device would wait for ever, or never end.
 
     Raises InputError where there is no such file, or it is a folder, a pipe, a socket or a device.
     """

@@ -1,4 +1,4 @@
-"""Where a table of text begins and ends: titles, names of columns, units, first row, and the lines below the last.
+"""Beginning and end of a table in a text: titles, names of columns, units, first row, and the lines below the last.
 
 Above the rows stand titles and what an export tells of itself. Of the lines of words alone just above the rows the one
 with the most names that are understood has the names. A line of tags above a line that says "time" and "value" goes
@@ -24,7 +24,7 @@ _LINES = 40
 _SHORT = 12
 """Characters of a unit that is not known here."""
 _AHEAD = 10
-"""What an export tells of itself may hold numbers, if the names come within so many lines."""
+"""Lines before the names of columns in which an export may describe itself with numbers."""
 _RULE = frozenset("-+=| ")
 _TYPES = "#types"
 """First cell of the line above one with the types of the columns (Ignition)."""
@@ -35,7 +35,7 @@ Row = tuple[int, Sequence[str]]
 
 @dataclass(frozen=True)
 class Head:
-    """What stands above the rows.
+    """Lines above the rows.
 
     - `names`, `units`: of the columns.
     - `line`: line of the names.
@@ -130,6 +130,7 @@ def body_end(rows: Sequence[Row], width: int, timed: bool) -> int:
 
 
 def _is_footer(cells: Sequence[str], width: int, timed: bool) -> bool:
+    """Whether a line below the table is no row of it."""
     filled = [i for i, cell in enumerate(cells) if cell.strip()]
     if not filled:
         return True
@@ -142,6 +143,7 @@ def _is_footer(cells: Sequence[str], width: int, timed: bool) -> bool:
 
 
 def _words_alone(cells: Sequence[str], width: int) -> bool:
+    """Whether a line has as many cells as the table, and no number or time among them."""
     return len(cells) == width and any(c.strip() for c in cells) and not any(is_data(c) for c in cells if c.strip())
 
 
@@ -163,16 +165,18 @@ def _is_remark(cells: Sequence[str], width: int) -> bool:
 
 
 def _names_follow(rows: Sequence[Row], at: int, width: int) -> bool:
+    """Whether one of the next lines has the names of columns."""
     return any(_words_alone(cells, width) and _understood(cells) > 1 for _, cells in rows[at + 1 : at + 1 + _AHEAD])
 
 
 def _understood(cells: Sequence[str]) -> int:
+    """Number of cells that name a signal or a time."""
     meanings = [understand(cell) for cell in cells]
     return sum(m.role is not None or m.weak is not None for m in meanings)
 
 
 def _says_value(cells: Sequence[str]) -> bool:
-    """Whether a line says of its columns only which is the time and which the value."""
+    """Whether a line names its columns only as time and value."""
     roles = [understand(cell).role for cell in cells if cell.strip()]
     return roles.count("value") > 1 and set(roles) <= {"time", "value", "quality"}
 
@@ -195,9 +199,11 @@ def _filled_count(cells: Sequence[str]) -> int:
 
 
 def _are_short(cells: Sequence[str]) -> bool:
+    """Whether all cells are short enough for names."""
     return all(len(cell.strip()) <= _SHORT for cell in cells)
 
 
 def _are_units(cells: Sequence[str]) -> bool:
+    """Whether at least half of the filled cells are units."""
     filled = [folded(cell.strip(" []()")) for cell in cells if cell.strip()]
     return sum(cell in UNITS for cell in filled) * 2 >= len(filled)

@@ -66,12 +66,14 @@ class _Rows:
         self.lines: list[int] = []
 
     def add(self, line: int, time: str, tag: str, value: str) -> None:
+        """Add a sample of a tag."""
         self.times.append(time)
         self.tags.append(tag)
         self.values.append(value)
         self.lines.append(line)
 
     def source(self, label: str) -> Source:
+        """The samples so far as a source."""
         if not self.times:
             raise InputError("has a header but no rows", file=label)
         columns = {"time": self.times, "tag": self.tags, "value": self.values}
@@ -118,6 +120,7 @@ def annotated(text: str, label: str) -> Source:
 
 
 def _records(text: str, label: str) -> Iterator[tuple[int, list[str]]]:
+    """Records of a CSV with the number of their first line."""
     lines = text.splitlines(keepends=True)
     reader = csv.reader(lines)
     before = 0

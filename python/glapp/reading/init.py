@@ -72,6 +72,7 @@ def _relative(file: Path, directory: str | Path) -> Path:
 
 
 def _loop(file: Path, recording: Recording) -> str:
+    """Text of a loop's table in a settings file."""
     columns = {role: name for role, name in recording.columns.items() if role in _COLUMN_KEYS}
     listed = ", ".join(f"{_COLUMN_KEYS[role]} = {_value(name)}" for role, name in columns.items())
     step = _step(recording)
@@ -104,6 +105,7 @@ _COLUMN_KEYS: dict[str, str] = {
 
 
 def _step(recording: Recording) -> float | None:
+    """Usual time between rows [s]; None where it is not known."""
     times: Sequence[float] = next((b.t.tolist() for b in recording.batches(1000)), [])
     steps = np.diff(times)
     steps = steps[steps > 0]

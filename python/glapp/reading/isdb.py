@@ -1,4 +1,4 @@
-"""The layout of the International Stiction Data Base, for who has its file; the data are not part of glapp.
+"""The layout of the International Stiction Data Base, for a person who has its file; the data are not part of glapp.
 
 The file `isdb10.mat` goes with the book of Jelali & Huang (eds.), *Detection and Diagnosis of Stiction in Control
 Loops*, Springer 2010. It holds a struct `cdata` with a struct for each industry (`buildings`, `chemicals`,
@@ -113,6 +113,7 @@ def open_isdb(path: str | Path, *, synthetic: bool = False) -> list[StictionLoop
 
 
 def _structs(of: Any, synthetic: bool) -> Iterator[tuple[str, Any]]:
+    """Name and data of each loop in the file."""
     for industry in of._fieldnames:
         group = getattr(of, industry)
         if industry == SYNTHETIC and not synthetic:
@@ -123,6 +124,7 @@ def _structs(of: Any, synthetic: bool) -> Iterator[tuple[str, Any]]:
 
 
 def _loop(path: Path, name: str, one: Any) -> StictionLoop:
+    """A loop of the data base."""
     values = {key: _column(getattr(one, key, None)) for key in ("PV", "OP", "SP", "t")}
     pv = values["PV"]
     if pv is None or not np.isfinite(pv).any():
@@ -154,6 +156,7 @@ def _times(path: Path, name: str, one: Any, t: Floats | None, n: int) -> Floats:
 
 
 def _column(values: Any) -> Floats | None:
+    """Numbers of a column; None where it has none."""
     try:
         column = np.asarray(values, np.float64).ravel()
     except (TypeError, ValueError):

@@ -31,15 +31,16 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from ..quality import Finding, own_times
+from ..quality import Finding, newest_first, own_times
 from ..recording import BAD, Batch, Recording, finished
 from .columns import LABELS, SignalColumns, choose, understand
 from .each import each
 from .names import folded
+from .newest_first import FromLast, clock_from_last
 from .source import Source
 from .times import Clock
 from .values import CellFault, Quality, flags_of, plain, text_of, words, words_for_bad
-from .wide import Reader, with_units
+from .wide import Reader, check_one_unit, unused_settings, with_units
 
 __all__ = ["LongRecording", "long_recordings"]
 
@@ -47,7 +48,7 @@ _WORDS = ("mode", "op_low_flag", "op_high_flag")
 _COMMON = 0.5
 """A signal that has a sample at less than this share of PV's has times of its own."""
 _MORE = 2
-"""So many times as many samples of OP as of PV, and OP's times are rows as well."""
+"""Ratio of OP's samples to PV's from which OP's times are rows as well."""
 
 
 @dataclass
@@ -76,12 +77,19 @@ class _Store:
         if len(head) < 2:
             raise InputError("has only one row" if len(head) else "has no rows", file=source.label)
         self._types = {i: pa.string() for i in self.at.values() if i is not None}
+        zone = next((loop.time_zone for loop in loops if loop.time_zone), None)
+        form = next((loop.time_format for loop in loops if loop.time_format), None)
+
+        def clock_of(first: pa.Array, others: pa.Array | None) -> Clock:
+            return Clock(first, others, form, zone, source.names[time], source.unit(time))
+
+        self._last_row: int | None = None
         try:
-            zone = next((loop.time_zone for loop in loops if loop.time_zone), None)
-            form = next((loop.time_format for loop in loops if loop.time_format), None)
-            self.clock = Clock(head, source.tail(time), form, zone, source.names[time], source.unit(time))
+            self.clock = clock_of(head, source.tail(time))
         except CellFault as fault:
             raise self.fault(fault, "time", 0) from None
+        late = clock_from_last(source, self.clock, time, lambda first: clock_of(first, head), self.at["tag"])
+        self.clock, self.from_last = late or self.clock, late is not None
         self._types[time] = self.clock.arrow_type
         at = self.at["quality"]
         try:
@@ -97,6 +105,7 @@ class _Store:
         self.readers: dict[str, tuple[str, Reader]] = {}
 
     def _column(self, role: str, loops: Sequence[Loop]) -> int | None:
+        """Column of a role, by the loops' settings or by its name."""
         names = self.source.names
         named = next((c for loop in loops if (c := getattr(loop.columns, role)) is not None), None)
         if named == "":
@@ -153,13 +162,18 @@ class _Store:
         return self._tags
 
     def _read(self) -> dict[str, _Tag]:
+        """Samples of each tag in memory."""
         wanted = pa.array(list(self.readers), pa.string())
         parts: dict[str, list[_Tag]] = {tag: [] for tag in self.readers}
         clock = self.clock.reader()
         order = list(self._types)
         place = {role: order.index(i) for role, i in self.at.items() if i is not None}
         done = 0
-        for columns, fraction in self.source.stream(self._types, frozenset({""})):
+        stream: Iterable[tuple[list[pa.Array], float]] = self.source.stream(self._types, frozenset({""}))
+        if self.from_last:
+            stream = turned = FromLast(stream, self._tell)
+            self._last_row = turned.rows - 1
+        for columns, fraction in stream:
             self.fraction = fraction
             columns = [plain(column) for column in columns]  # rows are picked from them, words may go
             n = len(columns[0])
@@ -205,8 +219,14 @@ class _Store:
             if part
         }
 
+    def _tell(self, fraction: float) -> None:
+        self.fraction = fraction
+
     def fault(self, fault: CellFault, role: str, done: int, tag: str | None = None) -> InputError:
         """The error of a cell, with its place."""
+        record = done + fault.index
+        if self._last_row is not None:
+            record = self._last_row - record
         at = self.at[role]
         column = None if at is None else self.source.names[at]
         if tag is not None and self.source.tags is not None:
@@ -214,7 +234,7 @@ class _Store:
         return InputError(
             fault.what,
             file=self.source.label,
-            row=self.source.row_number(done + fault.index),
+            row=self.source.row_number(record),
             column=column,
             tag=tag,
             value=fault.value,
@@ -239,14 +259,18 @@ class LongRecording(Recording):
             LABELS[role]: unit for role, tag in chosen.items() if (unit := known.get(tag) or understand(tag).unit)
         }
         self.loop = with_units(loop, self.units)
+        check_one_unit(self.units, loop, self.source, None, chosen.get("sp"))
+        self._unused = unused_settings(loop, self.columns | {LABELS["time"]: store.source.names[time]})
         self.t0: datetime | None = store.clock.t0
         self.zone = store.clock.zone
         self._found_here: list[Finding] = []
 
     @property
     def found(self) -> Sequence[Finding]:  # type: ignore[override]
-        """What was noticed when it was opened and read."""
-        return [*self._store.clock.found, *self._found_here]
+        """Findings of opening and reading."""
+        clock = self._store.clock
+        turned = [newest_first(clock.name)] if self._store.from_last else []
+        return [*turned, *clock.found, *self._unused, *self._found_here]
 
     def fraction_read(self) -> float | None:
         """Share of the file that is read; the file is read once for all its loops."""
@@ -282,7 +306,7 @@ class LongRecording(Recording):
 
 
 def _rows(pv: _Tag, others: Mapping[str, _Tag]) -> tuple[_Tag, list[Finding]]:
-    """The rows, as samples of PV, and what was done where the signals have times of their own."""
+    """The rows, as samples of PV, and the finding where the signals have times of their own."""
     signals = [role for role in ("sp", "op") if role in others]
     own = any(np.isin(pv.t, others[role].t).mean() < _COMMON for role in signals)
     op, count = others.get("op"), len(pv.t)
@@ -306,6 +330,7 @@ def _joined(pv: _Tag, times: NDArray[np.float64]) -> _Tag:
 
 
 def _in_order(tag: _Tag) -> _Tag:
+    """Samples of a tag in the order of time."""
     if np.all(tag.t[1:] >= tag.t[:-1]):
         return tag
     order = np.argsort(tag.t, kind="stable")

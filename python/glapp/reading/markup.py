@@ -131,11 +131,13 @@ class _Tables(HTMLParser):
         return max(self._number(attributes.get("index"), have + 1) - have - 1, 0)
 
     def _number(self, text: str | None, otherwise: int) -> int:
+        """A number of rows or columns in an attribute, checked."""
         found = int(text) if text and text.isdecimal() and len(text) < 8 else otherwise
         self._cells(found)
         return found
 
     def _cells(self, count: int) -> None:
+        """Refuse a table with too many cells."""
         if count > bounds.CELLS:
             what = f"has a table of {count} cells; at most {bounds.CELLS} are read"
             raise InputError(what, file=self._label, value=count, bound=f"≤ {bounds.CELLS} cells")

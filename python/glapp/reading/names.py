@@ -25,6 +25,7 @@ __all__ = [
     "MONTHS",
     "NOT_AUTO",
     "POOR",
+    "SAME_UNITS",
     "SIGNALS",
     "UNITS",
     "VALIDITY",
@@ -95,3 +96,5 @@ MONTHS = {name: month for month, names in enumerate(_DATA["months"]["names"], st
 """First three letters of a month to its number."""
 UNITS = _folded(_DATA["units"])
 """Units of a row below the header."""
+SAME_UNITS = {folded(word): folded(words[0]) for words in _DATA["same_units"] for word in words}
+"""Ways to write a unit to the first of them: a pressure is a gauge pressure where nothing is said."""

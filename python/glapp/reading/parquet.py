@@ -49,7 +49,7 @@ def _names(schema: pa.Schema) -> list[str]:
 
 
 def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
-    """The batch, every column of which holds what it says."""
+    """The batch, with every column checked against its stated length."""
     batch.validate(full=True)
     return batch
 
@@ -132,6 +132,7 @@ class IpcSource(Source):
         return ipc.open_file(file, options=options) if is_file else ipc.open_stream(file, options=options)
 
     def _batches(self, fields: list[int]) -> Iterator[tuple[pa.RecordBatch, float]]:
+        """Batches of an Arrow file, with the fraction read."""
         with _refused("is damaged", self.label):
             reader = self._open(fields)
             if isinstance(reader, ipc.RecordBatchFileReader):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import count
@@ -21,6 +21,7 @@ import pyarrow as pa
 
 from ..errors import InputError
 from .source import Source
+from .times import Clock
 
 __all__ = ["HELD", "Passes", "Share"]
 
@@ -43,7 +44,7 @@ class _Held:
 
 
 class Share:
-    """What one loop wants of a file: made by `Passes.share`."""
+    """Request of one loop to a file: made by `Passes.share`."""
 
     def __init__(self, passes: Passes, types: Mapping[int, pa.DataType], bad_words: frozenset[str], place: int) -> None:
         self.types, self.bad_words, self.place = dict(types), bad_words, place
@@ -53,7 +54,7 @@ class Share:
         self._passes = passes
 
     def stream(self) -> Iterator[tuple[list[pa.Array], float]]:
-        """The rows of this loop's columns (`Source.stream`): what a pass has read already, else a pass."""
+        """The rows of this loop's columns (`Source.stream`): those that a pass has read already, else a pass."""
         held = self._passes.held(self)
         if held is None:
             yield from self._passes.source.stream(self.types, self.bad_words)
@@ -74,7 +75,7 @@ class Share:
             raise copy.copy(held.error)
 
     def release(self) -> None:
-        """Let go of what is held; it is read again if it is asked for again."""
+        """Free the held data; they are read again if they are asked for again."""
         self.held = None
 
 
@@ -87,6 +88,7 @@ class Passes:
         self._reading = Lock()
         self._clock = count(1)
         self._most: int | None = None  # loops in the next pass
+        self._from_last: dict[object, Clock | None] = {}
 
     def share(self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]) -> Share:
         """Announce a loop's columns; passes take the loops in the order in which they were announced."""
@@ -94,8 +96,17 @@ class Passes:
         self._shares.add(share)
         return share
 
+    def clock_from_last(self, times: object, find: Callable[[], Clock | None]) -> Clock | None:
+        """What `find` finds of a column of times, which a file's loops mostly share: it is sought once.
+
+        - `times`: column, and how it is read.
+        """
+        if times not in self._from_last:
+            self._from_last[times] = find()
+        return self._from_last[times]
+
     def held(self, share: Share) -> _Held | None:
-        """What is held for this loop, after a pass where it has to be read; None where it is to be streamed."""
+        """Data held for this loop, after a pass where it has to be read; None where it is to be streamed."""
         held = share.held
         if held is None:
             with self._reading:  # where several ask at once, one reads and the others wait
@@ -137,7 +148,7 @@ class Passes:
             if not isinstance(fault, InputError):
                 raise
             error = fault
-        # What fitted now will fit again; what was halved for a fault may grow again.
+        # A part that fitted now will fit again; one that was halved for a fault may grow again.
         self._most = len(group) if len(group) < asked else 2 * asked
         for one in group:
             one.held = _Held([[block[i] for i in one.types] for block in blocks], error)

@@ -1,4 +1,4 @@
-"""loops.toml: what is known about many loops, in one file that people write by hand."""
+"""loops.toml: settings of many loops, in one file that people write by hand."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def read_each(path: str | Path) -> list[Loop | InputError]:
 
 
 def read_table(path: str | Path, name: str) -> dict[str, Any] | None:
-    """One table of a loops.toml that is not about loops, as it stands there; None where it has none.
+    """A table of a loops.toml that is not about loops, unchanged; None where it has none.
 
     Raises InputError for a file that cannot be read, is no TOML or has something else of that name.
     """
@@ -110,6 +110,7 @@ def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
 
 
 def _loops_or_errors(text: str, label: str, directory: Path) -> list[Loop | InputError]:
+    """Loops of a settings file, or the errors in their place."""
     data = _toml(text, label)
     for key in data:
         if key not in _TABLES:
@@ -148,6 +149,7 @@ def _table(value: object, label: str, key: str) -> dict[str, Any]:
 
 
 def _loop(data: dict[str, Any], label: str, name: str | None) -> Loop:
+    """A loop from a table, with its place in an error."""
     try:
         return Loop(**data)
     except InputError as error:
@@ -174,7 +176,7 @@ def _merged(defaults: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, An
 
 
 def _rivals(table: str, defaults: Mapping[str, Any], own: Mapping[str, Any]) -> set[str]:
-    """Keys of the defaults that say in another way what the loop says itself."""
+    """Keys of the defaults that contradict a setting of the loop."""
     if table == "process":
         return {"kp", "kp_unit"} if own.get("type") == "integrating" else set()
     if table != "controller":
@@ -240,11 +242,13 @@ def block(header: str, model: BaseModel, prefix: str = "") -> str:
 
 
 def _key(name: str) -> str:
+    """A key as TOML."""
     bare = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
     return name if bare else _value(name)
 
 
 def _value(value: object) -> str:
+    """A value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):

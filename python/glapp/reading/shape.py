@@ -35,9 +35,9 @@ _OWN = ("sp", "pv", "op", "mode")
 _ROWS = 8
 """Fewer rows than this show nothing."""
 _GROUPS = 20
-"""So many loops are looked at."""
+"""Number of loops that are looked at."""
 _WIDEST = 200
-"""Of wider tables only columns without a name are looked at for times: each may be a page of a file."""
+"""Number of columns above which only those without a name are looked at for times: each may be a page of a file."""
 _DAYS, _DAY_STEP = (29221.0, 54789.0), 0.05
 """Days of a spreadsheet from 1980 to 2050, and the longest step between two rows [days]."""
 _HALF = r"(?i: ?[AP]\.?M\.?)"
@@ -101,6 +101,7 @@ def tagged(source: Source) -> bool:
 
 
 def _kind(texts: Sequence[str]) -> str:
+    """Kind of a column by its texts: values, tags, or neither."""
     if all(map(is_number, texts)):
         return "value"
     roles = {understand(text).role for text in texts if not is_number(text)}
@@ -228,6 +229,7 @@ def _each_leads(source: Source, stamped: Sequence[int]) -> bool:
 
 
 def _pairs(source: Source, stamped: Sequence[int]) -> list[tuple[int, int]]:
+    """Time column and value column of each signal."""
     pairs, time = [], stamped[0]
     for i, name in enumerate(source.names):
         if i in stamped:
@@ -254,6 +256,7 @@ def _on_own_rows(source: Source, time: int, loops: Sequence[Loop]) -> bool:
 
 
 def _alternate(source: Source, at: Mapping[str, int]) -> bool:
+    """Whether the rows of signals alternate, a signal a row."""
     if "pv" not in at or len(at) < 2:
         return False
     try:
@@ -303,6 +306,7 @@ class _Joined(Source):
         self.nameless = source.nameless
 
     def _join(self, date: pa.Array, time: pa.Array) -> pa.Array:
+        """Date and time of day, or milliseconds, as one text."""
         if self._fine:
             parts = pc.extract_regex(pc.utf8_trim_whitespace(_as_text(date)), rf"^(?P<to>.*?)(?P<half>{_HALF})?$")
             digits = pc.utf8_lpad(pc.utf8_trim_whitespace(_as_text(time)), 3, "0")
@@ -319,6 +323,7 @@ class _Joined(Source):
         return [*inner, self._date, self._time] if self.at in columns else inner
 
     def _made(self, columns: Sequence[int], arrays: Sequence[pa.Array]) -> list[pa.Array]:
+        """The columns asked for, with date and time joined."""
         rest = iter(arrays)
         return [self._join(*arrays[-2:]) if i == self.at else next(rest) for i in columns]
 
@@ -466,6 +471,7 @@ class _KeyedSource(Source):
 
     @property
     def _order(self) -> list[int]:
+        """Columns of the inner source, in the order of reading."""
         return [self._time, self._key, *self._signals]
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:

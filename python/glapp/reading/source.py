@@ -1,4 +1,4 @@
-"""What a CSV, Parquet or Arrow file and a table in memory have in common: columns, in record batches."""
+"""Common base of a CSV, Parquet or Arrow file and a table in memory: columns, in record batches."""
 
 from __future__ import annotations
 
@@ -117,6 +117,7 @@ class Head:
         return [self._one(i) for i in columns]
 
     def _one(self, i: int) -> pa.Array:
+        """First rows of a column, kept; its error is raised each time."""
         if i not in self._read:
             try:
                 self._read[i] = self._first(i)

@@ -77,6 +77,7 @@ def table_of(data: Any, label: str) -> Source:
 
 
 def _table(data: Any, label: str) -> tuple[list[str], list[list[Any]]]:
+    """Names and rows of a table in JSON."""
     if isinstance(data, list):
         return _of_list(data, label)
     if isinstance(data, dict):
@@ -106,6 +107,7 @@ def _table(data: Any, label: str) -> tuple[list[str], list[list[Any]]]:
 
 
 def _of_list(data: Sequence[Any], label: str) -> tuple[list[str], list[list[Any]]]:
+    """Names and rows of a list in JSON."""
     if data and all(isinstance(one, dict) for one in data):
         if (streams := _streams({"items": data})) is not None:
             return streams
@@ -121,6 +123,7 @@ def _of_list(data: Sequence[Any], label: str) -> tuple[list[str], list[list[Any]
 
 
 def _split(keys: Mapping[str, Any]) -> tuple[list[str], list[list[Any]]]:
+    """Names and rows of a table in JSON with columns and data apart."""
     names, rows, index = [str(name) for name in keys["columns"]], keys["data"], keys.get("index")
     if not all(isinstance(row, list) and len(row) == len(names) for row in rows):
         return names, []

@@ -56,6 +56,7 @@ def to_table(data: Any) -> pa.Table:
 
 
 def _array(column: Any) -> pa.Array | pa.ChunkedArray:
+    """A column of a table in memory as Arrow."""
     if isinstance(column, pa.Array | pa.ChunkedArray):
         return column
     if hasattr(column, "__arrow_c_stream__"):

@@ -35,7 +35,7 @@ _OF_DAY = re.compile(
 )
 _NUMERIC = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 
-# In a layout every digit is written 0.
+# Every digit of a layout is written 0.
 _LAYOUT = re.compile(
     r"(?:(?P<y1>0000)(?P<s1>[-/.])(?P<m1>00?)(?P=s1)(?P<d1>00?)"  # 2024-01-31
     r"|(?P<a>00?)(?P<s2>[-/.])(?P<b>00?)(?P=s2)(?P<y2>0000|00)"  # 31/01/2024 or 01/31/2024
@@ -77,7 +77,7 @@ _STATE_COUNT = (
 
 @dataclass(frozen=True)
 class Plan:
-    """Where in a stamp of one layout its parts are: name to (first, last + 1); constants of the layout."""
+    """Layout of a stamp: each part's name with (first, last + 1) of its characters; constants of the layout."""
 
     parts: dict[str, tuple[int, int]]
     month: int | None
@@ -143,6 +143,7 @@ def moment(text: str, time_format: str | None) -> datetime | None:
 
 @lru_cache(maxsize=256)
 def _plan(layout: str) -> Plan | None:
+    """Layout of a time stamp; None where it is none."""
     found = _LAYOUT.fullmatch(layout)
     if found is None:
         return None
@@ -194,7 +195,7 @@ class Clock:
         self.zone = time_zone
         self.t0: datetime | None = None
         self.found: list[Finding] = []
-        self._name, self._unit = name, _UNITS.get((unit or "").strip(" .").lower())
+        self.name, self._unit = name, _UNITS.get((unit or "").strip(" .").lower())
         self._format = time_format
         self._calendar: str | None = None
         self._seconds = 1.0
@@ -250,6 +251,7 @@ class Clock:
     # --- numbers
 
     def _numbers(self, head: NDArray[np.float64], text: str, first: pa.Array) -> None:
+        """Settle the unit of numeric times from the first values."""
         if not np.isfinite(head[0]):
             raise CellFault(0, f"'{text}' is not a time", value=text)
         form = self._format or self._form_of(head, text)
@@ -281,7 +283,7 @@ class Clock:
         self.t0 = _moment(self._origin, self._per_second).replace(tzinfo=UTC).astimezone(zone)
 
     def _form_of(self, head: NDArray[np.float64], text: str) -> str:
-        """What numbers count, from their range, their steps, the column's name and its unit."""
+        """Unit of a time column's numbers, from their range, their steps, the column's name and its unit."""
         low, high = float(np.nanmin(head)), float(np.nanmax(head))
         for exponent, name in ((0, "epoch s"), (3, "epoch ms"), (6, "epoch us"), (9, "epoch ns")):
             if 0.67e9 * 10**exponent <= low and high <= 4.2e9 * 10**exponent:  # years 1991 to 2103
@@ -290,7 +292,7 @@ class Clock:
         steps = steps[steps > 0]
         with np.errstate(over="ignore"):  # a number as large as 1e308 among them
             step = float(np.median(steps)) if len(steps) else None
-        dated = self._name.strip().lower() in _DATED
+        dated = self.name.strip().lower() in _DATED
         for calendar, zero in _TO_1970.items():
             if zero + _YEARS[0] <= low and high <= zero + _YEARS[1]:
                 if self._unit is not None and self._unit != "days":
@@ -313,9 +315,10 @@ class Clock:
         return "seconds"
 
     def _note_time_unit(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
+        """Keep the finding on the assumed unit of the times."""
         date = _moment(round((first - _TO_1970[calendar]) * 86_400_000), 1000)
         finding = assumed_time(
-            self._name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure
+            self.name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure
         )
         self.found.append(finding)
 
@@ -357,6 +360,7 @@ class Clock:
     # --- stamps
 
     def _stamps(self, head: pa.Array, texts: Sequence[str], tail: pa.Array | None) -> None:
+        """Settle the layout of time stamps from the first and last texts."""
         if self._format in ("day first", "month first"):
             self._day_first = self._format == "day first"
         elif self._format is not None:
@@ -377,6 +381,7 @@ class Clock:
         self._start(head)
 
     def _start(self, head: pa.Array) -> None:
+        """Take the first time as the beginning of the recording."""
         first = self._ticks(head.slice(0, 1))
         if self.zone is not None and not self._zoned:
             first = _Fold(self.zone)(first, self._per_second)
@@ -455,6 +460,7 @@ def _cast(column: pa.Array, kind: pa.DataType) -> pa.Array | None:
 
 
 def _finite(column: pa.Array) -> NDArray[np.float64]:
+    """Times as numbers; an error at the first that is none."""
     x: NDArray[np.float64] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
     finite = np.isfinite(x)
     if not finite.all():
@@ -531,6 +537,7 @@ def _day_first(texts: Sequence[str]) -> bool:
 
 
 def _hint(text: str) -> str | None:
+    """Advice for a time that cannot be read; None where there is none."""
     if re.search(r"\d [A-Z]{3,5}$", text):
         return "a zone's letters are not unique: write an offset such as +01:00, or leave it out and give time_zone"
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?([.,]\d+)?", text):
@@ -539,7 +546,7 @@ def _hint(text: str) -> str | None:
 
 
 def _zone(name: str) -> ZoneInfo:
-    """Zone by IANA name; an Arrow offset such as +01:00 has no such name and is told in UTC."""
+    """Zone by IANA name; an Arrow offset such as +01:00 has no such name and is shown in UTC."""
     try:
         return ZoneInfo(name)
     except (ValueError, OSError, KeyError):
@@ -547,6 +554,7 @@ def _zone(name: str) -> ZoneInfo:
 
 
 def _moment(ticks: int, per_second: int) -> datetime:
+    """Date and time of ticks since 1970."""
     try:
         return datetime(1970, 1, 1) + timedelta(microseconds=ticks * 10**6 // per_second)
     except OverflowError:
@@ -555,7 +563,7 @@ def _moment(ticks: int, per_second: int) -> datetime:
 
 @lru_cache(maxsize=4096)
 def _changes(zone: str, year: int) -> tuple[tuple[int, int], ...]:
-    """When a zone's clocks are set in a year of UTC, and its first moment: (s since 1970, s ahead of UTC since then).
+    """Changes of a zone's clocks in a year of UTC, its first moment too: (s since 1970, s ahead of UTC since then).
 
     Asked of zoneinfo and not of Arrow, which finds no database of zones on Windows and in bare containers.
     """
@@ -616,7 +624,7 @@ class _Fold:
         return out
 
     def _clock(self, ticks: NDArray[np.int64], per_second: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """How the clock is set from two years before these times to a year after: since when, how far ahead of UTC."""
+        """Changes of the clock from two years before these times to a year after: since when, how far ahead of UTC."""
         years = []
         for at in (int(np.argmin(ticks)), int(np.argmax(ticks))):
             years.append(int(ticks[at]) // per_second // 31556952 + 1970)

@@ -35,7 +35,7 @@ __all__ = [
 
 _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(inf|infinity)$"
 _SYSTEM = r"^\[-\d+\]"
-"""How PI begins the word for an error: [-11059] No Good Data For Calculation."""
+"""Beginning of PI's word for an error: [-11059] No Good Data For Calculation."""
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,'’\u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?) ?([^\s\d.,'’+-].*)")
 _WHOLE = re.compile(r"\d+\.0*")
 _PLAIN = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
@@ -52,7 +52,7 @@ def _thousands(group: str, decimal: str) -> str:
 
 
 _PARTED = ((".", ","), (",", "."))
-"""What may part thousands, and decimal digits beside it."""
+"""Marks that may part thousands, and the decimal mark beside each."""
 
 
 def _grouped(group: str) -> str:
@@ -61,7 +61,7 @@ def _grouped(group: str) -> str:
 
 
 class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputError does)
-    """A cell that cannot be used: its index in the batch at hand, its text, and what is wrong with it."""
+    """A cell that cannot be used: its index in the present batch, its text, and the error."""
 
     def __init__(
         self, index: int, what: str, hint: str | None = None, value: object = None, asks: str | None = None
@@ -72,7 +72,7 @@ class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputErr
 
 @dataclass(frozen=True, slots=True)
 class Digits:
-    """How a text writes its numbers.
+    """Notation of a text's numbers.
 
     - `decimal`: what parts whole from decimal digits; "" where no cell that was seen tells.
     - `group`: what parts the thousands, where some cell shows it; a space or an apostrophe is always understood.
@@ -83,7 +83,7 @@ class Digits:
 
 
 def digits_of(cells: Sequence[str], label: str) -> Digits:
-    """How the cells of a table write numbers.
+    """Notation of the numbers in a table's cells.
 
     Raises InputError where some have a decimal comma and others a decimal point.
 
@@ -214,6 +214,7 @@ def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits
 
 
 def _parse(column: pa.Array, bad_words: frozenset[str], digits: Digits) -> pa.Array:
+    """Numbers of a column of text."""
     column = pc.utf8_trim_whitespace(column)
     missing = pc.is_in(pc.utf8_lower(column), value_set=pa.array(bad_words, pa.string()))
     missing = pc.or_(missing, pc.fill_null(pc.match_substring_regex(column, _SYSTEM), False))
@@ -292,7 +293,7 @@ def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8
 
 
 def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[str]) -> Callable[[str], int]:
-    """How to read the mode column; an empty cell or a word for "missing" is not known to be automatic."""
+    """Reader of the mode column; an empty cell or a word for "missing" is not known to be automatic."""
     named = None if auto_values is None else {text_of(v) for v in auto_values}
 
     def decide(word: str) -> int:
@@ -308,7 +309,7 @@ def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[st
 
 
 class Quality:
-    """How to read a quality column: only *good* is good.
+    """Reader of a quality column: only *good* is good.
 
     Words: Good... against Bad..., Uncertain..., Questionable and the words for missing. Numbers: OPC DA (the two bits
     of 192 set is good) or OPC UA status codes (the two highest of 32 bits clear is good). 0 is bad in the one and good
@@ -358,7 +359,7 @@ class Quality:
 
 
 def limit_flag(bit: int) -> Callable[[str], int]:
-    """How to read a limit flag column: 1/0, true/false, on/off, yes/no; missing is "not at the limit"."""
+    """Reader of a limit flag column: 1/0, true/false, on/off, yes/no; missing is "not at the limit"."""
 
     def decide(word: str) -> int:
         if word in {"1", "true", "on", "yes", "active", "limited"}:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
+from ..quality import Finding, newest_first, setting_unused
 from ..recording import AT_HIGH, AT_LOW, Batch, Recording, finished
 from .columns import LABELS
-from .names import MISSING
+from .names import MISSING, SAME_UNITS, UNITS, folded
+from .newest_first import FromLast, clock_from_last
 from .passes import Passes
 from .source import ahead
 from .times import Clock
@@ -35,7 +38,7 @@ from .values import (
     words_for_bad,
 )
 
-__all__ = ["Reader", "WideRecording"]
+__all__ = ["Reader", "WideRecording", "check_one_unit", "unused_settings", "with_units"]
 
 _NUMBERS = ("sp", "pv", "op", "position")
 
@@ -50,7 +53,7 @@ class Reader:
     quality: Quality
 
     def number(self, column: pa.Array) -> NDArray[np.float64]:
-        """Numbers, with NaN for everything that stands for missing."""
+        """Numbers, with NaN for everything that means missing."""
         x = numbers(column, words_for_bad(self.loop.bad_values), self.digits)
         for bad in self.loop.bad_values:
             if not isinstance(bad, str):
@@ -72,6 +75,49 @@ def with_units(loop: Loop, units: dict[str, str]) -> Loop:
     """The loop with the units found in the file where its settings have none."""
     found = {key: units[label] for key, label in (("pv_unit", "PV"), ("op_unit", "OP")) if label in units}
     return loop.model_copy(update={key: unit for key, unit in found.items() if getattr(loop, key) is None})
+
+
+def check_one_unit(units: dict[str, str], loop: Loop, file: str, column: str | None, tag: str | None = None) -> None:
+    """Refuse an SP in another unit than PV, where the file states both and the settings state none.
+
+    - `units`: label of each signal to its unit.
+    - `loop`: settings as they were given.
+    - `column`, `tag`: that of SP.
+
+    Raises InputError where the units differ in more than how they are written.
+    """
+    sp, pv = (units.get(label) for label in ("SP", "PV"))
+    if loop.pv_unit is not None or sp is None or pv is None:
+        return
+    ours, theirs = folded(sp), folded(pv)
+    if not {ours, theirs} <= UNITS - _ANY_UNIT or SAME_UNITS.get(ours, ours) == SAME_UNITS.get(theirs, theirs):
+        return
+    raise InputError(
+        f"SP is in {sp} and PV in {pv}, must be in one unit",
+        file=file,
+        loop=loop.name,
+        value=sp,
+        bound=pv,
+        hint="export both in one unit; where the file states a wrong one, write the unit of both in loops.toml: "
+        f'pv_unit = "{pv}"',
+        column=column,
+        tag=tag,
+    )
+
+
+_ANY_UNIT = {"eu", "deg"}
+"""Words that stand for more than one unit."""
+
+
+def unused_settings(loop: Loop, columns: dict[str, str]) -> list[Finding]:
+    """Say which settings a recording has no use for; `columns`: label of each signal to its column or tag."""
+    found = []
+    if loop.sample_time is not None and (time := columns.get(LABELS["time"])) is not None:
+        found.append(setting_unused("sample_time", f"{loop.sample_time:g}", time))
+    if loop.auto_values is not None and LABELS["mode"] not in columns:
+        words = ", ".join(repr(word) if isinstance(word, str) else f"{word:g}" for word in loop.auto_values)
+        found.append(setting_unused("auto_values", f"[{words}]"))
+    return found
 
 
 class WideRecording(Recording):
@@ -96,6 +142,7 @@ class WideRecording(Recording):
         self._at = {role: source.places[name][0] for role, name in chosen.items()}
         self.columns = {LABELS[role]: name for role, name in chosen.items()}
         self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}
+        given = loop
         self.loop = loop = with_units(loop, self.units)
         [head] = source.head([self._at.get("time", self._at["pv"])])
         if len(head) == 0:
@@ -103,11 +150,23 @@ class WideRecording(Recording):
         if len(head) == 1:
             raise InputError("has only one row", file=source.label, hint="a recording needs many rows")
         clock = None
+        self._from_last = False
+        self._last_row = 0  # of the latest pass, where rows are taken from the last
         if (at := self._at.get("time")) is not None:
+            name, unit = chosen["time"], source.unit(at)
+
+            def clock_of(first: pa.Array, others: pa.Array | None) -> Clock:
+                return Clock(first, others, loop.time_format, loop.time_zone, name, unit)
+
             try:
-                clock = Clock(head, source.tail(at), loop.time_format, loop.time_zone, chosen["time"], source.unit(at))
+                clock = clock_of(head, source.tail(at))
             except CellFault as fault:
                 raise self._fault(fault, "time", 0) from None
+            late = passes.clock_from_last(
+                (at, loop.time_format, loop.time_zone),
+                partial(clock_from_last, source, clock, at, lambda first: clock_of(first, head)),
+            )
+            clock, self._from_last = late or clock, late is not None
         elif loop.sample_time is None:
             raise InputError(
                 f"no time column among: {', '.join(source.names[:20])}",
@@ -128,10 +187,13 @@ class WideRecording(Recording):
         )
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
-        self.found = clock.found if clock else ()
+        self.found = [*(clock.found if clock else ()), *unused_settings(loop, self.columns)]
+        if self._from_last:
+            self.found.insert(0, newest_first(chosen["time"]))
         self._ends = {role: end for role in _NUMBERS if role in self._at and (end := self._end(role))}
         self.units = {LABELS[role]: end for role, end in self._ends.items()} | self.units
         self.loop = with_units(self.loop, self.units)
+        check_one_unit(self.units, given, source.label, chosen.get("sp"))
         types = {
             i: pa.float64() if role in _NUMBERS and role not in self._ends else pa.string()
             for role, i in self._at.items()
@@ -158,12 +220,17 @@ class WideRecording(Recording):
                     yield batch[start : start + rows]
 
     def _pass(self) -> Iterator[Batch]:
+        """Batches of the recording, in one pass over the file."""
         reader = self._reader
         clock = reader.clock.reader() if reader.clock else None
         order = list(self._share.types)
         done, alive = 0, False
         self._fraction = 0.0
-        for columns, fraction in self._share.stream():
+        stream: Iterable[tuple[list[pa.Array], float]] = self._share.stream()
+        if self._from_last:
+            stream = turned = FromLast(stream, self._tell)
+            self._last_row = turned.rows - 1
+        for columns, fraction in stream:
             n = len(columns[0])
             if n == 0:
                 continue
@@ -203,6 +270,9 @@ class WideRecording(Recording):
                 hint="is it the right column?",
             )
 
+    def _tell(self, fraction: float) -> None:
+        self._fraction = fraction
+
     def _end(self, role: str) -> str | None:
         """Unit behind the numbers of a signal, as in 48.20 m³/h; None where the first cells have none or several."""
         if self._source.typed:
@@ -216,6 +286,7 @@ class WideRecording(Recording):
         return ends.pop() if len(ends) == 1 else None
 
     def _without_unit(self, role: str, column: pa.Array) -> pa.Array:
+        """A column without the units written in its cells."""
         if role not in self._ends:
             return column
         return pc.replace_substring_regex(plain(column), rf" ?{re.escape(self._ends[role])}\s*$", "")
@@ -238,10 +309,14 @@ class WideRecording(Recording):
         return [column.take(pa.array(rows)) for column in columns], rows
 
     def _fault(self, fault: CellFault, role: str, done: int) -> InputError:
+        """The error of a cell, with its row and column."""
+        record = done + fault.index
+        if self._from_last:
+            record = self._last_row - record
         return InputError(
             fault.what,
             file=self.source,
-            row=self._source.row_number(done + fault.index),
+            row=self._source.row_number(record),
             column=self.columns[LABELS[role]],
             value=fault.value,
             hint=fault.hint,
@@ -250,7 +325,7 @@ class WideRecording(Recording):
 
 
 def _empty(column: pa.Array) -> NDArray[np.bool_] | None:
-    """Which cells are empty, None where none is."""
+    """Whether each cell is empty, None where none is."""
     if pa.types.is_dictionary(column.type):
         column = plain(column)
     if pa.types.is_string(column.type):

@@ -151,7 +151,7 @@ def loop_figure(result: Result) -> go.Figure:
     if has_detections:
         _detections(figure, result, row["d"])
     _time_axis(figure, result, len(panels))
-    legend = 20 * math.ceil(len(present) / 3)  # a narrow page holds three reasons in a row
+    legend = 20 * (1 + math.ceil(len(present) / 3))  # below its title; a narrow page holds three reasons in a row
     figure.update_layout(
         height={1: 400, 2: 560, 3: 700}[len(panels)] + legend,
         margin={"l": 78, "r": 24, "t": 64, "b": 60 + legend},
@@ -166,7 +166,7 @@ def loop_figure(result: Result) -> go.Figure:
             "yanchor": "bottom",
             "itemclick": False,
             "itemdoubleclick": False,
-            "title": {"text": "half-periods  "},
+            "title": {"text": "half-periods", "side": "top"},  # beside them it pushed the last one off the paper
         },
     )
     return figure
@@ -407,7 +407,7 @@ def _empty(text: str, height: int = 220) -> go.Figure:
 
 
 def _time(result: Result | StepTest, seconds: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """Turn seconds since t0 into what the axis counts: milliseconds of local wall-clock time, or seconds.
+    """Times on the axis for seconds since t0: milliseconds of local wall-clock time, or seconds.
 
     Plotly's dates know no zone, so the wall clock of the first row is given to it as if it were UTC.
     """
@@ -435,11 +435,13 @@ def _has_values(trace: Trace, column: str) -> bool:
 
 
 def _band(trace: Trace, column: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper ends of a thinned column."""
     band = getattr(trace, column)
     return band.low, band.high
 
 
 def _middle(trace: Trace, column: str) -> NDArray[np.float32]:
+    """Mean of the ends of a thinned column."""
     low, high = _band(trace, column)
     return np.asarray((low + high) / 2, dtype=np.float32)
 
@@ -457,6 +459,7 @@ def _interleave(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[
 
 
 def _zigzag_time(result: Result, trace: Trace) -> NDArray[np.float64]:
+    """Times for a line that goes from low to high of each bucket."""
     return np.repeat(_time(result, trace.t), 2)
 
 
@@ -547,6 +550,7 @@ def _half_period_text(result: Result, i: int) -> str:
 
 
 def _group_text(result: Result, first: np.intp, end: np.intp, found: Counter[int]) -> str:
+    """Text on half-periods that are drawn as one."""
     h = result.half_periods
     lines = [
         f"<b>{end - first} half-periods</b>",

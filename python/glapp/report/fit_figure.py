@@ -82,7 +82,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
 
 
 def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stretch: slice) -> go.Figure:
-    """Draw PV against OP, and over it what the fitted gap makes of a slow cycle of PV's height, with its limits."""
+    """Draw PV against OP, and over it the fitted gap under a slow cycle of PV's height, with its limits."""
     f, answer = result.fit, result.answer
     assert f is not None
     unit, name, recorded = _plain(words.op_unit(result.unit)), "PV", "recorded"
@@ -107,7 +107,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
             hovertemplate="OP %{x:.5~g}<br>%{y:.5~g}<extra></extra>",
         )
     )
-    # Where PV does not follow the valve at all, a gap has no flanks.
+    # A gap has no flanks where PV does not follow the valve at all.
     bottom, top = np.sort((np.quantile(seen, [0.05, 0.95]) - middle) / gain) if gain else (0.0, 0.0)
     drawn = [
         (answer.width, {"color": POSITION, "width": 2.6}, "at least" if answer.verdict == "at_least" else "fitted gap"),
@@ -152,7 +152,7 @@ def _stretch(valve: Floats, op: Floats) -> slice:
 
 
 def fit_figure(result: Result) -> go.Figure:
-    """Draw the profile of every family of models, and PV, what the best one foresaw of it, and what is left.
+    """Draw the profile of every family of models, and PV with the best one's prediction and residual.
 
     The lower a profile lies, the better that width explains PV; the shaded band is the interval that covers them all.
     """
@@ -224,7 +224,7 @@ def fit_figure(result: Result) -> go.Figure:
 
 
 def _family(family: dict[str, Any]) -> str:
-    """What a family of models is called."""
+    """Name of a family of models."""
     if family["noise"] == "position":
         return "OP to the valve's position"
     kind = f"{family['lags']} lags" if not family["integrating"] else "integrator and lag"
@@ -294,7 +294,9 @@ def trend_figure(result: Result) -> go.Figure:
         figure.update_xaxes(title_text="time [s]")
     else:
         figure.update_xaxes(type="date", title_text="local time")
-    figure.update_xaxes(nticks=6, tickangle=0)
+    # All of the recording, also where one window alone tells something.
+    whole = _time(result, np.array([min(w.t_start for w in f.windows), max(w.t_end for w in f.windows)]))
+    figure.update_xaxes(nticks=6, tickangle=0, range=whole.tolist())
     figure.update_layout(height=320, margin={"l": 70, "r": 24, "t": 40, "b": 48}, hovermode="closest", showlegend=True)
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
     return figure

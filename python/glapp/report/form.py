@@ -101,6 +101,7 @@ _VERDICTS = {"pass": "Pass", "fail": "Fail", "open": "Not decided"}
 
 
 def _page(one: Judged) -> dict[str, object]:
+    """Fields of one page of the form."""
     test = one.test
     op = words.op_unit(test.unit)
     signals = [("PV", test)] if test.travel is None else [("Valve travel", test.travel), ("PV", test)]
@@ -126,7 +127,7 @@ def _page(one: Judged) -> dict[str, object]:
 
 
 def _reason_text(one: Judged) -> str:
-    """What the verdict stands on; no number is parted from its unit."""
+    """Reason of the verdict; no number is parted from its unit."""
     return _told(one).replace(" % of span", "\N{NO-BREAK SPACE}% of span")
 
 
@@ -144,7 +145,7 @@ def _told(one: Judged) -> str:
 
 
 def _terms(op: str) -> list[tuple[str, Callable[[StepTest], str]]]:
-    """Each term with how it is told of a signal."""
+    """Each term with its text for a signal."""
 
     def dead_band(read: StepTest) -> str:
         if read.d is None:
@@ -191,6 +192,7 @@ _GIVES = {"gain": "gain", "gap": "dead band", "none": "–"}
 
 
 def _move(i: int, reading: Reading, test: StepTest) -> list[str]:
+    """Cells of a move's row."""
     up = reading.op[1] > reading.op[0]
     held = next((hold.end - hold.start for hold in test.holds if hold.end == reading.end), None)
     value = "" if reading.value is None else f" {words.number(reading.value)}"

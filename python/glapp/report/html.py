@@ -203,6 +203,7 @@ def _payload(drawn: Mapping[str, go.Figure]) -> Markup:
     specs: list[Any] = []
 
     def shared(node: Any) -> Any:
+        """The tree of a chart with equal arrays stored once."""
         if isinstance(node, dict):
             if "bdata" in node:
                 name = json.dumps(node, sort_keys=True)

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 __all__ = ["KINDS", "limits", "question", "rows", "text"]
 
 KINDS = {"by_hand": "OP by hand", "setpoint": "Setpoint steps", "more_hours": "More hours"}
-"""What each kind of test is called."""
+"""Name of each kind of test."""
 
 
 def question(plan: Plan) -> str:
-    """What the test would decide."""
+    """Question that the test would decide."""
     return f"Is there a gap of {number(plan.width)} {op_unit(plan.unit)}?"
 
 
@@ -55,7 +55,7 @@ def text(test: Planned, plan: Plan) -> str:
 
 
 def _moves(moves: Sequence[float]) -> str:
-    """The moves; what is made again and again is told once.
+    """The moves; a repeated pattern is listed once.
 
     >>> _moves((50.0, 52.0, 54.0, 52.0)), _moves((50.0, 52.0, 50.0, 52.0, 50.0, 52.0, 50.0))
     ('50 → 52 → 54 → 52', '50 → 52 → 50, three times,')

@@ -1,4 +1,4 @@
-"""Before and after a repair in words: what is told of it, and the table."""
+"""Before and after a repair: text and table."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOTE = (
 
 
 def text(repair: Repair, unit: str) -> str:
-    """What is told of it: a repair that was noted, or a fall of the width and what to do about it."""
+    """Text on a repair that was noted, or on a fall of the width and what to do about it."""
     before, after = repair.before, repair.after
     if repair.noted is not None:
         noted = f"The valve was repaired on {repair.noted:%Y-%m-%d at %H:%M}. The answer is that of the time since."
@@ -46,6 +46,7 @@ def rows(repair: Repair, unit: str, pv_unit: str) -> list[tuple[str, ...]]:
 
 
 def _width(side: Side, unit: str) -> str:
+    """Width of one side, as text."""
     unit = op_unit(unit)
     if side.verdict is None:
         return "not judged"
@@ -64,6 +65,7 @@ def _between(value: Between | None, unit: str) -> str:
 
 
 def _difference(of: Difference | None, unit: str) -> str:
+    """A difference, as text."""
     if of is None:
         return "–"
     if of.code == "open":
@@ -74,6 +76,7 @@ def _difference(of: Difference | None, unit: str) -> str:
 
 
 def _days(side: Side) -> str:
+    """Length of one side, as text."""
     if side.days is None:
         return "too little"
     return f"{number(side.days)} d" if side.days >= 1.0 else f"{number(24.0 * side.days)} h"

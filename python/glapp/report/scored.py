@@ -1,4 +1,4 @@
-"""Answers beside what the workshop found, in words."""
+"""Answers compared with the workshop's findings, in words."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .words import op_unit, quantity
 __all__ = ["calibration", "counts", "share_text", "workshop"]
 
 PROBABLE = {"p_gap": "a dead band", "p_beyond": "one beyond the limit"}
-"""What each probability is of."""
+"""Event of each probability."""
 
 
 def counts(scored: Sequence[Scored]) -> list[tuple[str, ...]]:
-    """Rows by how sure the answers are, and of all: what they say, right, wrong, silent, the share of right ones."""
+    """Rows by confidence, and of all answers: number, right, wrong, silent, the share of right ones."""
     rows = counted(list(scored))
     total = (sum(getattr(one, kind) for one in rows) for kind in ("right", "wrong", "silent"))
     return [
@@ -51,6 +51,6 @@ def share_text(so: int, not_so: int) -> str:
 
 
 def workshop(one: Scored) -> str:
-    """What the workshop found, with the width where it was measured."""
+    """Finding of the workshop, with the width where it was measured."""
     width = "" if one.width is None else f", {quantity(one.width, op_unit(one.result.unit))}"
     return f"{one.label.found}{width}"

@@ -1,4 +1,4 @@
-"""What the templates show of a loop: text and rows of tables, from what the result holds; nothing is decided here."""
+"""Texts and rows of tables for the templates, from the result of a loop; nothing is decided here."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _GRAVITY = {"refuse": "refused", "warning": "warning", "info": "note"}
 
 
 class Bar(NamedTuple):
-    """A width in the list, all in % of OP's span: its limits, the width, and what is acceptable.
+    """A width in the list, all in % of OP's span: its limits, the width, and the acceptable limit.
 
     `high` is None where there is no upper limit; `kind` is what is known of the valve, or *crossings*.
     """
@@ -98,12 +98,12 @@ class LoopView:
 
     @cached_property
     def why(self) -> list[str]:
-        """Tell what the answer stands on."""
+        """Reason of the answer."""
         return words.why(self.r)
 
     @property
     def planned(self) -> TableRows:
-        """What would decide, where that was asked for and the answer is open."""
+        """The test that would decide, where it was asked for and the answer is open."""
         return [] if self.r.plan is None else list(planned.rows(self.r.plan))
 
     @property
@@ -142,7 +142,7 @@ class LoopView:
 
     @property
     def recordings(self) -> TableRows:
-        """What each of several recordings says alone, and why one does not count."""
+        """Result of each of several recordings alone, and why one does not count."""
         if self.r.fit is None:
             return []
         unit = words.op_unit(self.r.unit)
@@ -177,7 +177,7 @@ class LoopView:
 
     @property
     def crossings(self) -> TableRows:
-        """What came of the zero crossings."""
+        """Results of the zero crossings."""
         r, unit = self.r, words.op_unit(self.r.unit)
         if not self.analysed:
             return []
@@ -269,7 +269,7 @@ class LoopView:
 
     @property
     def phase_note(self) -> str:
-        """Tell what a point of the phase plot is, and when thinning leaves too little of it."""
+        """Note on the points of the phase plot, and on thinning that leaves too few of them."""
         assert self.r.trace is not None  # the caller draws no plot without one
         t = self.r.trace.t
         step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
@@ -292,6 +292,8 @@ class LoopView:
 
 
 def _evidence(evidence: Mapping[str, float | int | str]) -> str:
+    """Numbers of a finding, as text."""
+
     def shown(value: float | int | str) -> str:
         return value if isinstance(value, str) else str(value) if isinstance(value, int) else words.number(value, 4)
 

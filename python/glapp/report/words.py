@@ -27,7 +27,7 @@ def _catalogue_of(subject: str) -> dict[str, str]:
 
 
 class Reason(NamedTuple):
-    """How one verdict on a half-period is told: a label, what it means, and what to do if it is the usual one."""
+    """Texts on one verdict on a half-period: a label, what it means, and what to do if it is the usual one."""
 
     label: str
     meaning: str
@@ -185,18 +185,18 @@ def crossing(result: Result) -> str:
 
 
 def lead(result: Result) -> str:
-    """Tell what is so, in one sentence for the person who plans the maintenance."""
+    """State of the valve, in one sentence for the person who plans the maintenance."""
     return _text_of(result, "so")
 
 
 def why(result: Result) -> list[str]:
-    """Tell what the answer stands on, a sentence each."""
+    """Reasons of the answer, a sentence each."""
     found: list[str] = result.texts()["why"]
     return found
 
 
 def basis(result: Result) -> str:
-    """Say in a few words what a verdict on a valve rests on."""
+    """Basis of a verdict on a valve, in a few words."""
     evidence = result.answer.evidence
     return to_text("answer.basis", {"evidence": evidence and to_text(f"evidence.{evidence}")})
 

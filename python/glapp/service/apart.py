@@ -19,7 +19,7 @@ _SPAWN = get_context("spawn")
 
 
 async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
-    """What a function gives, in a process of its own that ends with us.
+    """Result of a function, computed in a process of its own that ends with us.
 
     - `what`: a function of a module.
     - `*words`: what it is given; must be picklable, as what it gives.
@@ -48,6 +48,7 @@ async def apart(what: Callable[..., Any], *words: Any, longest: float) -> Any:
 
 
 def _send(to: Connection, what: Callable[..., Any], words: tuple[Any, ...], longest: float) -> None:
+    """Send the result of a function, or its error, from the child."""
     with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - only the number of an open file is used
         faulthandler.dump_traceback_later(longest, exit=True, file=nowhere)
         try:

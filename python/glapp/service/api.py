@@ -48,11 +48,12 @@ LARGEST = 65_536
 """No request may be longer [bytes]."""
 
 HASHES = 20
-"""So many passwords of strangers wait to be looked at, no more; those of names from where they have logged in go by
-another way."""
+"""Passwords of strangers that wait to be checked, at most; names from addresses where they have logged in go another
+way.
+"""
 
 LONGEST = 1.0
-"""So long a request waits for a newer value at most [s]."""
+"""Longest wait of a request for a newer value [s]."""
 
 WHY_NOT = {
     400: "A body that is no JSON",
@@ -64,7 +65,7 @@ WHY_NOT = {
     422: "A value that cannot be",
     503: "Not done, since it cannot be stored; or too much is asked at once",
 }
-"""What else is answered than what was asked for."""
+"""Answers other than the requested one."""
 
 Begin = Annotated[float, Query(description="From when on [s since 1970 UTC].")]
 End = Annotated[float, Query(description="Until when [s since 1970 UTC].")]
@@ -83,7 +84,7 @@ class Why(BaseModel):
 
 
 class LogIn(_Asked):
-    """Who asks to be let in."""
+    """Login of a person."""
 
     user: Annotated[str, Field(max_length=64)]
     password: Annotated[str, Field(max_length=1000)]
@@ -93,7 +94,7 @@ class Seen(_Asked):
     """A command about what somebody has looked at."""
 
     seen: dict[str, float | None] | None = None
-    """What parameters were on the page that asks: where that is no longer so, the command is refused."""
+    """Parameters on the page that asks: where they no longer hold, the command is refused."""
 
 
 class Change(Seen):
@@ -103,7 +104,7 @@ class Change(Seen):
 
 
 class TakeOver(Seen):
-    """Which answer to take over."""
+    """Answer to take over."""
 
     answer: Annotated[int, Field(ge=1, le=2**53)]
 
@@ -146,15 +147,15 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
 
 class _Api:
-    """What the routes share: who asks, which loops there are, and how a command is logged."""
+    """State that the routes share: the login, the loops, and the log of commands."""
 
     def __init__(self, monitor: Monitor, users: Users) -> None:
         self.monitor, self.users = monitor, users
-        # Neither what is read, nor strangers' passwords, take the threads by which commands are logged.
+        # Reads and strangers' passwords do not take the threads that log commands.
         self._reading = ThreadPoolExecutor(2, "looking")
 
     async def looked(self, what: Callable[P, T], *words: P.args, **more: P.kwargs) -> T:
-        """What a function of the reader gives, called in a thread."""
+        """Result of a function of the reader, called in a thread."""
         return await asyncio.get_running_loop().run_in_executor(self._reading, partial(what, *words, **more))
 
     def token(self, request: Request) -> str:
@@ -162,6 +163,8 @@ class _Api:
         return shown if kind.lower() == "bearer" else ""
 
     def at_least(self, role: Role) -> Callable[[Request], Awaitable[Person]]:
+        """Dependency that admits persons with at least this role."""
+
         async def person(request: Request) -> Person:
             found = self.users.of(self.token(request), time.time())
             if found is None:
@@ -190,6 +193,7 @@ class _Api:
             raise
 
     def as_seen(self, name: str, asked: Seen | None) -> None:
+        """Refuse a command where the parameters are no longer those on the page."""
         now = _plain(self.monitor.commands.settings(self.known(name)))
         for key, value in ((asked and asked.seen) or {}).items():
             if now.get(key) != value:
@@ -202,7 +206,7 @@ class _Api:
 
 
 class _Logins:
-    """Logins: from where they come, when their passwords are looked at, and how refused ones are told."""
+    """Logins: their addresses, when their passwords are checked, and how refused ones are reported."""
 
     def __init__(self, monitor: Monitor, users: Users) -> None:
         self.monitor, self.users, self.refused = monitor, users, RefusedLogins()
@@ -217,7 +221,7 @@ class _Logins:
         return request.client.host if request.client is not None else ""
 
     def refuse(self, name: str, address: str) -> None:
-        """Count it; the first is told at once, and how many came after it some minutes later."""
+        """Count a refusal; the first is reported at once, and the number after it some minutes later."""
         text = self.refused.add(name if name in self.users else None, address)
         if text is not None:
             self.monitor.tell(Event(time.time(), None, "logins_refused", text))
@@ -228,7 +232,7 @@ class _Logins:
             self.monitor.tell(Event(time.time(), None, "logins_refused", text))
 
     async def looked_at(self, attempt: Attempt, password: str) -> tuple[str, Person]:
-        """The password, by a thread for who is known and one for strangers: the one does not wait for the other."""
+        """Check of the password, by a thread for known persons and one for strangers: neither waits for the other."""
         until = time.monotonic() + attempt.wait
         while not attempt.displaced and (left := until - time.monotonic()) > 0.0:
             await asyncio.sleep(min(left, 0.05))
@@ -298,7 +302,7 @@ def _login_routes(app: FastAPI, api: _Api, logins: _Logins) -> None:
 
 
 def _reading_routes(app: FastAPI, api: _Api) -> None:
-    """What programs and the station read."""
+    """Routes that programs and the station read."""
     viewer = Annotated[Person, Depends(api.at_least(Role.VIEWER))]
 
     @app.get("/status")
@@ -352,7 +356,7 @@ def _reading_routes(app: FastAPI, api: _Api) -> None:
 
     @app.get("/loops/{name:path}/parameters")
     async def parameters(person: viewer, name: Name) -> dict[str, Any]:
-        """What may be set of a loop, as it is in force."""
+        """Settable parameters of a loop, as in force."""
         found: dict[str, Any] = _plain(api.monitor.commands.settings(api.known(name)))
         return found
 
@@ -363,7 +367,7 @@ def _reading_routes(app: FastAPI, api: _Api) -> None:
 
     @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
-        """What the fits of a loop said, the newest first."""
+        """Answers of a loop's fits, the newest first."""
         return await api.looked(api.monitor.reader.answers, api.known(name), most)
 
     @app.get("/answers/{id}")
@@ -381,18 +385,18 @@ def _reading_routes(app: FastAPI, api: _Api) -> None:
         most: Most = 200,
         before: Annotated[int | None, Query(ge=0, le=2**53)] = None,
     ) -> list[dict[str, Any]]:
-        """What happened, the newest first."""
+        """Events, the newest first."""
         return await api.looked(api.monitor.reader.events, loop, most, before)
 
     @app.get("/commands")
     async def commands(person: viewer, loop: str | None = None, most: Most = 200) -> list[dict[str, Any]]:
-        """Who asked for what, the newest first."""
+        """Commands with the names of those who asked, the newest first."""
         found: list[dict[str, Any]] = _plain(await api.looked(api.monitor.reader.commands, loop, most))
         return found
 
 
 def _command_routes(app: FastAPI, api: _Api) -> None:
-    """What changes a loop, by the name of who asks."""
+    """Routes that change a loop, by the name of the person who asks."""
     operator = Annotated[Person, Depends(api.at_least(Role.OPERATOR))]
     engineer = Annotated[Person, Depends(api.at_least(Role.ENGINEER))]
 
@@ -441,7 +445,7 @@ def _command_routes(app: FastAPI, api: _Api) -> None:
 
     @app.post("/loops/{name:path}/take_over")
     async def take_over(person: engineer, name: Name, asked: TakeOver) -> dict[str, Any]:
-        """Take over what a fit found."""
+        """Take over a fit's result."""
 
         async def go() -> Any:
             api.as_seen(name, asked)
@@ -486,6 +490,7 @@ def _user_routes(app: FastAPI, api: _Api) -> None:
 
 
 def _metrics_route(app: FastAPI, api: _Api, logins: _Logins) -> None:
+    """Route of the numbers for Prometheus."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Numbers(api.monitor, logins.refused))
 
@@ -499,12 +504,13 @@ def _metrics_route(app: FastAPI, api: _Api, logins: _Logins) -> None:
 
 
 class _Numbers(Collector):
-    """What Prometheus reads."""
+    """Numbers for Prometheus."""
 
     def __init__(self, monitor: Monitor, refused_logins: RefusedLogins) -> None:
         self._monitor, self._refused_logins = monitor, refused_logins
 
     def collect(self) -> list[Metric]:
+        """Numbers of the service and of every loop."""
         status = self._monitor.status()
         loops: dict[str, dict[str, Any]] = status["loops"]
         found: list[Metric] = [

@@ -1,4 +1,4 @@
-"""What persons ask for: settings, compensation, watchdog tests, fits. Each command is logged with who asked."""
+"""Commands of persons: settings, compensation, watchdog tests, fits. Each command is logged with who asked."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class Commands:
     # Settings
 
     def bounds(self, loop: str) -> dict[str, Bound]:
-        """The bounds of all that may be set of a loop, by what is set now."""
+        """Bounds of all settable parameters of a loop, by its present settings."""
         watched = self._loops[loop]
         limits = None if watched.compensator is None else watched.plant_limits
         return bounds_of(watched.loop, compensation_settings(self._reader.settings(loop)), limits)
 
     def settings(self, loop: str) -> dict[str, Any]:
-        """What may be set of a loop, as it is in force: of its detector, and of its compensation where it has one."""
+        """Settable parameters of a loop, as in force: of its detector, and of its compensation where it has one."""
         watched = self._loops[loop]
         ideal = watched.loop.ideal()
         values: dict[str, Any] = {
@@ -82,7 +82,7 @@ class Commands:
         return values
 
     async def change(self, loop: str, values: Mapping[str, float | None], person: str, role: str) -> dict[str, Any]:
-        """Set parameters of a loop's detector or compensation, all of them or none; gives what is in force then.
+        """Set parameters of a loop's detector or compensation, all of them or none; gives the settings in force then.
 
         A detector of which a parameter changes begins anew: no estimate comes from detections with two settings.
 
@@ -129,7 +129,7 @@ class Commands:
         return self.settings(loop)
 
     async def take_over(self, loop: str, answer: int, person: str, role: str) -> dict[str, Any]:
-        """Put in force what a fit found: the width for compensation, Kp, and K, Ti, Td where the loop has none.
+        """Put a fit's result in force: the width for compensation, Kp, and K, Ti, Td where the loop has none.
 
         Raises InputError where there is no such answer, or it holds nothing to take over.
         """
@@ -217,12 +217,14 @@ class Commands:
         self._watchdog.begin_test(watched, source, person, role)
 
     def _compensator(self, watched: WatchedLoop) -> Compensator:
+        """The compensator of a loop; refused where it has none."""
         if watched.compensator is None:
             why = "its controller is not known" if watched.loop.controller is None else "no node for u_FF is named"
             raise InputError(f"cannot be compensated: {why}", loop=watched.loop.name)
         return watched.compensator
 
     def _plant(self, loop: str) -> Plant:
+        """The connected plant; refused without a connection."""
         if self._feedforward.source is None:
             raise InputError("there is no connection", loop=loop)
         return self._feedforward.source
@@ -231,7 +233,7 @@ class Commands:
         if self._watchdog.tests:
             raise InputError("a watchdog test is under way: wait until it is over", loop=loop)
 
-    # Fits, and what was refused
+    # Fits, and refused commands
 
     async def fit(self, loop: str, person: str, role: str) -> None:
         """Queue the fit of a loop.

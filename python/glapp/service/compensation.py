@@ -45,10 +45,10 @@ TEXT_OF_STATE = {
 """Each of them, for the person at the screen."""
 
 LATE = 5.0
-"""So much longer than it takes may u_FF stand in the plant, for three scans, the writes and what is read back [s]."""
+"""Allowed excess of u_FF's age in the plant over the time for three scans, the writes and the read-back [s]."""
 
 _ARRIVALS = 20
-"""So many of the latest values tell how old they are when they come."""
+"""Number of latest values whose age at arrival counts."""
 
 _FINAL = ("over_compensated", "too_many_reversals", "too_much_travel", "worse", "not_followed", "no_estimate")
 """States after which nothing is compensated until a person enables it anew."""
@@ -151,7 +151,7 @@ class Compensator:
 
     @property
     def to_write(self) -> float:
-        """What goes to the plant: u_FF, and while it is off nothing farther from 0 than what stands there [OP unit].
+        """Value for the plant: u_FF, and while it is off nothing farther from 0 than the value in the plant [OP unit].
 
         The plant may hold less than was made, where writes came late. What is farther would be refused, and the
         watchdog of every loop not counted up for it.
@@ -163,7 +163,7 @@ class Compensator:
 
     @property
     def at_work(self) -> bool:
-        """Whether something has to be written: it is enabled, or what stands in the plant is not 0 yet."""
+        """Whether a value has to be written: it is enabled, or the value in the plant is not 0 yet."""
         found = self._held.get(Signal.U_FF)
         return self.enabled or self.u_ff != 0.0 or (found is not None and found.good and found.value != 0.0)
 
@@ -206,12 +206,12 @@ class Compensator:
 
     @property
     def age(self) -> float | None:
-        """How old a PV is when it comes, the median of the latest [s]; None before the first."""
+        """Age of a PV at its arrival, the median of the latest [s]; None before the first."""
         return sorted(self._ages)[len(self._ages) // 2] if self._ages else None
 
     @property
     def delay(self) -> float | None:
-        """How late u_FF is, as measured: PV's age when it comes, and the time that a write takes [s]."""
+        """Measured delay of u_FF: PV's age when it comes, and the time that a write takes [s]."""
         return None if self.age is None or self._write_time is None else self.age + self._write_time
 
     def wrote(self, u_ff: float, now: float, took: float) -> None:
@@ -259,6 +259,7 @@ class Compensator:
         return self.u_ff
 
     def _read(self, signal: Signal) -> float:
+        """Last good value of a signal, else not a number."""
         held = self._held.get(signal)
         return held.value if held is not None and held.good else math.nan
 
@@ -284,7 +285,7 @@ class Compensator:
             raise InputError(f"u_FF comes {delay:.2f} s late, more than 32 scans", loop=name, value=delay)
         self._graph["watch.ff_delay"] = scans
         self._graph["watch.compensate"] = 1.0
-        # What is handed to it is not believed: that tells no more than whether the delay is allowed.
+        # Inputs may be of any kind: only whether the delay is allowed is used.
         trial = Compensator._late(self._graph, self.period, scans)
         if trial is not None:
             self._graph["watch.compensate"] = 0.0
@@ -298,7 +299,7 @@ class Compensator:
 
     @staticmethod
     def _late(graph: Graph, period: float, scans: int) -> str | None:
-        """What the core says of a delay, asked of a block of its own with the same settings."""
+        """Judgement of the core on a delay, by a block of its own with the same settings."""
         names = ("sp", "pv", "flags", "op", "u_ff")
         asked = {name: graph[f"watch.{name}"] for name in ("k", "ti", "td", "comp_way", "ff_longest")}
         beside = Graph(
@@ -330,7 +331,7 @@ class Compensator:
         return f"{self.why_off}." if self.withdrawn is None else TEXT_OF_STATE[self.withdrawn]
 
     def lost(self, why: str) -> None:
-        """The connection is gone: it is off, and what is found afterwards is ramped to 0.
+        """The connection is lost: it is off, and the value found afterwards is ramped to 0.
 
         What was read stays until something newer comes: what has not changed meanwhile is not told again.
         """
@@ -369,7 +370,7 @@ class Compensator:
         return value
 
     def status(self) -> dict[str, Any]:
-        """What a person sees of it."""
+        """State for display."""
         graph = self._graph
         source = int(graph["watch.source"])
         return {

@@ -1,4 +1,4 @@
-"""How a plant's OPC UA server is reached: the table [opcua] of a loops.toml."""
+"""Connection to a plant's OPC UA server: the table [opcua] of a loops.toml."""
 
 from __future__ import annotations
 
@@ -86,6 +86,7 @@ security = "Basic256Sha256"
     @field_validator("url")
     @classmethod
     def _address(cls, url: str) -> str:
+        """The address, checked."""
         bound = "an address such as opc.tcp://plant:4840"
         if "@" in url:  # it is not shown: a password may stand in it
             raise InputError(f"has an @, must be {bound}", bound=bound, hint="write user and password_file")
@@ -95,6 +96,7 @@ security = "Basic256Sha256"
 
     @model_validator(mode="after")
     def _secure(self) -> Connection:
+        """Check that the files of a secure connection are given."""
         files = ("certificate", "private_key", "server_certificate")
         for name in files:
             if self.security is not None and getattr(self, name) is None:

@@ -1,4 +1,4 @@
-"""The demonstration: six loops whose valves are known, what was recorded of them before, and what a fit said of that.
+"""The demonstration: six loops whose valves are known, their earlier recordings, and the answers of a fit to them.
 
 ==========  ===========================================================  ======================
 loop        what it is                                                   true width of the gap
@@ -51,13 +51,13 @@ SCAN = 1.0
 FILE = Path(__file__).with_name("demonstration.json")
 
 DAYS = 6
-"""Of so many days before today there are recordings, the older ones only of the valve that wears."""
+"""Days before today with recordings, the older ones only of the valve that wears."""
 
 EACH = 7200
 """Each of these recordings is so long [s]."""
 
 LATELY = 1800
-"""So much was recorded up to now [s]; no answer stands on it."""
+"""Length of the recording up to now [s]; no answer rests on it."""
 
 _EPOCH = datetime(2000, 1, 10, tzinfo=UTC)
 """The day after the last recorded one in the answers as they are stored."""
@@ -105,7 +105,7 @@ def loops() -> list[SimLoop]:
 
 
 def _recorded(simulated: Sequence[SimLoop], today: datetime, now: float) -> dict[str, NDArray[np.float64]]:
-    """What was recorded of each loop until now, a row of `Sample` each; the loops go on from there."""
+    """Recordings of each loop until now, a row of `Sample` each; the loops go on from there."""
     found = {}
     for loop, (_, days) in zip(simulated, _kinds(), strict=True):
         rows = []
@@ -120,13 +120,14 @@ def _recorded(simulated: Sequence[SimLoop], today: datetime, now: float) -> dict
 
 
 def _rows(loop: SimLoop, start: float, scans: int) -> NDArray[np.float64]:
+    """Simulated samples of a loop."""
     sp, pv, op, _ = loop.record(scans)  # the valve's position is not among the tags
     none = np.zeros(scans)
     return np.column_stack([start + SCAN * np.arange(scans), sp, pv, op, none, np.full(scans, np.nan), none])
 
 
 def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now: float) -> None:
-    """Store what a service that had watched these loops would have: signals, half-periods, answers, states.
+    """Store the data of a service that had watched these loops: signals, half-periods, answers, states.
 
     - `store`: of a folder in which nothing is yet.
     - `simulated`: the loops; they go on from where this ends.
@@ -164,7 +165,7 @@ def begin(store: Store, simulated: Sequence[SimLoop], known: Sequence[Loop], now
 
 
 def answers(today: datetime) -> dict[str, dict[str, Any]]:
-    """What the fits of the night before a day said, by loop, as rows of `answers`.
+    """Answers of the fits of the night before a day, by loop, as rows of `answers`.
 
     - `today`: midnight, UTC.
     """
@@ -184,7 +185,7 @@ def answers(today: datetime) -> dict[str, dict[str, Any]]:
 
 
 def made(loop: str | None = None) -> dict[str, dict[str, Any]]:
-    """What the code answers now, of all loops or one, in the form in which the answers are stored."""
+    """Answers that the code gives now, of all loops or one, in the form in which they are stored."""
     from ..reading.settings import parse_settings
     from .plant import SimPlant
 

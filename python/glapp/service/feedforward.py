@@ -149,7 +149,7 @@ class FeedForward:
             self.switch_off(watched, why)
 
     def connection_lost(self, watched: WatchedLoop, why: str) -> None:
-        """End the compensation of a loop whose connection was lost; what is found in the plant later goes to 0."""
+        """End the compensation of a loop whose connection was lost; the value found in the plant later goes to 0."""
         if watched.compensator is not None:
             self.switch_off(watched, why)
             watched.compensator.lost(why)

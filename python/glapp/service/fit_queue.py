@@ -83,7 +83,7 @@ class FitQueue:
             night.cancel()
 
     async def _fit(self, name: str) -> dict[str, Any]:
-        """A row of `answers`, from a process that ends with this one; an `InputError` says why there is none."""
+        """A row of `answers`, from a process that ends with this one; without one an `InputError` gives the reason."""
         end = self._clock()
         settings = self._loops[name].loop.model_dump_json(exclude_unset=True)
         asked = (self._journal.store.folder, settings, end - self.options.fit_days * 86400.0, end)
@@ -101,6 +101,7 @@ class FitQueue:
         self._journal.add_event(Event(row["time"], name, "answer", event_text(answer)))
 
     async def _nights(self) -> None:
+        """Queue all loops once a night."""
         while True:
             begin = self.next_night()
             while (left := begin - self._clock()) > 0:  # that clock may hurry, or be set
@@ -111,7 +112,7 @@ class FitQueue:
                 self.ask(watched.loop.name, NIGHT)
 
     def next_night(self) -> float:
-        """When the next fits of a night begin, by the service's clock [s since 1970 UTC]."""
+        """Time of the next fits of a night, by the service's clock [s since 1970 UTC]."""
         now = datetime.fromtimestamp(self._clock())
         begin = now.replace(hour=self.options.fit_hour, minute=0, second=0, microsecond=0)
         return (begin if begin > now else begin + timedelta(days=1)).timestamp()

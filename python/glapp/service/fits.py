@@ -23,7 +23,7 @@ __all__ = ["answered", "event_text", "row_of"]
 
 
 def event_text(row: Mapping[str, Any]) -> str:
-    """What an event says of an answer: the sentence that leads it everywhere.
+    """Sentence of an event on an answer: the one that leads it everywhere.
 
     - `row`: a row of `answers`.
     """
@@ -32,7 +32,7 @@ def event_text(row: Mapping[str, Any]) -> str:
 
 
 def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:
-    """What all kept recordings of a loop say together, as a row of `answers`: those since the last repair of its valve.
+    """Joint answer of all kept recordings of a loop, as a row of `answers`: those since the last repair of its valve.
 
     A guided step test that has decided answers where normal operation leaves it open.
 
@@ -62,7 +62,7 @@ def _with_test(
     state = None if test is None else test["state"]
     if state is None or state["found"] is None or state["begins"] < begin:
         return result
-    # With the last row of the test, whose time is rounded where it is stored.
+    # The stretch includes the last row of the test, whose time is rounded where it is stored.
     rows = signals.read(loop.name, state["begins"] - 1e-3, state["ends"] + 1e-3)
     read = read_test(rows, loop, test["asked"]["width"])  # type: ignore[index]  # there is a state
     return result if read is None or read.d is None else result.decided_with(step_test=read)

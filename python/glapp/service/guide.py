@@ -1,4 +1,4 @@
-"""Where a guided step test is, by the recorded signals: what the person does next, and whether it has decided.
+"""Progress of a guided step test, by the recorded signals: the person's next step, and whether it has decided.
 
 Whether it has decided says the core (`glapp.step_test`, `crates/analysis/src/step_test/asked.rs`).
 """
@@ -31,10 +31,10 @@ AT = 0.15
 """OP is where it should be within so much of the smallest step."""
 
 FIRST = 0.5
-"""OP is left where it stands in manual for so much of a hold, before the first move."""
+"""Part of a hold for which OP stays where it is in manual, before the first move."""
 
 SILENT = 60.0
-"""Without a value for so long, or for ten samples, the person is told so [s]."""
+"""Time without a value after which, or after ten samples, the person is warned [s]."""
 
 PATIENCE = 900.0
 """A test whose controller is not put in manual for so long is ended [s]."""
@@ -89,7 +89,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Guide:
-    """Where a test is, and what the person does next.
+    """Progress of a test, and the person's next step.
 
     - `text`: what to do now, in a sentence or two.
     - `move`: of `Asked.moves` the one at which OP is held; -1 before the controller is in manual.
@@ -115,7 +115,7 @@ class Guide:
 
 
 def read_test(table: pa.Table, loop: Loop, width: float | None = None) -> StepTest | None:
-    """What a test in samples of the service tells; None where the controller was in automatic all the time.
+    """Result of a test in samples of the service; None where the controller was in automatic all the time.
 
     - `table`: as `Monitor.recorded` gives it.
     - `loop`: settings that go with it.
@@ -153,7 +153,7 @@ class _Rows:
 
 
 def guide(asked: Asked, table: pa.Table, loop: Loop, begun: float, now: float) -> Guide:
-    """Where a test is by what was recorded since it was begun.
+    """Progress of a test by the signals recorded since its beginning.
 
     - `asked`: the test.
     - `table`: samples since then, as `Monitor.recorded` gives them.
@@ -200,7 +200,7 @@ def guide(asked: Asked, table: pa.Table, loop: Loop, begun: float, now: float) -
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Which move OP has reached, and since when [s]; when it left the first level."""
+    """Move that OP has reached, and since when [s]; when it left the first level."""
 
     reached: int
     since: float
@@ -208,6 +208,7 @@ class _Place:
 
 
 def _place(t: Floats, op: Floats, asked: Asked, levels: Sequence[float]) -> _Place:
+    """Place of OP among the levels of the test."""
     near, reached, since, first = asked.near, 0, float(t[0]), None
     for moment, value in zip(t.tolist(), op.tolist(), strict=True):
         if reached + 1 < len(levels) and abs(value - levels[reached + 1]) <= near:
@@ -232,7 +233,7 @@ def _near(asked: Asked, loop: Loop, op: Floats, pv: Floats) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class _Guided:
-    """What is told of one place of a test."""
+    """Texts on one place of a test."""
 
     asked: Asked
     loop: Loop
@@ -242,9 +243,11 @@ class _Guided:
     read: StepTest | None
 
     def goes_on(self, text: str, until: float | None = None) -> Guide:
+        """The next instruction of a running test."""
         return self._guide(text, until=until)
 
     def ended(self, outcome: Outcome, text: str, *, early: bool = False) -> Guide:
+        """The end of a test, with its outcome."""
         decided = None if self.read is None else self.read.asked
         found = None if decided is None else decided.early if early else decided.found
         back = f" Put OP back to {quantity(self.levels[0], self.loop.op_label, 4)} and the controller in automatic."
@@ -271,11 +274,11 @@ class _Guided:
 
 
 FOUND = {"gap": "There is a gap", "no_gap": "There is no gap of {width}", None: "The test has not decided"}
-"""What is told of what was decided."""
+"""Texts on the decision."""
 
 
 def result_text(state: Mapping[str, Any], asked: Asked, unit: str) -> str:
-    r"""What a test has decided, with the width and its interval, in a sentence.
+    r"""Sentence on the decision of a test, with the width and its interval.
 
     >>> asked = Asked(1.0, (0.0, 2.0, 4.0, 2.0), 60.0, (40.0, 60.0), (0.0, 9.0), 60.0)
     >>> result_text({"found": "gap", "d": 1.1, "low": 0.9, "high": 1.3}, asked, "%")

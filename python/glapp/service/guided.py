@@ -1,4 +1,4 @@
-"""The guided step test: each move told, waited for, judged as it goes, ended when it has decided or a limit is near.
+"""The guided step test: names each move, waits for it, judges it, and ends by a decision or near a limit.
 
 A person moves OP, in manual, at the control system; nothing is written from here. Where the test is follows from the
 signals that the service records (`glapp.service.guide`), so that a service that starts again goes on with it.
@@ -99,6 +99,7 @@ class GuidedTests:
                 await self._begun.wait()
 
     async def _look(self, row: Mapping[str, Any]) -> None:
+        """Update the state of a running test."""
         monitor, name = self._monitor, row["name"]
         asked, now = Asked.of(json.loads(row["asked"])), monitor.now
         if name not in monitor.loops:
@@ -119,6 +120,7 @@ class GuidedTests:
         return None
 
     async def _put(self, row: Mapping[str, Any], state: Mapping[str, Any], ended: float | None) -> None:
+        """Store the state of a test."""
         monitor, name = self._monitor, row["name"]
         await asyncio.to_thread(monitor.store.keep_guided_test, row["id"], json.dumps(_plain(dict(state))), ended)
         if ended is None:

@@ -32,7 +32,7 @@ class Ingest:
         self._lost: set[int] = set()
 
     async def run(self, source: Plant, tell: Tell) -> None:
-        """Take what the source hands over, until cancelled; a source that a lost connection ended is begun again."""
+        """Take the source's values, until cancelled; a source that ended with its connection is started again."""
         while True:
             task = asyncio.ensure_future(source.run(self.take, tell))
             try:
@@ -64,11 +64,11 @@ class Ingest:
         self._lost.add(watched.id)
 
     def begin_with_gaps(self) -> None:
-        """Nobody listened before the start: unless a history fills that time, it is a gap in the signals."""
+        """Begin the signals with a gap, unless a history fills the time before the start."""
         self._lost = {watched.id for watched in self._loops.values() if watched.resampler.known(PV)}
 
     def alive(self, loop: str) -> float | None:
-        """When the source last heard of a loop [s since 1970 UTC]; None where it does not know."""
+        """Time of the source's last sign of a loop [s since 1970 UTC]; None where it does not know."""
         return None if self.source is None else self.source.alive(loop)
 
     def since(self) -> dict[tuple[str, Signal], float]:
@@ -111,7 +111,7 @@ class Ingest:
         )
 
     def process(self, entry: Entry) -> tuple[list[Half], list[Event]]:
-        """The half-periods that end in an entry, and what is worth telling; equal entries give equal results."""
+        """The half-periods that end in an entry, and its events; equal entries give equal results."""
         touched: dict[int, WatchedLoop] = {}
         columns = (entry.loop, entry.signal, entry.time, entry.value, entry.good)
         for id, signal, moment, value, good in zip(*(column.tolist() for column in columns), strict=True):

@@ -1,4 +1,4 @@
-"""The journal: what came in and what happened, written to the store; while that fails, it waits in memory."""
+"""The journal: entries and events, written to the store; while that fails, they wait in memory."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Journal:
 
     @property
     def waiting(self) -> int:
-        """How many entries wait in memory."""
+        """Number of entries that wait in memory."""
         return len(self._backlog)
 
     def add_event(self, event: Event) -> None:
@@ -96,10 +96,11 @@ class Journal:
             self.add_event(Event(now, None, "memory_again", text))
 
     def failing_for(self, now: float) -> float:
-        """For how long the store cannot be written by now [s]; 0 where it can."""
+        """Time since which the store cannot be written [s]; 0 where it can."""
         return 0.0 if self._failing_since is None else now - self._failing_since
 
     def _failed(self, why: str, now: float) -> None:
+        """Note that the store cannot be written."""
         if self._failing_since is None:
             self._failing_since = now
         self.failing = why
@@ -136,6 +137,7 @@ class Journal:
             self._failed(f"the signals cannot be written: {error}", self._clock())
 
     async def _save(self) -> None:
+        """Write entries, events and states in one transaction."""
         async with self._saving:
             position = self.position
             samples = {name: watched.unsaved() for name, watched in self._loops.items()}
@@ -158,7 +160,7 @@ class Journal:
         return pa.concat_tables([table, table_of(rows)])
 
     async def tidy(self) -> None:
-        """Every hour: put the signals of past days into their files, and delete what is older than it is kept."""
+        """Every hour: put the signals of past days into their files, and delete those older than the kept time."""
         while True:
             now = self._clock()
             try:
@@ -176,7 +178,7 @@ class Journal:
     async def log(
         self, person: str, role: str, command: str, loop: str | None, before: Any, after: Any, **more: Any
     ) -> None:
-        """Write at once who did what, and what it was before and after.
+        """Write at once the name of the person, the command, and the values before and after.
 
         Raises StoreFull where it cannot be written.
         """

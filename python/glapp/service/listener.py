@@ -29,7 +29,7 @@ LONGEST_HEADER = 32_768
 """A request's header may be no longer [bytes]."""
 
 RESERVED = ("/login", "/api/login")
-"""Asked for by POST, these are answered however much else is asked for; so is every path that ends in `/disable`."""
+"""Paths that are answered by POST however many other requests there are; so is every path that ends in `/disable`."""
 
 
 def _most() -> int:
@@ -44,7 +44,7 @@ def _most() -> int:
 
 @dataclass(frozen=True, slots=True)
 class ListenerLimits:
-    """How much one listener takes.
+    """Limits of one listener.
 
     - `header`: a header is whole so soon after the connection was made or TLS was agreed on [s].
     - `body`: a body is whole so soon after its header [s], and one second later for each `slowest` bytes of it.
@@ -112,7 +112,7 @@ def logged_in(scope: Any) -> None:
 
 
 def network(host: str) -> str:
-    """What one who has an address can easily have all of.
+    """Network that an owner of an address can easily have all of.
 
     Examples
     --------
@@ -192,6 +192,7 @@ class Listener(uvicorn.Server):
     # Connections
 
     async def _accept(self, listening: socket.socket) -> None:
+        """Accept connections, until cancelled."""
         listening.setblocking(False)
         loop = asyncio.get_running_loop()
         while True:
@@ -208,6 +209,7 @@ class Listener(uvicorn.Server):
             await asyncio.sleep(0)  # who is connected has their turn before the next one is
 
     async def _make(self, connection: _Connection) -> None:
+        """Hand a connection to uvicorn's protocol."""
         state = {**self.lifespan.state, "connection": connection, "listener": self}
         loop = asyncio.get_running_loop()
 
@@ -229,6 +231,7 @@ class Listener(uvicorn.Server):
         connection.until = max(connection.until, connection.taken + self.limits.header * (tls is not None))
 
     def _make_room(self, address: str) -> None:
+        """Close the connection that may go, for a new one."""
         strangers = [one for one in self._open if not one.known and not one.gone]
         own = [one for one in strangers if one.address == address]
         if len(own) >= self.limits.address:
@@ -261,7 +264,7 @@ class Listener(uvicorn.Server):
                     one.end()
 
     def _stuck(self, one: _Connection, transport: asyncio.Transport, now: float) -> bool:
-        """Whether too little is taken of what is sent."""
+        """Whether the other side takes too little of the sent data."""
         left = transport.get_write_buffer_size()
         if left == 0 or left <= one.left - self.limits.slowest:
             one.left, one.taken = left, now
@@ -291,6 +294,7 @@ class Listener(uvicorn.Server):
                 self._requests -= 1
 
     def _refusal(self, scope: Any) -> tuple[int, str] | None:
+        """Status and text of a refusal; None where the request may pass."""
         if any(name == b"transfer-encoding" for name, _ in scope["headers"]):
             return 411, "a request says by Content-Length how many bytes it has"
         if self._requests >= self.limits.requests and not _reserved(scope):
@@ -298,17 +302,19 @@ class Listener(uvicorn.Server):
         return None
 
     async def _answered(self, scope: Any, receive: Any, send: Any) -> None:
+        """Answer a request within the limits."""
         connection: _Connection = scope["state"]["connection"]
         connection.requests += 1
         length = next((value for name, value in scope["headers"] if name == b"content-length"), b"0")
         whole = length == b"0"
-        answered = False
+        answered = gone = False
         # Hundreds that are worked on at the same time would let each step of a log-in wait for all of them. A turn is
         # held neither while a body is waited for nor while an answer is taken.
         turn = connection.known or _reserved(scope)
         held = False
 
         async def begin() -> None:
+            """Wait for a turn, where one is needed."""
             nonlocal turn, held
             if not turn:
                 turn = True
@@ -324,8 +330,9 @@ class Listener(uvicorn.Server):
         connection.end_turn = end
 
         async def received() -> Any:
-            nonlocal whole
+            nonlocal whole, gone
             message = await receive()
+            gone = gone or message["type"] == "http.disconnect"
             if message["type"] == "http.request" and not message.get("more_body", False):
                 whole = True
                 if not answered:
@@ -351,15 +358,21 @@ class Listener(uvicorn.Server):
             if whole:
                 await begin()
             await self._app(scope, received, sent)
+        except RuntimeError as error:
+            # Starlette's middleware takes it for a fault that nobody was answered, also where nobody is left to answer.
+            if not gone or str(error) != "No response returned.":
+                raise
         finally:
             end()
             if not answered:  # it failed, and uvicorn says so
                 connection.until = time.monotonic() + self.limits.rest
 
     def _last(self, connection: _Connection) -> bool:
+        """Whether a stranger's connection has had its last request."""
         return connection.requests >= self.limits.each and not connection.known
 
     def _opened(self, connection: _Connection, send: Any) -> Callable[[Any], Any]:
+        """Sender that ends the deadlines of a connection once it is a WebSocket."""
         connection.until = time.monotonic() + self.limits.header
 
         async def sent(message: Any) -> None:

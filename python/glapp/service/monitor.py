@@ -1,4 +1,4 @@
-"""The monitor: what the loops of a plant tell, through the detectors into the store; fits at night; compensation.
+"""The monitor: from the loops of a plant through the detectors into the store; fits at night; compensation.
 
 Each part does one thing: `Ingest` makes half-periods of values, `Journal` writes what came and what happened,
 `FeedForward` writes u_FF, `Watchdog` sends the heartbeat, `FitQueue` fits, `Commands` is what persons ask for.
@@ -35,10 +35,10 @@ from .watched import WatchedLoop, loop_with
 __all__ = ["Monitor"]
 
 _SHOWN = 5.0
-"""Time between two writes of the status, for who reads it [s]."""
+"""Time between two writes of the status, for its readers [s]."""
 
 _PATIENCE = 60.0
-"""So long the store may fail before nothing is compensated any more [s]."""
+"""Time that the store may fail before all compensation ends [s]."""
 
 
 class Monitor:
@@ -131,7 +131,7 @@ class Monitor:
         return watched
 
     def _usable_settings(self, given: Loop, plant_limits: tuple[float, float] | None) -> dict[str, Any]:
-        """What persons have set, without what is out of its bounds by now; that is told and not set any more.
+        """Settings by persons, without those that are out of their bounds by now; these are reported and not set again.
 
         Such a value was saved by a version with other bounds, or beside other settings in the loops.toml.
         """
@@ -157,7 +157,7 @@ class Monitor:
         return settings
 
     def _replay(self) -> None:
-        """Take in again what came after the states were saved; its half-periods are in the database already."""
+        """Process the entries since the states were saved again; their half-periods are in the database already."""
         count = 0
         for entry in self.store.entries():
             self.ingest.process(entry)
@@ -190,10 +190,11 @@ class Monitor:
     # Running
 
     async def step(self) -> None:
-        """Take in what came, and write it."""
+        """Take in the new values, and write them."""
         await to_the_end(self._step())
 
     async def _step(self) -> None:
+        """One step: values to detectors, feed-forward, journal."""
         async with self._stepping:
             now = self._clock()
             entry = self.ingest.entry(now, self.journal.next_position)
@@ -207,7 +208,7 @@ class Monitor:
                 self.feedforward.switch_all_off("what happens cannot be stored: the store cannot be written")
 
     async def save(self) -> None:
-        """Take in what came, and write it, the signals and the states, now.
+        """Take in the new values, and write them, the signals and the states, now.
 
         Raises StoreFull, OSError where it cannot be written; all of it waits for the next time.
         """
@@ -251,6 +252,7 @@ class Monitor:
             await self.save()
 
     async def _steps(self) -> None:
+        """Step, save and show in turns, until cancelled."""
         saved = shown = time.monotonic()
         while True:
             began = time.monotonic()
@@ -263,14 +265,15 @@ class Monitor:
                 await self._show()
             await asyncio.sleep(max(0.0, self.options.step - (time.monotonic() - began)))
 
-    # What is shown
+    # Status for display
 
     async def _show(self) -> None:
+        """Write the status for the readers."""
         with suppress(StoreFull):
             await asyncio.to_thread(self.store.show, self._clock(), json.dumps(self.status()))
 
     def status(self) -> dict[str, Any]:
-        """What is shown of the service and of every loop."""
+        """State of the service and of every loop."""
         damaged = self.reader.damaged
         return {
             "now": self._clock(),
@@ -287,7 +290,7 @@ class Monitor:
         }
 
     def _behind(self) -> dict[str, float | None] | None:
-        """How far a plant that hurries is behind the clock on the wall [s], and how long it will take to catch up [s].
+        """Lag of a simulated fast plant behind the clock [s], and the time it needs to catch up [s].
 
         None where it has caught up, or does not hurry.
         """
@@ -300,6 +303,7 @@ class Monitor:
         return {"seconds": now - clock, "left": left}
 
     def _loop_status(self, watched: WatchedLoop, *, answers_lost: bool) -> dict[str, Any]:
+        """Status of a loop, for display."""
         detector, name = watched.detector, watched.loop.name
         estimate = None if detector is None else detector.estimate
         pv, fit = watched.latest.get(Signal.PV), self.fits.status(name)

@@ -67,7 +67,7 @@ class _TakerError(Exception):
 
 
 class _Tag:
-    """One tag: what it is, and how far it was told."""
+    """One tag: its meaning, and the time of its last value handed on."""
 
     __slots__ = ("first", "good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
 
@@ -128,7 +128,7 @@ class OpcUa:
         self._was_connected = False
         self._quiet = -math.inf  # until then live values may be some that the history has given already
 
-    # ----------------------------------------------------------------- what a Source does
+    # ----------------------------------------------------------------- functions of a Source
 
     async def run(self, take: Take, tell: Tell) -> None:
         """Hand over values and events until cancelled; a lost connection is taken up again for ever."""
@@ -262,7 +262,7 @@ class OpcUa:
                     link.heartbeat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
 
     async def _limits(self, link: _Link) -> None:
-        """How many tags the server takes in one request."""
+        """Number of tags that the server takes in one request."""
         asked = [ua.NodeId(i) for i in _LIMITS]
         for seen, name in zip(
             await link.client.uaclient.read_attributes(asked, ua.AttributeIds.Value), _LIMITS.values(), strict=True
@@ -331,6 +331,7 @@ class OpcUa:
             self._events.often("slower", text)
 
     def _items(self, link: _Link, handles: Sequence[int], *, filtered: bool) -> ua.CreateMonitoredItemsParameters:
+        """Monitored items for these tags."""
         asked = ua.CreateMonitoredItemsParameters()
         asked.SubscriptionId = link.subscription
         asked.TimestampsToReturn = ua.TimestampsToReturn.Both
@@ -352,7 +353,7 @@ class OpcUa:
         return asked
 
     async def _hand_on(self, link: _Link, take: Take) -> None:
-        """Hand on what comes, until the connection is lost."""
+        """Hand on the incoming values, until the connection is lost."""
         checked = time.monotonic()
         while True:
             with contextlib.suppress(TimeoutError):
@@ -387,13 +388,14 @@ class OpcUa:
     # ----------------------------------------------------------------- values
 
     def _values(self, items: Sequence[Any], *, live: bool) -> list[Value]:
-        """Values of one message, in the order of their times; what cannot be handed on is told."""
+        """Values of one message, in the order of their times; values that cannot be handed on are reported."""
         ahead = self._clock.now() + self._connection.ahead
         values = [v for item in items if (v := self._value(item.ClientHandle, item.Value, ahead, live)) is not None]
         values.sort(key=_time_of)
         return values
 
     def _value(self, handle: int, seen: ua.DataValue, ahead: float, live: bool) -> Value | None:
+        """A data value as a value of a signal; None where it cannot be used."""
         tag = self._tags[handle]
         stamp = seen.SourceTimestamp
         if stamp is None:
@@ -460,6 +462,7 @@ class OpcUa:
             self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
 
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
+        """Report that a tag's type has changed."""
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
             self._events.once("type_changed", tag.loop, text)
@@ -468,7 +471,7 @@ class OpcUa:
     # ----------------------------------------------------------------- history
 
     async def _catch_up(self, link: _Link, take: Take) -> None:
-        """Read the history until little is left: what comes live meanwhile need not wait for hours of it."""
+        """Read the history until little is left, so that live values need not wait for hours of it."""
         before = math.inf
         while not link.no_history:
             begun = time.monotonic()
@@ -479,7 +482,7 @@ class OpcUa:
             before = took
 
     async def _backfill(self, link: _Link, take: Take, until: float) -> None:
-        """Hand on what the history has after the last values, up to `until`, in the order of time.
+        """Hand on the history after the last values, up to `until`, in the order of time.
 
         Of a short break many loops are asked together: a server that answers slowly is asked less often.
         """
@@ -509,7 +512,7 @@ class OpcUa:
             await self._read(link, take, asked, begin, until)
 
     async def _read(self, link: _Link, take: Take, handles: Sequence[int], begin: float, until: float) -> None:
-        """Hand on what the history has of some tags, slice by slice."""
+        """Hand on the history of some tags, slice by slice."""
         newest = {self._tags[handle].loop: self._newest[self._tags[handle].loop] for handle in handles}
         while begin < until and not link.no_history:
             end = min(begin + _SLICE, until)
@@ -581,17 +584,19 @@ class OpcUa:
             self._events.often("no_history", text, tag=self._tags[handle])
 
     def _no_history(self, link: _Link, why: str) -> None:
+        """Report once that the server's history cannot be read."""
         link.no_history = True
         self._events.event("no_history", None, f"the server has no history ({why}): the break stays a gap")
 
     def _summary(self, link: _Link) -> None:
+        """Report the values that were filled from the server's history."""
         if link.filled:
             between = f"from {_clock_time(link.filled_from)} to {_clock_time(link.filled_to)}"
             self._events.event("backfilled", None, f"{link.filled} values {between} were read from the history")
 
 
 class _Link:
-    """One connection, and what came over it."""
+    """One connection, and its values."""
 
     def __init__(self, client: Client, connection: Connection) -> None:
         self.client = client
@@ -654,6 +659,7 @@ class _Link:
                 self.heard = max(self.heard, published - self._behind)
 
     def _queued(self, items: list[Any]) -> float:
+        """Queue values for the taker; too many end the connection."""
         if self.waiting + len(items) > self._most and self.queue:
             self.overflow = True
             self.end(f"more than {self._most} values wait to be taken; {len(items)} are thrown away")
@@ -693,6 +699,7 @@ def _clock_time(t: float) -> str:
 
 
 def _hand(take: Take, values: list[Value]) -> None:
+    """Hand values to the taker; its errors end the connection."""
     try:
         take(values)
     except Exception as error:
@@ -754,6 +761,7 @@ async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
 
 
 async def _variables_below(client: Client, uris: Sequence[str], most: int) -> Any:
+    """Paths and nodes of a server's variables."""
     seen: set[ua.NodeId] = set()
     waiting: deque[tuple[ua.NodeId, str]] = deque([(client.nodes.objects.nodeid, "")])
     while waiting and len(seen) < most:

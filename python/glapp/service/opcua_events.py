@@ -1,4 +1,4 @@
-"""What an OPC UA connection tells: the same thing at most once a minute, with how often it happened."""
+"""Events of an OPC UA connection: the same one at most once a minute, with its count."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from .signal import Event, Tell
 __all__ = ["REPEATED", "EventFilter"]
 
 REPEATED = 60.0
-"""What happens again is told once in this time, with how often it happened [s]."""
+"""Interval of reports on an event that repeats, with its count [s]."""
 
 _RUSH = 20
-"""So many tags with the same fault are told each for itself in that time; more are told together."""
+"""Tags with the same fault that are reported singly in that time; more are reported together."""
 
 
 @dataclass(slots=True)
 class _EventCount:
-    """How often something happened since it was told last."""
+    """Number of an event's occurrences since its last report."""
 
     loop: str | None
     text: str = ""
@@ -31,16 +31,16 @@ class _EventCount:
 
 @dataclass(slots=True)
 class _Rush:
-    """How often something happened in very many tags at once."""
+    """Number of occurrences in very many tags at once."""
 
     since: float
-    told: int = 0
+    reported: int = 0
     more: int = 0
     text: str = ""
 
 
 class Tag(Protocol):
-    """What an event is about."""
+    """Subject of an event."""
 
     loop: str
 
@@ -50,7 +50,7 @@ class Tag(Protocol):
 
 
 class EventFilter:
-    """Events on their way to whoever takes them; what happens again and again is counted.
+    """Events on their way to their taker; repeated ones are counted.
 
     - `tell`: takes the events; None as long as nobody does.
     """
@@ -92,16 +92,16 @@ class EventFilter:
         entry.at, entry.count = now, 0
         rush = self._rushes.setdefault(kind, _Rush(now))
         if now - rush.since >= REPEATED:
-            rush.since, rush.told = now, 0
-        if rush.told < _RUSH:
-            rush.told += 1
+            rush.since, rush.reported = now, 0
+        if rush.reported < _RUSH:
+            rush.reported += 1
             self.event(kind, entry.loop, text)
         else:
             rush.more += 1
             rush.text = text
 
     def flush(self, *, due: bool = False) -> None:
-        """Tell what was only counted: all of it, or what is due."""
+        """Report events that were only counted: all of them, or those that are due."""
         now = time.monotonic()
         for (kind, _), entry in self._told.items():
             if entry.count and (not due or now - entry.at >= REPEATED):

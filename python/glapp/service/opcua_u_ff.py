@@ -21,7 +21,7 @@ __all__ = ["UffNodes"]
 
 @dataclass(slots=True)
 class UffNode:
-    """The node of u_FF of one loop, and what was written to it."""
+    """The node of u_FF of one loop, and the last written value."""
 
     path: str
     limit: float
@@ -107,7 +107,7 @@ class UffNodes:
                 self._refuse_other_writer(loop, feed, f"u_FF is {found:g} right after {value:g} was written")
 
     async def read_back(self, loop: str, now: float) -> Value:
-        """The feed-forward that stands in the plant now; not good where it cannot be read.
+        """The feed-forward in the plant now; not good where it cannot be read.
 
         - `now`: the time of a value without a time stamp [s since 1970 UTC].
 
@@ -157,7 +157,7 @@ class UffNodes:
         return self.client
 
     async def _value_in_plant(self, client: Client, loop: str, feed: UffNode) -> float:
-        """What stands at the node of u_FF now."""
+        """Present value at the node of u_FF."""
         try:
             [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
         except (OSError, TimeoutError, ua.UaError) as error:

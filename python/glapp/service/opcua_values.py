@@ -23,11 +23,11 @@ class LostError(Exception):
 
 
 class NotANumberError(Exception):
-    """A value that is no number, and what it is."""
+    """A value that is no number, and its type."""
 
 
 def number_reader(loop: Loop, key: str) -> Callable[[Any], float]:
-    """How the value of a tag is read as a number."""
+    """Function that reads a tag's value as a number."""
     if key in ("low", "high"):
         return lambda raw: float(_real(raw) != 0.0)
     if key != "mode":
@@ -57,7 +57,7 @@ def _real(raw: Any) -> float:
 
 
 def number_of(seen: ua.DataValue) -> tuple[float, str]:
-    """Value, and why it is not good, of what was read."""
+    """A read value as a number, and why it is not good."""
     if seen.StatusCode is not None and seen.StatusCode.value & 0xC000_0000:
         return math.nan, seen.StatusCode.name
     try:
@@ -74,7 +74,7 @@ def as_written(value: float, kind: ua.VariantType) -> float:
 
 
 def reason(error: BaseException) -> str:
-    """What went wrong with a connection, for a person."""
+    """Reason of a connection's failure, for a person."""
     if isinstance(error, ua.UaStatusCodeError):
         return str(ua.StatusCode(error.code).name)
     if isinstance(error, TimeoutError):

@@ -10,7 +10,7 @@ from ..errors import InputError
 __all__ = ["NIGHT", "MonitorOptions"]
 
 NIGHT = "the night"
-"""Who asked for a fit that nobody asked for."""
+"""Name of the person in the log for a fit of the night."""
 
 
 @dataclass(frozen=True, slots=True)

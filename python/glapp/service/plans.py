@@ -29,7 +29,7 @@ LONGEST = 600.0
 """A plan may take so long [s]."""
 
 NEWEST = 3
-"""Of the days that are looked back at the newest are planned from."""
+"""Number of newest days that are planned from."""
 
 
 def loop_of(reader: Reader, name: str) -> Loop:
@@ -44,7 +44,7 @@ def loop_of(reader: Reader, name: str) -> Loop:
 
 
 def width_in_question(answer: Mapping[str, Any] | None) -> float | None:
-    """Which width a test is to decide on, by the one answer of the loop: a likely one, else the widest acceptable one.
+    """Width that a test is to decide on, by the answer of the loop: a likely one, else the widest acceptable one.
 
     Examples
     --------
@@ -127,6 +127,7 @@ class Plans:
             await self._asked.wait()
 
     async def _make(self, row: Mapping[str, Any]) -> None:
+        """Plan a test, and store the plan."""
         monitor, name = self._monitor, row["name"]
         plan, refused = None, None
         try:

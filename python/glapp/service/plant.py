@@ -52,7 +52,7 @@ FAULTS = {
     "repaired": "the gap is a tenth of what it was",
     "writer": "somebody else writes u_FF, 1 % above what stands there",
 }
-"""Name of each fault that a loop can have, and what it is."""
+"""Name of each fault that a loop can have, and its meaning."""
 
 _DAY = 86_400.0
 _HOUR = 3600.0
@@ -92,6 +92,8 @@ class Kind:
 
 
 def _kinds(h: float) -> list[Kind]:
+    """Kinds of simulated loops."""
+
     def lags(gain: float, t1: float, t2: float, dead: float) -> Module:
         return ProcessSim(gain=gain, t1=t1 * h, t2=t2 * h, dead_time=dead * h, start=50.0)
 
@@ -159,7 +161,7 @@ class SimLoop:
         return self._scan + 1 + int(self._random.expovariate(1.0 / (times * self.kind.ti)))
 
     def _happen(self, days: float) -> None:
-        """What moves before the next scan: load, setpoint, wear."""
+        """Changes before the next scan: load, setpoint, wear."""
         graph, kind = self.graph, self.kind
         if self._scan >= self._next_load:
             graph["load.value"] = self._rest + self._random.uniform(-kind.step, kind.step)
@@ -184,7 +186,7 @@ class SimLoop:
         return tuple(np.concatenate(column) if column else np.empty(0) for column in columns)
 
     def scan(self, days: float, u_ff: float) -> dict[Signal, float]:
-        """One scan; what the tags say after it."""
+        """One scan; the values of the tags after it."""
         graph = self.graph
         self._happen(days)
         graph["pid.mode"] = Mode.MANUAL if "manual" in self.faults else Mode.EXTERNAL
@@ -214,7 +216,7 @@ def _gain(process: Module) -> float:
 
 
 class _Users:
-    """Who may connect, by name and password."""
+    """Users that may connect, by name and password."""
 
     def __init__(self, users: Mapping[str, str]) -> None:
         self._users = users
@@ -237,7 +239,7 @@ class _Record:
         self.times, self.values = array("d"), array("d")
 
     def add(self, t: float, value: float, keep: float) -> None:
-        """Add a value, and forget what is older than `keep` seconds."""
+        """Add a value, and forget those older than `keep` seconds."""
         self.times.append(t)
         self.values.append(value)
         if len(self.times) % 1024 == 0 and (old := bisect.bisect_left(self.times, t - keep)) > 1024:
@@ -253,10 +255,10 @@ class _History(HistoryStorageInterface):  # type: ignore[misc]
         self.types: dict[ua.NodeId, ua.VariantType] = {}
 
     async def init(self) -> None:
-        """Nothing to open."""
+        """Does nothing: no connection to open."""
 
     async def stop(self) -> None:
-        """Nothing to close."""
+        """Does nothing: no connection to close."""
 
     async def read_node_history(
         self, node_id: ua.NodeId, start: datetime | None, end: datetime | None, nb_values: int
@@ -295,6 +297,7 @@ class _Held(ua.DataValue):  # type: ignore[misc]
 
 
 def _data_value(t: float, value: float, kind: ua.VariantType, status: int = ua.StatusCodes.Good) -> ua.DataValue:
+    """A value in the form of OPC UA."""
     if math.isnan(value):
         status = ua.StatusCodes.BadSensorFailure
     bad = bool(status & 0x8000_0000)
@@ -429,7 +432,7 @@ class SimPlant:
         """Text of a loops.toml for it."""
         lines = ["[defaults]", "pv_span = [0, 100]", 'pv_unit = "%"', "op_span = [0, 100]", "auto_values = [1]", ""]
         lines += ["[opcua]", f'url = "{self.url}"', f'watchdog = "{_text("Watchdog")}"', ""]
-        # Per second on the wall; what a service takes is ten times OP's range.
+        # Rate in seconds on the wall; a service takes ten times OP's range.
         rate = min(0.5 * self._speed, 10.0 * 100.0)
         for loop in self._loops.values():
             kind, name = loop.kind, loop.name
@@ -515,13 +518,14 @@ class SimPlant:
             await server.stop()
 
     def _stamp(self, written: Any, _: Any) -> None:
-        """What others write has the time of a plant that hurries, too: after the last scan, and before the next one."""
+        """Time stamp for others' values in the time of a fast plant: after the last scan, and before the next one."""
         if written.is_external and time.time() - self.time > 2.0 * self._scan:
             at = datetime.fromtimestamp(self.time + 0.5 * self._scan, UTC)
             for one in written.request_params.NodesToWrite:
                 one.Value = replace(one.Value, SourceTimestamp=at)
 
     async def _tags(self, server: Server, index: int, history: _History) -> None:
+        """Create the nodes of all loops."""
         self._ids = {}
         for loop in self._loops.values():
             folder = await server.nodes.objects.add_folder(ua.NodeId(loop.name, index), f"{index}:{loop.name}")
@@ -561,6 +565,7 @@ class SimPlant:
         )
 
     async def _run(self) -> None:
+        """Run the simulation in real time, until cancelled."""
         begun, waited = time.monotonic(), 0.0
         behind = time.time() - self._begin
         ahead = behind if self._now else 0.0
@@ -603,7 +608,7 @@ class SimPlant:
         return now - self._heartbeats[1] <= self._watchdog
 
     async def _feed_forward(self, loop: SimLoop, alive: bool, t: float) -> None:
-        """What the control system does with u_FF: it takes what was written, and ramps it out where nobody is alive."""
+        """The control system's part with u_FF: it takes the written value, and ramps it out without a heartbeat."""
         key = (loop.name, Signal.U_FF)
         old = value = found = self._u_ff[loop.name]
         if self._server is not None:
@@ -630,6 +635,7 @@ class SimPlant:
             await self._write(key, t, value)
 
     async def _tell(self, loop: SimLoop, values: Mapping[Signal, float], t: float) -> None:
+        """Write the values of a scan to the nodes."""
         faults = loop.faults
         if "back" in faults:
             t -= _HOUR
@@ -652,6 +658,7 @@ class SimPlant:
                 await self._write(key, t, value)
 
     async def _faulty(self, loop: SimLoop, key: tuple[str, Signal], value: float, t: float) -> None:
+        """Write a value as the loop's fault has it."""
         faults = loop.faults
         if "type" in faults:
             await self._as(key, ua.VariantType.String, t, f"{value:.3f}")

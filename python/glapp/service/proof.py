@@ -1,4 +1,4 @@
-"""The part of the API by which a gap is proved and its repair told: plans of tests, guided tests, repairs."""
+"""Part of the API on the proof of a gap and its repair: plans of tests, guided tests, repairs."""
 
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
 import asyncio
@@ -45,9 +45,9 @@ class Repaired(_Asked):
     """A repair of the valve."""
 
     time: Annotated[float, Field(ge=0, le=1e11)]
-    """When [s since 1970 UTC]."""
+    """Time [s since 1970 UTC]."""
     note: Annotated[str, Field(max_length=500)] = ""
-    """What was done."""
+    """Description of the work done."""
 
 
 class Proof:
@@ -61,11 +61,11 @@ class Proof:
         self.plans, self.guided = Plans(monitor), GuidedTests(monitor)
 
     def work(self) -> list[Coroutine[Any, Any, None]]:
-        """What runs until the service ends."""
+        """Task that runs until the service ends."""
         return [self.plans.run(), self.guided.run()]
 
     async def repaired(self, loop: str, asked: Repaired, person: str, role: str) -> None:
-        """Note a repair, and have the loop fitted by what was recorded after it.
+        """Note a repair, and queue a fit of the recordings after it.
 
         Raises InputError for a time that has not come yet. Raises StoreFull where it cannot be stored.
         """
@@ -118,7 +118,7 @@ def routes(
 
     @app.post("/loops/{name:path}/guided-test")
     async def begin(person: Annotated[Person, operator], name: Name) -> dict[str, Any]:
-        """Begin the planned test with OP by hand: from now on each move is told, and the test is judged as it goes."""
+        """Begin the planned test with OP by hand: from now on each move is named, and the test is judged as it goes."""
         await done(person, "guided_test", known(name), None, proof.guided.begin(name, *who(person)))
         return {"begun": name}
 
@@ -136,6 +136,6 @@ def routes(
 
     @app.post("/loops/{name:path}/repaired")
     async def repaired(person: Annotated[Person, operator], name: Name, asked: Repaired) -> dict[str, Any]:
-        """Note a repair of the valve: fits look at what was recorded after it from now on."""
+        """Note a repair of the valve: fits use the recordings after it from now on."""
         await done(person, "repaired", known(name), asked.model_dump(), proof.repaired(name, asked, *who(person)))
         return {"repaired": name}

@@ -40,7 +40,7 @@ _PART = re.compile(r"(\d{4}-\d\d-\d\d)\.(\d+)\.parquet")
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _THROUGH = b"glapp.through"
 _AT_ONCE = 10
-"""So many loops of a day are put into their files at once."""
+"""Loops of a day that are written to their files at once."""
 
 _FIELDS = pa.schema(
     [
@@ -118,6 +118,7 @@ class SignalStore:
         return sorted(over)
 
     def _close(self, day: date, parts: Sequence[tuple[int, Path]]) -> None:
+        """Join the parts of a day into one file for each loop."""
         names: set[str] = set()
         for _, path in parts:
             names.update(pc.unique(pq.read_table(path, columns=["loop"])["loop"]).to_pylist())
@@ -178,6 +179,7 @@ class SignalStore:
         return self._read(loop, within, days[0], days[1])
 
     def _read(self, loop: str, within: pc.Expression, first: date, last: date) -> pa.Table:
+        """Rows of a loop between two days."""
         through: dict[date, int] = {}
         pieces = []
         for day in self.days(loop):
@@ -225,6 +227,7 @@ class SignalStore:
         return self.folder / str(day) / _file(loop)
 
     def _parts(self) -> Iterator[tuple[date, int, Path]]:
+        """Open parts with their days and numbers."""
         for path in (self.folder / "open").glob("*.parquet"):
             if found := _PART.fullmatch(path.name):
                 yield date.fromisoformat(found[1]), int(found[2]), path
@@ -237,7 +240,7 @@ def _file(loop: str) -> str:
 
 
 def loop_of(file: str) -> str:
-    """The loop that a file's name stands for.
+    """The loop of a file's name.
 
     Examples
     --------
@@ -282,6 +285,8 @@ def _by_day(columns: Floats) -> Iterator[tuple[date, NDArray[np.bool_]]]:
 
 
 def _flags(table: pa.Table) -> NDArray[np.uint8]:
+    """Flags of the rows."""
+
     def where(column: str, value: object) -> NDArray[np.uint8]:
         found: NDArray[np.uint8] = pc.equal(table[column], value).to_numpy().astype(np.uint8)
         return found

@@ -1,4 +1,4 @@
-"""Before and after a repair that is noted in the service: what was answered and recorded on either side.
+"""Before and after a repair that is noted in the service: answers and recordings on either side.
 
 A repair is noted by a person, with its time. From then on the fits of the loop look at what was recorded after it only.
 Where the widths of single days fall from one day to the next, that is told, and a person may note the repair.
@@ -24,12 +24,12 @@ __all__ = ["compared", "fall_of", "repaired_at"]
 
 
 def repaired_at(reader: Reader, loop: str, until: float = math.inf) -> float:
-    """When the valve of a loop was last repaired before a moment [s since 1970 UTC]; minus infinity: never."""
+    """Time of the last repair of a loop's valve before a moment [s since 1970 UTC]; minus infinity: never."""
     return max((row["time"] for row in reader.repairs(loop) if row["time"] <= until), default=-math.inf)
 
 
 def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    """Whether the width has fallen between two days, by what each recording of a fit says alone.
+    """The fall of the width between two days, by the recordings of a fit alone; None where it has not fallen.
 
     - `recordings`: `fit.recordings` of the answer document.
 
@@ -46,7 +46,7 @@ def fall_of(recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 
 
 def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
-    """A valve before and after a repair, by what was recorded up to 7 days before and after it.
+    """A valve before and after a repair, by the recordings up to 7 days before and after it.
 
     - `folder`: the data folder.
     - `settings`: the loop, as JSON.
@@ -69,6 +69,7 @@ def compared(folder: Path, settings: str, at: float, now: float) -> Repair:
 
 
 def _side(answer: Mapping[str, Any] | None, rows: Batch | None) -> Side:
+    """One side of a repair, by an answer and its rows."""
     width = {} if answer is None else {name: answer[name] for name in ("verdict", "confidence", "d", "low", "high")}
     begin, end = (datetime.fromtimestamp(t, UTC) for t in repair.ends_of(rows)) if rows is not None else (None, None)
     return Side(begin, end, **width)

@@ -40,12 +40,12 @@ CODES = {signal: code for code, signal in enumerate(Signal)}
 """Number of each signal, as it is kept in the store: its place in `Signal`."""
 
 ALIVE, LOST = 255, 254
-"""Numbers of what is no value: the loop's connection lived at a time; it was lost."""
+"""Codes in place of a value: the loop's connection lived at a time; it was lost."""
 
 SP, PV, OP, MODE, LOW, HIGH, POSITION, U_FF = range(8)
 
 SET_BACK = 5
-"""So many late values of PV in a row, each newer than the one before, are a clock set back."""
+"""Late values of PV in a row, each newer than the one before, that mean a clock set back."""
 
 _HELD_BACK = 1000
 """No more late values are kept for the case that a clock was set back."""
@@ -139,6 +139,7 @@ class Resampler:
         self.newest = max(self.newest, time)
 
     def _lives(self, time: float) -> None:
+        """Note a sign of life of the loop."""
         if time > self._lives_to:
             if time - self._lives_to > self.lost:
                 self._lives_from = time
@@ -146,6 +147,7 @@ class Resampler:
         self.newest = max(self.newest, time)
 
     def _came_twice(self, signal: int, time: float, value: float, good: bool) -> None:
+        """Drop a repeated value; an event where it differs."""
         self.dropped += 1
         for at, kind, other, was_good in self._pending:
             if (at, kind) == (time, signal) and (other != value or good != was_good) and (good or was_good):
@@ -199,6 +201,7 @@ class Resampler:
             self.take(signal, time, value, good, now)
 
     def _hold(self, signal: int, time: float, value: float, good: bool) -> None:
+        """Keep a value until the next one."""
         self._held[signal], self._good[signal], self._at[signal] = value, good, time
 
     def release(self) -> list[Sample]:
@@ -207,7 +210,7 @@ class Resampler:
         if limit <= self.released:
             return []
         pending = self._pending
-        # Of one time PV comes last: it is the sample that the others belong to.
+        # PV comes last of one time: it is the sample that the others belong to.
         pending.sort(key=_order)
         out: list[Sample] = []
         taken = 0
@@ -242,7 +245,7 @@ class Resampler:
         return math.nextafter(max(self._last + self.period, self._lives_from), -math.inf)
 
     def _still(self, before: float, upcoming: float, limit: float, out: list[Sample]) -> bool:
-        """Samples of a PV that stands still, of times before `before`; whether all of them can be told by now.
+        """Samples of a PV that stands still, of times before `before`; whether all of them are known by now.
 
         A time of one is left out where a value of PV comes within half a period: what is made of the same values is the
         same, however they came.
@@ -258,6 +261,7 @@ class Resampler:
             self._sample(time, out)
 
     def _sample(self, time: float, out: list[Sample]) -> None:
+        """Add the sample of the held values."""
         sp, pv, op, mode, low, high, position, u_ff = self._held
         flags = 0
         if sp is None or pv is None or sp != sp or pv != pv:
@@ -330,4 +334,5 @@ _NAMES = ("SP", "PV", "OP", "mode", "the low limit", "the high limit", "the posi
 
 
 def _order(value: tuple[float, int, float, bool]) -> tuple[float, bool, int]:
+    """Sort key of values: by time, PV last."""
     return value[0], value[1] == PV, value[1]

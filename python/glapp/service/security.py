@@ -1,4 +1,4 @@
-"""How a server of ours by OPC UA is secured: certificate, policies, and who may connect.
+"""Security of our OPC UA servers: certificate, policies, and users.
 
 Needs the extra `glapp[opcua]`.
 """
@@ -26,7 +26,7 @@ _POLICIES = (
 
 @dataclass(frozen=True, slots=True)
 class Security:
-    """What a server shows and asks for.
+    """Security settings of a server.
 
     - `certificate`, `private_key`: of the server, .der and .pem; with them there are encrypted endpoints, and no open
       one.
@@ -58,7 +58,7 @@ async def secure(server: Server, security: Security, ruleset: Any = None) -> Non
 
 
 def uri_of(certificate: x509.Certificate) -> str | None:
-    """The application's URI in a certificate: the other side compares it with what the application says of itself."""
+    """The application's URI in a certificate: the other side compares it with the application's own statement."""
     with suppress(x509.ExtensionNotFound):
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)

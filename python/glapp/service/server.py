@@ -1,4 +1,4 @@
-"""What the monitor has to say of each loop, for other programs by OPC UA: a server of which nothing can be written.
+"""OPC UA server with the monitor's results on each loop, for other programs: nothing of it can be written.
 
 One object a loop, in the folder Loops; `NODES` tells what is in each. A value changes when what it says does, with the
 time from which on it says so: of an answer, when it was given.
@@ -74,7 +74,7 @@ NODES = {
     "LastSeen": Node(ua.VariantType.DateTime, "Source time of the newest PV"),
     "DeviceHealth": Node(ua.VariantType.Int32, "Health of the valve by NAMUR NE 107"),
 }
-"""Name of each variable of a loop, and what it is."""
+"""Name of each variable of a loop, and its meaning."""
 
 _OF_ANSWER = {
     "Verdict": "verdict",
@@ -88,7 +88,7 @@ _OF_ANSWER = {
 
 
 class NodeValue(NamedTuple):
-    """What a variable says.
+    """Value of a variable.
 
     - `value`: None where there is none.
     - `status`: OPC UA's status, bad where there is no value.
@@ -101,7 +101,7 @@ class NodeValue(NamedTuple):
 
 
 def node_values(loop: Mapping[str, Any]) -> dict[str, NodeValue]:
-    """What each of `NODES` says of a loop.
+    """Values of `NODES` for a loop.
 
     - `loop`: the loop's part of `Monitor.status`.
 
@@ -111,10 +111,10 @@ def node_values(loop: Mapping[str, Any]) -> dict[str, NodeValue]:
     Examples
     --------
     >>> loop = {"answer": None, "seen": 1.7e9, "lost": False, "accepted": 7, "health": "NORMAL"}
-    >>> said = node_values(loop)
-    >>> said["Detections"].value, said["LastSeen"].value.isoformat()
+    >>> values = node_values(loop)
+    >>> values["Detections"].value, values["LastSeen"].value.isoformat()
     (7, '2023-11-14T22:13:20+00:00')
-    >>> ua.StatusCode(said["Width"].status).name
+    >>> ua.StatusCode(values["Width"].status).name
     'BadWaitingForInitialData'
     """
     codes = ua.StatusCodes
@@ -148,7 +148,7 @@ def _moment(seconds: float) -> datetime:
 
 
 class _Readers:
-    """Who may look: never more than a reader, and after some wrong passwords nobody for a while."""
+    """Login of readers: no role above reader, and after some wrong passwords nobody for a while."""
 
     def __init__(self, users: Mapping[str, str] | None) -> None:
         self._users = users
@@ -269,7 +269,7 @@ class AnswerServer:
                 await server.stop()
 
     async def run(self) -> None:
-        """Say what is new, step by step, until cancelled."""
+        """Write the new values, step by step, until cancelled."""
         while True:
             await asyncio.sleep(self._step)
             await self.publish()
@@ -290,6 +290,7 @@ class AnswerServer:
                 await aspace.write_attribute_value(self._ids[loop, name], ua.AttributeIds.Value, value)
 
     async def _build(self, server: Server) -> None:
+        """Create the nodes of all loops."""
         index = await server.register_namespace(NAMESPACE)
         di = await server.register_namespace(DI)
         health_type = ua.NodeId(_HEALTH_TYPE, di)

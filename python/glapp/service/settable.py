@@ -1,4 +1,4 @@
-"""What a person may set of a loop, with the unit and both bounds of each, by the settings that stand beside it."""
+"""Settable parameters of a loop, with the unit and both bounds of each, which depend on other settings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 DETECTOR = ("k", "ti", "td", "setpoint_weight", "kp", "tf", "n", "acceptable_dead_band")
-"""What a person may set of a detector: what it believes of the controller, never the controller itself."""
+"""Settable parameters of a detector: its model of the controller, never the controller itself."""
 
 SETTINGS = (
     "comp_size",
@@ -44,7 +44,7 @@ SETTINGS = (
     "comp_estimate",
     "ff_tolerance",
 )
-"""What a person may set of a compensation; `BacklashDetection` tells unit, bound and default of each."""
+"""Settable parameters of a compensation; `BacklashDetection` tells unit, bound and default of each."""
 
 SHARE = 0.8
 """The share of the width that is compensated where nobody says another (`docs/compensation.md`)."""
@@ -54,7 +54,7 @@ _GREATEST = 1e12  # what a controller of seven digits can work with
 
 
 class Bound(NamedTuple):
-    """What a parameter may be: `low` ≤ value ≤ `high`, other than 0 unless `zero`, and a whole number where `whole`.
+    """Bounds of a parameter: `low` ≤ value ≤ `high`, other than 0 unless `zero`, and a whole number where `whole`.
 
     - `unit`: its unit; "1" where it has none.
     - `low`, `high`: the least and the greatest, in this unit.
@@ -91,7 +91,7 @@ class Bound(NamedTuple):
 
 
 def usual_of(most: tuple[float, float]) -> dict[str, float]:
-    """What a compensation is set to where nobody says another, by the greatest |u_FF| and rate that the plant takes.
+    """Default settings of a compensation, by the greatest |u_FF| and rate that the plant takes.
 
     The limit is of a width, and so twice as much. The plant counts from write to write, and a write may come late and
     the next one in time: so the rate is less than the plant takes.
@@ -195,12 +195,12 @@ these bounds
 
 
 def compensation_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of a loop's settings that are of its compensation."""
+    """Settings of a loop that belong to its compensation."""
     return {name: settings[name] for name in SETTINGS if name in settings}
 
 
 def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
-    """The loop, with what persons have set of its detector in the place of what it had.
+    """The loop, with persons' settings of its detector in place of its own.
 
     Raises InputError with the parameter, its value and its bound.
     """

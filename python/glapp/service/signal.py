@@ -1,4 +1,4 @@
-"""What comes from a plant and what goes to it: values, events, and the face of every source of them."""
+"""Values from a plant and to it, events, and the interface of every source."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class Signal(StrEnum):
-    """What a tag of a loop is.
+    """Meaning of a loop's tag.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that a person is told, and that is kept.
+    """Something that is reported to a person, and kept.
 
     - `time`: when it was noticed, by the clock of this computer [s since 1970-01-01 UTC].
     - `loop`: name of the loop; None where it concerns the whole connection.
@@ -91,7 +91,7 @@ class WriteRefused(Exception):  # noqa: N818 - a refusal is an answer, not a fau
 
 
 class Source(Protocol):
-    """Where values come from, and the few places to which one may be written."""
+    """Source of values, with the few places that can be written."""
 
     async def run(self, take: Take, tell: Tell) -> None:
         """Hand over values and events, in the order in which they came, until cancelled."""
@@ -103,10 +103,10 @@ class Source(Protocol):
         """
 
     async def read_back(self, loop: str) -> Value:
-        """The feed-forward that stands in the plant now."""
+        """The feed-forward in the plant now."""
 
     def alive(self, loop: str) -> float | None:
-        """When the loop was last heard of at all, by a value or by a sign that none has changed [s since 1970 UTC]."""
+        """Time of the last sign of the loop: a value, or a report that none has changed [s since 1970 UTC]."""
 
     async def heartbeat(self) -> None:
         """Tell the plant's watchdog that this program is alive."""

@@ -1,4 +1,4 @@
-"""What the service remembers: one SQLite database, one process that writes it, as many as like that read it.
+"""The service's database: SQLite, one process that writes it, any number that read it.
 
 Values come in as *entries*: all that came since the last one, packed, with the moment at which they were taken in. An
 entry and what it led to (half-periods, events) are one transaction. From time to time the state of every detector is
@@ -95,7 +95,7 @@ CREATE INDEX repairs_loop ON repairs (loop, time)
 """
 
 _MIGRATIONS = (_FIRST, _SECOND)
-"""What leads from one version of the schema to the next; a database that is version n has had the first n."""
+"""Steps from one version of the schema to the next; a database that is version n has had the first n."""
 
 SCHEMA = len(_MIGRATIONS)
 """Version of the schema that this program writes."""
@@ -125,14 +125,14 @@ COLUMNS = (
     "noise_floor",
     "detections",
 )
-"""What is kept of a half-period, by the names of `glapp.HalfPeriods`."""
+"""Columns kept of a half-period, by the names of `glapp.HalfPeriods`."""
 
 Half = tuple[Any, ...]
 """A row of `half_periods`: loop, number, `COLUMNS`, and whether u_FF was not 0 in it."""
 
 
 def _missing(db: sqlite3.Connection, version: int) -> str | None:
-    """What a database of that version of the schema lacks: a table or a column, None where all are there."""
+    """Missing table or column of a database with that version of the schema, None where all are there."""
     with closing(sqlite3.connect(":memory:")) as ours:
         for step in _MIGRATIONS[:version]:
             ours.executescript(step)
@@ -152,7 +152,7 @@ class StoreFull(Exception):  # noqa: N818 - a state of the disk, not a fault of 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What was taken in at one moment.
+    """Data taken in at one moment.
 
     - `id`: its number: later ones have greater numbers.
     - `now`: the moment, by the clock of this computer [s since 1970 UTC].
@@ -244,7 +244,7 @@ class Reader:
         self.close()
 
     def rows(self, query: str, *values: Any) -> list[dict[str, Any]]:
-        """What a query gives, a dictionary a row."""
+        """Rows of a query, a dictionary each."""
         return [dict(row) for row in self._db.execute(query, values)]
 
     def one(self, query: str, *values: Any) -> dict[str, Any] | None:
@@ -295,7 +295,7 @@ class Reader:
         return None if found is None else json.loads(found["document"])["analysis"]
 
     def answers_shown(self, ids: Sequence[int]) -> list[dict[str, Any]]:
-        """What the station shows of answers: answer, recordings and process as JSON, and when each was made."""
+        """Answers for the station: answer, recordings and process as JSON, and when each was made."""
         return self.rows(
             "SELECT answers.id, name, "
             "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
@@ -317,7 +317,7 @@ class Reader:
         return found[::-1]
 
     def reason_counts(self, loop: str, begin: float) -> dict[int, int]:
-        """How many half-periods of a loop ended after `begin` with each code of `HalfPeriods.reason`."""
+        """Number of half-periods of a loop that ended after `begin`, by the code of `HalfPeriods.reason`."""
         found = self.rows(
             "SELECT reason, COUNT(*) AS n FROM half_periods WHERE loop = (SELECT id FROM loops WHERE name = ?) "
             "AND t_end > ? GROUP BY reason",
@@ -344,7 +344,7 @@ class Reader:
         )
 
     def events(self, loop: str | None = None, most: int = 200, before: int | None = None) -> list[dict[str, Any]]:
-        """What happened, the newest first; of one loop where it is named."""
+        """Events, the newest first; of one loop where it is named."""
         return self.rows(
             "SELECT id, time, loop, kind, text FROM events WHERE (?1 IS NULL OR loop = ?1) AND (?3 IS NULL OR id < ?3) "
             "ORDER BY id DESC LIMIT ?2",
@@ -352,7 +352,7 @@ class Reader:
         )
 
     def commands(self, loop: str | None = None, most: int = 200) -> list[dict[str, Any]]:
-        """Who asked for what, the newest first: with what it was before and after, or why it was refused."""
+        """Commands, the newest first: who asked, the values before and after, or the reason of refusal."""
         found = self.rows(
             "SELECT * FROM commands WHERE (?1 IS NULL OR loop = ?1) ORDER BY id DESC LIMIT ?2", *(loop, most)
         )
@@ -365,7 +365,7 @@ class Reader:
         return _parsed(self._last("plans", loop), "asked", "plan")
 
     def guided_test(self, loop: str) -> dict[str, Any] | None:
-        """The last guided step test: what was `asked`, its `state`, and when it `ended`; None: it goes on."""
+        """The last guided step test: `asked`, its `state`, and when it `ended`; None: it goes on."""
         return _parsed(self._last("guided_tests", loop), "asked", "state")
 
     def repairs(self, loop: str) -> list[dict[str, Any]]:
@@ -396,18 +396,18 @@ class Reader:
         )
 
     def settings(self, loop: str) -> dict[str, Any]:
-        """What persons have set of a loop."""
+        """Settings of a loop by persons."""
         found = self._db.execute(
             "SELECT name, value FROM settings WHERE loop = (SELECT id FROM loops WHERE name = ?)", (loop,)
         )
         return {row["name"]: json.loads(row["value"]) for row in found}
 
     def loops_given(self) -> dict[str, dict[str, Any]]:
-        """Of every loop what loops.toml says, by name."""
+        """Settings of every loop from loops.toml, by its name."""
         return {row["name"]: json.loads(row["settings"]) for row in self.rows("SELECT name, settings FROM loops")}
 
     def all_settings(self) -> dict[str, dict[str, Any]]:
-        """What persons have set of each loop, by the loop's name."""
+        """Settings of each loop by persons, by the loop's name."""
         found: dict[str, dict[str, Any]] = {}
         for row in self.rows(
             "SELECT loops.name AS loop, settings.name, value FROM settings JOIN loops ON loops.id = settings.loop"
@@ -424,7 +424,7 @@ class Reader:
         return self.one("SELECT role, password FROM users WHERE name = ?", name)
 
     def logins(self) -> list[dict[str, Any]]:
-        """Who is logged in: digest of the token, name, role and when the token expires."""
+        """Present logins: digest of the token, name, role and when the token expires."""
         return self.rows("SELECT digest, name, role, expires FROM tokens JOIN users ON name = person")
 
     def login(self, digest: str, now: float) -> tuple[str, str] | None:
@@ -445,18 +445,18 @@ class Reader:
 
     @property
     def damaged(self) -> str | None:
-        """What was wrong with the database that was set aside, as long as that lies in the folder."""
+        """Fault of the database that was set aside, as long as it lies in the folder."""
         known = dict(self._db.execute("SELECT name, value FROM meta WHERE name LIKE 'damaged%'").fetchall())
         there = "damaged_file" in known and (self.folder / known["damaged_file"]).exists()
         return known["damaged"] if there else None
 
     def shown_at(self) -> float | None:
-        """When the service last wrote what it shows [s since 1970 UTC]; None where it never did."""
+        """Time at which the service last wrote its status [s since 1970 UTC]; None where it never did."""
         row = self.one("SELECT time FROM shown")
         return None if row is None else row["time"]
 
     def shown(self) -> tuple[float, dict[str, Any]] | None:
-        """When the service last wrote what it shows, and that."""
+        """Time at which the service last wrote its status, and the status."""
         row = self._db.execute("SELECT time, body FROM shown").fetchone()
         return None if row is None else (row["time"], json.loads(row["body"]))
 
@@ -494,6 +494,7 @@ class Store(Reader):
             raise
 
     def _open(self, now: float) -> None:
+        """Open the database; a damaged one is set aside."""
         path = self.folder / NAME
         there, version = path.exists(), 0
         empty = there and path.stat().st_size == 0  # SQLite takes it for a new database
@@ -575,7 +576,7 @@ class Store(Reader):
         return self.loops()
 
     def add(self, entries: Sequence[Entry], halves: Sequence[Half], events: Sequence[Event]) -> None:
-        """Store what came in, with what it led to: one transaction.
+        """Store an entry, with its results: one transaction.
 
         Raises StoreFull where it cannot be written; nothing of it is there.
         """
@@ -586,6 +587,7 @@ class Store(Reader):
             self._insert(halves, events)
 
     def _insert(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
+        """Insert half-periods and events."""
         self._db.executemany(_INSERT_HALF, halves)
         self._db.executemany(
             "INSERT INTO events (time, loop, kind, text) VALUES (?, ?, ?, ?)",
@@ -685,7 +687,7 @@ class Store(Reader):
             )
 
     def keep_plan(self, id: int, plan: Mapping[str, Any] | None, refused: str | None) -> None:
-        """Store a plan that was asked for, or why there is none."""
+        """Store a requested plan, or the reason why there is none."""
         document = None if plan is None else json.dumps(plan)
         with self._writing():
             self._db.execute("UPDATE plans SET plan = ?, refused = ? WHERE id = ?", (document, refused, id))
@@ -750,7 +752,7 @@ class Store(Reader):
 
 
 def _private(path: Path) -> None:
-    """Make a file where there is none, and let nobody but its owner read it; SQLite's files beside it are as it is."""
+    """Create a missing file, readable by its owner only; SQLite's files beside it are as it is."""
     os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
     with suppress(OSError):  # a file system without rights
         path.chmod(0o600)
@@ -770,7 +772,7 @@ def _connected(path: Path) -> sqlite3.Connection:
 
 
 def _configure(db: sqlite3.Connection) -> None:
-    """What is asked of a database that is written: not before it was checked, for the first of it changes the file."""
+    """Settings of a database that is written: only after its check, since the first of them changes the file."""
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too
     db.execute("PRAGMA foreign_keys = ON")
@@ -778,6 +780,7 @@ def _configure(db: sqlite3.Connection) -> None:
 
 
 def _set_aside(path: Path, now: float) -> Path:
+    """Move a damaged database away, under a name with its time."""
     stamp = time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime(now))
     aside = path.with_name(f"{path.name}.damaged-{stamp}")
     number = 1

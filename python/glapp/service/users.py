@@ -1,4 +1,4 @@
-"""Who may ask the service for what: users, roles, passwords and the tokens that stand for them."""
+"""Users of the service: names, roles, passwords and tokens."""
 
 from __future__ import annotations
 
@@ -27,10 +27,12 @@ LOGIN_LASTS = 12 * 3600.0
 """A token is good for so long [s]."""
 
 TRIES = 5
-"""So many wrong passwords of a name within `TRIES_WITHIN`, from all addresses from which that name never logged in."""
+"""Wrong passwords of a name within `TRIES_WITHIN` that are allowed from all addresses from which it never logged in."""
 
 TRIES_OF_ADDRESS = 10
-"""So many within that time from an address from which nobody ever logged in, whatever the names."""
+"""Wrong passwords within that time that are allowed from an address from which nobody ever logged in, whatever the
+names.
+"""
 
 TRIES_WITHIN = 300.0
 """[s]"""
@@ -39,14 +41,14 @@ PACE = 2.0
 """Beyond `TRIES`, the next password from an address that is known is looked at so long after the one before [s]."""
 
 PLACES = 4096
-"""So many counts there are of names, and as many of addresses."""
+"""Number of counters of names, and as many of addresses."""
 
 ADDRESSES = 20
-"""From so many addresses, the newest, a name is known to have logged in."""
+"""Number of newest addresses kept for a name that logged in from them."""
 
 
 class Role(IntEnum):
-    """What a person may do; each may what those before may.
+    """Role of a person; each includes the rights of those before.
 
     - `VIEWER`: see everything.
     - `OPERATOR`: ask for a fit; switch compensation off.
@@ -80,7 +82,7 @@ class Person:
 
 
 class Refused(Exception):  # noqa: N818 - a refusal is an answer, not a fault of the program
-    """Nobody was logged in: the sentence says no more than a stranger may know."""
+    """Login refused: the sentence says no more than a stranger may know."""
 
 
 @dataclass(eq=False, slots=True)
@@ -102,7 +104,7 @@ class Attempt:
     _at: float = 0.0
 
     def right(self) -> None:
-        """The password is right: this one does not count, and what was counted before does."""
+        """The password is right: this try does not count, and earlier ones still do."""
         for one in self._counts:
             if self._at in one:
                 one.remove(self._at)
@@ -139,6 +141,7 @@ class Tries:
         self._waits: dict[tuple[str, str], Attempt] = {}
 
     def _count(self, counts: dict[int, deque[float]], what: str, most: int, now: float) -> deque[float]:
+        """Wrong passwords of a name or an address within the time that counts."""
         digest = hashlib.blake2b(what.encode("utf-8", "replace"), digest_size=8, key=self._key).digest()
         found = counts.setdefault(int.from_bytes(digest, "big") % PLACES, deque())
         _forget(found, now)
@@ -200,6 +203,7 @@ class Tries:
 
 
 def _forget(times: deque[float], now: float) -> None:
+    """Drop tries that are too old to count."""
     while times and now - times[0] >= TRIES_WITHIN:
         times.popleft()
 
@@ -219,7 +223,7 @@ class Users:
         self._counting = threading.Lock()  # held for no write, so that who counts a try waits for no disk
         self._names = {row["name"] for row in store.users()}
         self._tries = Tries(store.known_addresses())
-        # Here and not only in the database: whom a token stands for is known though no disk answers.
+        # Kept here and not only in the database: tokens are known though no disk answers.
         self._logins = {
             row["digest"]: (Person(row["name"], Role.named(row["role"])), row["expires"]) for row in store.logins()
         }
@@ -262,9 +266,11 @@ class Users:
                 self._tries.known.pop(name, None)
 
     def _end(self, name: str) -> None:
+        """End the logins of a user."""
         self._logins = {digest: login for digest, login in self._logins.items() if login[0].name != name}
 
     def _not_the_last(self, name: str) -> None:
+        """Refuse to remove the last engineer."""
         if [user["name"] for user in self._store.users() if user["role"] == "engineer"] == [name]:
             raise InputError("is the last engineer", parameter="name", value=name, hint="make another one first")
 
@@ -316,7 +322,7 @@ class Users:
             self._store.end_login(digest_of(token))
 
     def of(self, token: str, now: float) -> Person | None:
-        """Who a token stands for; None where it does not, or no longer."""
+        """Owner of a token; None where it has none, or none any longer."""
         found = self._logins.get(digest_of(token))
         return None if found is None or found[1] <= now else found[0]
 
@@ -326,7 +332,7 @@ class Users:
 
 
 class RefusedLogins:
-    """Logins that were refused, counted: what is told of them grows with time, and not with their number.
+    """Refused logins, counted: the reports on them grow with time, and not with their number.
 
     The first is told at once, and what came after it when `every` seconds have passed.
 
@@ -340,7 +346,7 @@ class RefusedLogins:
         self._addresses: Counter[str] = Counter()
 
     def add(self, name: str | None, address: str) -> str | None:
-        """Count one; gives what to say of it now, None where it is said later.
+        """Count one; gives the text to report now, None where it is reported later.
 
         - `name`: the user's; None where there is none of that name, which may be a password typed in the wrong place.
         - `address`: where it came from.
@@ -354,7 +360,7 @@ class RefusedLogins:
         return f"a login was refused: as {whose}, from {address}" if first else None
 
     def since(self) -> str | None:
-        """What came since the first that was told, and no more to say; None where nothing did."""
+        """Events since the first that was reported, and no more; None where there are none."""
         names, addresses = self._names, self._addresses
         self._names, self._addresses = Counter(), Counter()
         if (count := names.total() - 1) <= 0:
@@ -404,5 +410,5 @@ def _written(path: Path, text: str) -> None:
 
 
 def digest_of(token: str) -> str:
-    """What the database has of a token."""
+    """Digest of a token, as the database has it."""
     return hashlib.sha256(token.encode()).hexdigest()

@@ -120,6 +120,7 @@ class Watchdog:
         self.test_task = asyncio.create_task(self._test(watched, source, person, role), name="watchdog test")
 
     async def _test(self, watched: WatchedLoop, source: Plant, person: str, role: str) -> None:
+        """Test the plant's watchdog: stop the heartbeat, and watch u_FF."""
         loop, limits = watched.loop.name, watched.plant_limits
         assert limits is not None
         size = min(0.1 * limits[0], 0.25 * limits[1] * watched.period)

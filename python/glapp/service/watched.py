@@ -129,7 +129,7 @@ class WatchedLoop:
         return json.dumps({"rows": self.resampler.save(), "number": self.half_periods, "detector": detector})
 
     def health(self, *, answers_lost: bool) -> Health:
-        """NE 107: whether the loop can be watched, and what its last answer says of the valve.
+        """NE 107: whether the loop can be watched, and the last answer on the valve.
 
         - `answers_lost`: whether the answers were set aside with a damaged database: then no answer does not mean that
           all is well.

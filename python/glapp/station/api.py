@@ -1,4 +1,4 @@
-"""What the window shows, for programs and for its own pages: HTTP that only reads.
+"""API of the window, for programs and for its own pages: HTTP that only reads.
 
 Whoever asks shows a token of the service (`Authorization: Bearer …`) or, as the pages do, the session of a person who
 is logged in. There is no request here that changes anything: commands go through the service's own API.
@@ -32,14 +32,14 @@ WHY_NOT = {
     422: "A value that cannot be",
     503: "Service or database cannot be reached",
 }
-"""What else is answered than what was asked for."""
+"""Answers other than the requested one."""
 
 Name = Annotated[str, InPath(description="Name of the loop.", max_length=200)]
 Most = Annotated[int, Query(ge=1, le=100_000, description="No more than so many, the newest.")]
 
 
 class LogIn(BaseModel):
-    """Who asks for a token."""
+    """Login of a person for a token."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -129,7 +129,7 @@ def api_of(station: Station) -> FastAPI:
         return JSONResponse({"detail": f"{place}: {first['msg']}"}, 422)
 
     async def known(request: Request) -> None:
-        """Nobody reads who is not known to the service."""
+        """Refuse readers that are not known to the service."""
         if station.sessions.of(request.headers.get("cookie")) is not None:
             return
         kind, _, token = request.headers.get("authorization", "").partition(" ")
@@ -199,6 +199,7 @@ def api_of(station: Station) -> FastAPI:
 
 
 def _overview(station: Station, since: int) -> bytes:
+    """Changes of the overview, as JSON."""
     listed, view = station.listed, station.view
     whole, rows, gone = listed.changes(since)
     head = {
@@ -213,6 +214,7 @@ def _overview(station: Station, since: int) -> bytes:
 
 
 def _detections(station: Station, name: str, begin: float, most: int) -> bytes:
+    """Detections of a loop, as JSON."""
     rows = station.view.read(lambda reader: reader.detections(name, begin, most))
     body = {
         "unit": station.view.unit(name),

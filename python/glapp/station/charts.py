@@ -1,4 +1,4 @@
-"""The pictures, as options of the chart library: what is drawn, and in which grey."""
+"""The pictures, as options of the chart library: their series and greys."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ VALVE = "valve (model)"
 """OP after a gap of the width that was found."""
 
 DRAWN = 2000
-"""So many points of a signal are drawn at most where it was read from a file."""
+"""Points of a signal from a file that are drawn at most."""
 
 LIGHT = {
     "ink": "#1f2933",
@@ -45,6 +45,7 @@ DARK = {
 
 
 def _tone(dark: bool) -> dict[str, str]:
+    """Colours for light or dark."""
     return DARK if dark else LIGHT
 
 
@@ -122,7 +123,7 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
 
 
 PART = 0.05
-"""By span an axis covers this part of it at least."""
+"""Smallest range of an axis as a share of the span."""
 
 
 def _reach(span: tuple[float, float] | None) -> dict[str, Any]:
@@ -270,7 +271,7 @@ def detections(
     dark: bool,
     alone: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Detections over time, those under compensation as a series of their own; the estimate, and what the fits said.
+    """Detections over time, those under compensation as a series of their own; the estimate, and the fits' answers.
 
     The first three series are empty: `glapp.detections` in the browser fills them.
 
@@ -456,7 +457,7 @@ def phase(
     if flanks is not None and data:
         width, gain = flanks
         low, high = (limit(x for x, _ in data) for limit in (min, max))
-        # Through the middle of what is drawn: the load moves PV up and down beside OP.
+        # The line goes through the middle of the points: the load moves PV up and down beside OP.
         middle = _median([y - gain * x for x, y in data])
         bottom, top = (limit(y for _, y in data) for limit in (min, max))
         for label, side, kind in (("OP rising", 1.0, "solid"), ("OP falling", -1.0, "dashed")):

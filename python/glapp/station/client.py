@@ -22,7 +22,7 @@ from ..errors import InputError
 __all__ = ["ApiClient", "Gone", "Refused"]
 
 READS = 80
-"""So many requests that only look are under way, of the 100 connections that httpx has: the others are for commands."""
+"""Requests to read that run at once, of the 100 connections that httpx has: the others are for commands."""
 
 
 class Gone(Exception):  # noqa: N818 - a state of the service, not a fault of the program
@@ -64,7 +64,7 @@ class ApiClient:
 
     @property
     def url(self) -> str:
-        """Where it is; the service may have started again at another port.
+        """Address of the service; it may have started again at another port.
 
         Raises Gone where nothing says so.
         """
@@ -98,7 +98,7 @@ class ApiClient:
     async def asked(
         self, method: str, path: str, token: str | None, body: Any = None, more: Mapping[str, str] | None = None
     ) -> Any:
-        """What the service answers; `more` are headers.
+        """Answer of the service; `more` are headers.
 
         Raises Refused, Gone.
         """

@@ -1,4 +1,4 @@
-"""What a compensation will do, told before it does it, and what it has done, told after."""
+"""Effect of a compensation: the plan before it, and the result after it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _WAY = {1: "error", 2: "derivative", 3: "inverse"}
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What will be done.
+    """Plan of a compensation.
 
     - `size`, `delta`: the width it goes by, and how far u_FF goes from side to side [OP unit]; None where nothing is
       known of it.
@@ -49,7 +49,7 @@ class Plan:
 
 
 def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
-    """What enabling a loop's compensation would do, with its parameters as they are.
+    """Effect of enabling a loop's compensation, with its present parameters.
 
     The width and the share are the core's rule: share·size, for the inverse less the band, which is a fifth of the size
     where nobody says (`docs/compensation.md`). What is really done, the service shows afterwards.
@@ -117,7 +117,7 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
 
 @dataclass(frozen=True, slots=True)
 class Calm:
-    """How far PV is from SP half of the time, before and since.
+    """Median distance of PV from SP, before and since.
 
     The median and not the standard deviation: a load that steps takes PV away for some Ti, compensated or not, and
     most of the scatter of an hour may be of that one step. The cycle that a gap keeps up is there all the time.
@@ -132,12 +132,12 @@ class Calm:
 
     @property
     def factor(self) -> float:
-        """By how much PV is calmer; below 1: it is not."""
+        """Ratio by which PV is calmer; below 1: it is not."""
         return self.before / self.since if self.since > 0 else float("inf")
 
     @property
     def word(self) -> str:
-        """How much calmer PV is, in words; a tenth is not told.
+        """Ratio in words; a tenth is not mentioned.
 
         >>> Calm(1.0, 0.5, 60.0).word, Calm(1.0, 0.95, 60.0).word, Calm(1.0, 2.0, 60.0).word
         ('calmer by a factor of 2', 'as calm as before', 'less calm by a factor of 2')
@@ -152,7 +152,7 @@ class Calm:
 def calm(
     times: Sequence[float], sp: Sequence[Any], pv: Sequence[Any], u_ff: Sequence[Any], enabled: float, least: float
 ) -> Calm | None:
-    """How far PV is from SP before u_FF began to move, and since.
+    """Median distance of PV from SP before u_FF began to move, and since.
 
     - `times`: [s]
     - `sp`, `pv`: [PV unit]; NaN where they are bad.

@@ -1,4 +1,4 @@
-"""The dialog of a loop's compensation: its width, what it will do, the test of switching off, and its effect."""
+"""The dialog of a loop's compensation: its width, its effect before and after, and the test of switching off."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .sessions import Session
 __all__ = ["CALM_AFTER", "CompensationPage"]
 
 CALM_AFTER = 20.0
-"""So many Ti must have been seen before and since to say whether PV is calmer."""
+"""Number of Ti before and since that the comparison needs."""
 
 AGAIN = 3.0
-"""What goes on is looked at again after so long [s]."""
+"""Interval of updates of running parts [s]."""
 
 ReadSignals = Callable[[float, float], Awaitable[dict[str, Any]]]
 Ask = Callable[[str], Awaitable[Any]]
 
 
 class CompensationPage:
-    """What stands in the dialog, built anew after each command.
+    """Content of the dialog, built anew after each command.
 
     - `station`: what the pages stand on.
     - `ask`: something from the API, by its path; None where it does not say.
@@ -63,7 +63,7 @@ class CompensationPage:
         ui.timer(AGAIN, self._look)
 
     async def _fill(self, seen: dict[str, Any], status: dict[str, Any]) -> None:
-        """Show what is so now; where that stands there already it stays, and a click meanwhile finds its button."""
+        """Show the present state; unchanged parts stay, so that a click meanwhile finds its button."""
         async with self._filling:
             made = status.get("compensation")
             settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
@@ -75,6 +75,7 @@ class CompensationPage:
                 await self._show_log()
 
     async def _fill_body(self, seen: dict[str, Any], status: dict[str, Any], settings: dict[str, Any]) -> None:
+        """Fill the dialog with settings and state."""
         made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
         self._tested, self._set = settings.get(WATCHDOG_SEEN), settings
@@ -89,17 +90,18 @@ class CompensationPage:
                 self._offered()
 
     async def _anew(self) -> None:
+        """Fill the dialog again."""
         if (known := await self.known()) is not None:
             await self._fill(*known)
 
     async def _go(self, what: str, body: dict[str, Any], message: str) -> bool:
-        """A command; whatever comes of it, the dialog shows what is so afterwards."""
+        """Send a command; in any case the dialog shows the state afterwards."""
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
         return await command(self.station, self.session, asking, message) is not None
 
     async def _look(self) -> None:
-        """What has changed by itself: the effect goes on, a test is over, the compensation was withdrawn."""
+        """Update the parts that change by themselves: effect, end of a test, withdrawal."""
         status = self.station.view.shown["loops"].get(self.loop, {})
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
@@ -111,6 +113,7 @@ class CompensationPage:
     # Before it is enabled
 
     def _offered(self) -> None:
+        """Show the widths that can be chosen."""
         unit, seen, status = self.op_unit, self._seen, self._status
         last = status["answer"]
         self._fit = None if last is None or last["compensable"] is None else last
@@ -183,11 +186,13 @@ class CompensationPage:
         return bool(source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"])
 
     def _typed(self) -> None:
+        """Take the typed width as the source, and describe its effect."""
         if self.source.value != 1 and self.size.value:
             self.source.set_value(1)
         self._describe()
 
     def _describe(self) -> None:
+        """Describe the effect of the chosen width."""
         chosen, seen = self._wanted(), self._seen
         used = not self._differs()
         found = plan(seen if used else chosen, self.op_unit)
@@ -216,7 +221,7 @@ class CompensationPage:
         self.why_not.set_visibility(bool(found.why_not))
 
     async def _use(self) -> None:
-        """Take over the fit, or set which width counts: what differs from what is in force."""
+        """Take over the fit, or set which width counts: the values that differ from those in force."""
         seen, wanted = self._seen, self._wanted()
         if self.source.value == 2 and self._fit is not None and seen["comp_fitted"] != self._fit["compensable"]:
             if not await self._go("take_over", {"answer": self._fit["id"], "seen": seen}, "Taken over."):
@@ -243,6 +248,7 @@ class CompensationPage:
     # While it is in force
 
     async def _in_force(self, made: dict[str, Any]) -> None:
+        """Show the running compensation."""
         unit = self.op_unit
         ui.label(TEXT_OF_STATE[made["standing"]]).style("font-weight: 600")
         if made["over"]:
@@ -304,6 +310,7 @@ class CompensationPage:
             ui.echart(options).classes("chart low").props('role="img" aria-label="PV about SP, and u_FF"')
 
     async def _show_log(self) -> None:
+        """Show the commands on this compensation."""
         log = await asyncio.to_thread(self.station.view.read, lambda r: r.commands(self.loop, 200))
         log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
         self.log.clear()

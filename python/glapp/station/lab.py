@@ -16,16 +16,16 @@ from .. import modules
 from ..errors import InputError
 from ..modules import Graph, Module
 
-__all__ = ["FASTEST", "KINDS", "THESIS", "Lab", "Part", "Project", "drawn"]
+__all__ = ["FASTEST", "KINDS", "THESIS", "Lab", "Part", "Project", "diagram"]
 
 FASTEST = 1000.0
-"""So many simulated seconds run in a second at most."""
+"""Fastest speed of a simulation [simulated seconds a second]."""
 
 KEPT = 40_000
-"""So many scans are kept to be drawn."""
+"""Scans kept to be drawn."""
 
 AT_ONCE = 20_000
-"""So many scans are made at once at most, so that the pages are served meanwhile."""
+"""Scans made at once at most, so that the pages are served meanwhile."""
 
 KINDS: dict[str, type[Module]] = {
     name: getattr(modules, name)
@@ -230,7 +230,7 @@ class Lab:
             self._columns[name] = np.concatenate([self._columns[name], column])[-KEPT:]
 
     def label(self, signal: str) -> str:
-        """What a signal is called where it is drawn.
+        """Label of a signal in a drawing.
 
         >>> Lab(THESIS).label("noise"), Lab(THESIS).label("filter")
         ('PV', 'filter')
@@ -250,8 +250,8 @@ class Lab:
         name = next(names, None)
         return None if name is None else self[f"{name}.d"]
 
-    def drawn(self, seconds: float, most: int = 1200) -> dict[str, list[list[float]]]:
-        """What is drawn of the last simulated seconds: for each signal points (time, value), `most` at most."""
+    def curves(self, seconds: float, most: int = 1200) -> dict[str, list[list[float]]]:
+        """Points of the last simulated seconds: for each signal (time, value), `most` at most."""
         if not len(self._times):
             return {name: [] for name in self.shown}
         first = int(np.searchsorted(self._times, self._times[-1] - seconds))
@@ -264,7 +264,7 @@ class Lab:
 
 
 def _edges(wires: Sequence[str]) -> list[tuple[str, str, str]]:
-    """From which module to which, and to which of its inputs.
+    """Connections: module, module and input of each.
 
     >>> _edges(["pid -> gap -> pid.pv"])
     [('pid', 'gap', ''), ('gap', 'pid', 'pv')]
@@ -279,7 +279,7 @@ def _edges(wires: Sequence[str]) -> list[tuple[str, str, str]]:
 
 
 def _columns(names: Sequence[str], edges: Sequence[tuple[str, str, str]]) -> Mapping[str, int]:
-    """How far right each block stands: after all that drive it, but for what closes a circle."""
+    """Column of each block: after all that drive it, but for what closes a circle."""
     column = dict.fromkeys(names, 0)
     ahead = {name: [b for a, b, _ in edges if a == name and b in column] for name in names}
     driven = {b for _, b, _ in edges}
@@ -308,10 +308,10 @@ def _columns(names: Sequence[str], edges: Sequence[tuple[str, str, str]]) -> Map
     return column
 
 
-def drawn(project: Project) -> str:
+def diagram(project: Project) -> str:
     """The project as blocks and arrows, as SVG.
 
-    >>> drawn(THESIS).count("<rect")
+    >>> diagram(THESIS).count("<rect")
     8
     """
     names = [part.name for part in project.parts]

@@ -15,7 +15,7 @@ from starlette.requests import Request
 from ..errors import InputError
 from ..report.words import count, number
 from . import charts
-from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, drawn
+from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, diagram
 from .pages import ONE_STOP, Station, dialog_of, frame, heading, quiet
 
 __all__ = ["Bench", "lab_page"]
@@ -27,15 +27,16 @@ LEFT = 60.0
 """A laboratory at which nobody looks stands still after this time [s]."""
 
 MOST = 20
-"""So many laboratories run in a window at most; the one that was left longest ago goes first."""
+"""Largest number of laboratories in a window; the one that was left longest ago goes first."""
 
 BEGUN = 1000.0
-"""So much of the first loop has been simulated when its page opens [s]."""
+"""Simulated time of the first loop when its page opens [s]."""
 
 WINDOWS = {60: "1 min", 600: "10 min", 3600: "1 h"}
 
 
 def _begun() -> Lab:
+    """A laboratory of the first loop that has run for a while."""
     lab = Lab(THESIS)
     lab.speed = BEGUN
     lab.advance(1.0)
@@ -88,6 +89,7 @@ class _Page:
         self.sent: dict[str, Any] = {}
 
     def build(self) -> None:
+        """Build the page."""
         with ui.element("div").classes("bar"):
             heading("Laboratory")
             ui.label("SIMULATION: no plant, no service").classes("mark")
@@ -105,7 +107,7 @@ class _Page:
             quiet("Build another loop", self._form)
         with ui.element("div").classes("lab"):
             with ui.element("div").classes("card").style("overflow-x: auto"):
-                self.blocks = ui.html(drawn(self.lab.project), sanitize=False)
+                self.blocks = ui.html(diagram(self.lab.project), sanitize=False)
             with ui.element("div").classes("card stack"):
                 heading("Estimate of the gap", 2)
                 with ui.element("div").classes("bar"):
@@ -164,6 +166,7 @@ class _Page:
         ui.timer(0.5, self._tick)
 
     def _rows(self) -> list[dict[str, Any]]:
+        """Rows of the table of values."""
         return [
             {"path": path, "value": self._value(path), "editable": path in self.lab.editable} for path in self.lab.paths
         ]
@@ -173,6 +176,7 @@ class _Page:
         return number(None if value is not None and abs(value) > 1e300 else value, 5)  # as good as no limit
 
     def _tick(self) -> None:
+        """Draw the present state."""
         if self.bench.of(self.id) is not self.lab:  # another tab has put another loop together
             self._show(self.bench.of(self.id))
         lab = self.lab
@@ -189,14 +193,14 @@ class _Page:
             self.grid.run_grid_method("applyTransaction", {"update": changes})
 
     def _labels(self) -> dict[str, str]:
-        """What the signals are called, by their names; where that differs the name stands beside."""
+        """Labels of the signals by their names; where they differ the name stands beside."""
         return {
             name: name if self.lab.label(name) == name else f"{self.lab.label(name)} ({name})"
             for name in self.lab.signals
         }
 
     def _drawn(self) -> dict[str, list[list[float]]]:
-        return {self.lab.label(name): points for name, points in self.lab.drawn(self.window).items()}
+        return {self.lab.label(name): points for name, points in self.lab.curves(self.window).items()}
 
     def _detected(self) -> None:
         """Show the estimate of the detector, the true gap, and the state of the compensation."""
@@ -253,6 +257,7 @@ class _Page:
         self.chart.update()
 
     def _edited(self, event: Any) -> None:
+        """Set a value that was typed into the table."""
         path, typed = event.args["data"]["path"], event.args["newValue"]
         text = str(typed if typed is not None else "").strip().replace("−", "-")
         try:
@@ -279,8 +284,9 @@ class _Page:
         return True
 
     def _show(self, lab: Lab) -> None:
+        """Show another laboratory."""
         self.lab = lab
-        self.blocks.set_content(drawn(lab.project))
+        self.blocks.set_content(diagram(lab.project))
         self.chosen.set_options(self._labels(), value=list(lab.shown))
         self.sent = {}
         self.grid.run_grid_method("setGridOption", "rowData", self._rows())
@@ -295,6 +301,7 @@ class _Page:
             rows = ui.element("div")
 
             def listed() -> None:
+                """Show the list of modules again."""
                 rows.clear()
                 with rows:
                     for i, part in enumerate(parts):

@@ -36,7 +36,7 @@ class Listed:
     gone: Mapping[str, int] = dataclasses.field(default_factory=dict)
 
     def after(self, rows: Sequence[LoopRow]) -> Listed:
-        """What is listed after a look at which the rows were these.
+        """Listing after a look that found these rows.
 
         Examples
         --------
@@ -66,7 +66,7 @@ class Listed:
         )
 
     def changes(self, since: int) -> tuple[bool, list[str], list[str]]:
-        """What has changed since a version: whether that is all there is, rows as JSON, and loops that are gone."""
+        """Changes since a version: whether that is all there is, rows as JSON, and loops that are gone."""
         if not self.first < since <= self.version:
             return True, [self.texts[row.loop] for row in self.rows], []
         rows = [self.texts[row.loop] for row in self.rows if self.since[row.loop] > since]

@@ -1,4 +1,4 @@
-"""One loop: its one number, its signals, and what a person may do about it (6.4)."""
+"""One loop: its one number, its signals, and a person's commands (6.4)."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ _LONG = 8
 """Letters of a width beyond which it is set smaller, to stay on one line."""
 
 WINDOWS = {900: "15 min", 7200: "2 h", 86400: "1 d", 604800: "7 d"}
-"""How far back the signals are drawn [s]."""
+"""Choices of the time shown in the charts [s]."""
 
 MOST = 3000
-"""So many samples are drawn at most."""
+"""Samples drawn at most."""
 
 REASON_DAYS = 7
 
@@ -50,7 +50,7 @@ COUNTED_EVERY = 10.0
 """The reasons of a week are counted anew after this time at the earliest [s]."""
 
 BRIDGED = 5.0
-"""Where more than that lies between two live values, what came in between is drawn as it was recorded [s]."""
+"""Gap between two live values from which recorded samples are drawn in between [s]."""
 
 
 async def signals(station: Station, session: Session, loop: str, begin: float, end: float) -> dict[str, Any]:
@@ -64,6 +64,7 @@ async def signals(station: Station, session: Session, loop: str, begin: float, e
 
 
 def _from_disk(station: Station, loop: str, begin: float, end: float) -> dict[str, Any]:
+    """Recorded signals, thinned."""
     table = SignalStore(station.view.folder).read(loop, begin, end)
     every = max(1, -(-len(table) // MOST))
     found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
@@ -81,7 +82,7 @@ class _Valve:
         self._graph: Graph | None = None
 
     def after(self, op: float | None) -> float | None:
-        """Where it is with this OP; None where that is bad."""
+        """Place in the test with this OP; None where that is bad."""
         if op is None:
             return None
         if self._graph is None:  # it is not known where in its gap it was: it is drawn as if in the middle
@@ -93,7 +94,7 @@ class _Valve:
 
 
 class _Page:
-    """What is shown of one loop to one person."""
+    """Page of one loop for one person."""
 
     def __init__(self, station: Station, session: Session, name: str) -> None:
         self.station, self.session, self.name = station, session, name
@@ -126,6 +127,7 @@ class _Page:
     # The page
 
     def build(self) -> None:
+        """Build the page."""
         with ui.element("div").classes("bar"):
             heading(self.name)
             self.place = ui.label().classes("muted grow")
@@ -173,7 +175,7 @@ class _Page:
         return button
 
     def _reporting(self, what: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
-        """What a button does; a database that cannot be read is told at the button."""
+        """Handler of a button that reports errors at the button, also those of a database that cannot be read."""
 
         async def safely() -> None:
             try:
@@ -211,11 +213,12 @@ class _Page:
             self.drawn_as = ui.label().classes("small muted")
 
     def _spans(self) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+        """Ranges of the axes of PV and OP."""
         loop = self.station.view.loops[self.name]
         return loop.pv_span, loop.op_span
 
     def _crossings(self) -> None:
-        """What the zero crossings say: a footnote to the answer, and all there is before the first."""
+        """Results of the zero crossings: a footnote to the answer, or all there is before the first one."""
         alone = self.station.view.answer(self.name) is None
         self.crossings_open = alone
         with ui.element("details").classes("card").props("open" if alone else "") as fold:
@@ -243,7 +246,7 @@ class _Page:
         self.window = int(event.value)
         await self._reporting(self.draw)()
 
-    # What goes on
+    # Running tasks
 
     async def draw(self) -> None:
         """The signals of the window, all of them anew."""
@@ -272,6 +275,7 @@ class _Page:
         self._show_under_way()
 
     async def _halves(self, begin: float) -> list[dict[str, Any]]:
+        """Half-periods since a time, for the chart."""
         found: list[dict[str, Any]] = await asyncio.to_thread(
             self.read, lambda r: r.half_periods(self.name, begin, 1e12, accepted=False, most=400)
         )
@@ -284,7 +288,7 @@ class _Page:
         ui.run_javascript(f"glapp.shade({self.chart.id}, {json.dumps(areas)})")
 
     def _begun(self, values: dict[str, Any]) -> UnderWay | None:
-        """A detector that has seen what is drawn; None where the controller is not known, or samples are left out."""
+        """A detector that has seen the drawn samples; None without the controller, or where samples are left out."""
         loop = self.station.view.loops[self.name]
         times = values["time"]
         if loop.controller is None or len(times) < 2 or values.get("every", 1) > 1:
@@ -294,6 +298,7 @@ class _Page:
         return one
 
     def _show_under_way(self) -> None:
+        """Show the half-period under way."""
         if self.under_way is None:
             self.half.set_text("")
             return
@@ -357,7 +362,7 @@ class _Page:
         return value["value"] if value is not None and value["good"] else None
 
     def show(self) -> None:
-        """What is known without asking."""
+        """Show the state that needs no query."""
         status = self.status
         self._show_answer(self.station.view.answer(self.name), status)
         loop = self.station.view.loops[self.name]
@@ -380,7 +385,7 @@ class _Page:
         )
 
     async def seldom(self) -> None:
-        """What the database has: the answer, and new half-periods."""
+        """Show the database's answer and new half-periods."""
         self.show()
         with suppress(InputError):  # the frame tells it
             newest = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, accepted=False, most=1))
@@ -397,6 +402,7 @@ class _Page:
         return "% of span" if self.station.view.percent(self.name, 1.0) is not None else self.op_unit
 
     def _show_answer(self, answer: dict[str, Any] | None, status: dict[str, Any]) -> None:
+        """Show the answer with its interval."""
         view = self.station.view
         first, _, rest = view.headline(self.name).partition(" (")
         self.one.set_text(first or view.verdict(self.name))
@@ -442,7 +448,7 @@ class _Page:
                         ui.label(text)
 
     def _known(self, answer: dict[str, Any] | None) -> list[tuple[str, str]]:
-        """What goes with the answer: area, valve, what is acceptable, which days it is of, how the width moves."""
+        """Facts next to the answer: area, valve, acceptable limit, days, trend of the width."""
         view, loop = self.station.view, self.station.view.loops[self.name]
         rows = [(name, text) for name, text in (("Area", loop.area), ("Valve", loop.valve)) if text]
         believed = view.believed(self.name)
@@ -475,6 +481,7 @@ class _Page:
         return {NAMES[code]: n for code, n in found.items()}
 
     async def _count(self) -> None:
+        """Show the reasons of rejection with their counts."""
         counts = charts.reasons(await self._counts())
         total = sum(n for _, n, _, _ in counts)
         self.reasons.clear()
@@ -496,7 +503,7 @@ class _Page:
                             if remedy:
                                 ui.label(remedy).classes("small muted")
 
-    # What its buttons open
+    # Dialogs behind the buttons
 
     async def graph(self) -> None:
         """Detections over time, before and under compensation."""
@@ -565,7 +572,7 @@ class _Page:
             ui.label(lines + why).classes("small muted")
 
     async def step_test(self) -> None:
-        """A step test: what to do next, and what it tells so far."""
+        """A step test: the next step, and the result so far."""
         answer, status = self.station.view.answer(self.name), self.status
         width = status.get("estimate") if answer is None else (answer["high"] or answer["low"])
 
@@ -660,6 +667,7 @@ class _Page:
             self._log(log, command_text)
 
     def _log(self, rows: list[dict[str, Any]], text: Callable[[dict[str, Any]], str]) -> None:
+        """Table of commands with the persons."""
         if not rows:
             ui.label("Nobody yet.").classes("muted")
             return
@@ -681,7 +689,7 @@ class _Page:
     # Compensation
 
     async def compensate(self) -> None:
-        """What it will do before it does it, and what it has done."""
+        """Dialog of the compensation: its plan before, its result after."""
         page = CompensationPage(self.station, self.session, self.name, self._ask, self._between)
         if (known := await page.known()) is not None:
             with dialog_of(f"{self.name}: compensation"):

@@ -1,4 +1,4 @@
-"""What all pages have, and the two that show the whole plant: overview and events."""
+"""Common parts of all pages, and the two of the whole plant: overview and events."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory")
 
 @dataclass
 class Station:
-    """What the pages stand on.
+    """Shared state of the pages.
 
     - `view`: the database.
     - `api`: the service.
@@ -64,9 +64,10 @@ class Station:
             await asyncio.sleep(1.0)
 
     def _look(self) -> None:
+        """Look at the database, and list the loops anew where it has changed."""
         self.view.refresh()
         now = time.monotonic()
-        # What is shown grows older, too, and a fit goes on.
+        # The page's values grow older, too, and a fit goes on.
         if self.view.at != self._of[0] or now - self._of[1] > (1.0 if self.view.fitting else 5.0):
             self._of = self.view.at, now
             self.listed = self.listed.after(self.view.rows())
@@ -95,7 +96,7 @@ def quiet(text: str, what: Any = None, *, flat: bool = False) -> ui.button:
 
 @contextmanager
 def frame(station: Station, session: Session, title: str, here: str) -> Iterator[None]:
-    """Everything around a page: where one can go, who one is, and how old it is what is shown."""
+    """Everything around a page: links, the person, and the age of the shown data."""
     ui.page_title(f"{title} – glapp")
     ui.dark_mode(session.dark)
     ui.colors(primary="#41618a" if session.dark else "#3f4a54")
@@ -173,7 +174,7 @@ def dialog_of(title: str) -> Iterator[ui.dialog]:
 
 
 async def command(station: Station, session: Session, asking: Callable[[], Awaitable[Any]], done: str) -> Any:
-    """A command in the person's name: what became of it is said in any case. None where it was not done."""
+    """A command in the person's name: its outcome is shown in any case. None where it was not done."""
     if station.sessions.by_id(session.id) is None:
         ui.navigate.to("/login?why=expired")
         return None

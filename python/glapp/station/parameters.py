@@ -20,7 +20,7 @@ NO_LIMIT = 1e30
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """What is told of a parameter; its unit and its bounds are the service's.
+    """Texts on a parameter; its unit and its bounds are the service's.
 
     - `meaning`: what it is.
     - `default`: what it is where nobody sets it.
@@ -56,12 +56,12 @@ PARAMETERS: dict[str, Parameter] = {
     "comp_estimate": Parameter("whether the estimate may lower the width: 0 no, 1 yes", "1"),
     "ff_tolerance": Parameter("how far the u_FF read back may be off", "a tenth of the width"),
 }
-"""By the names of the service's API."""
+"""Texts by the parameter names of the service's API."""
 
 assert tuple(PARAMETERS) == (*DETECTOR, *SETTINGS)
 
 FIRST = ("kp", "tf", "n", "acceptable_dead_band", "comp_size")
-"""What is changed most often; all others are folded."""
+"""Parameters that change most often; all others are folded."""
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "The controller, as the detector knows it": ("k", "ti", "td", "setpoint_weight"),
@@ -75,13 +75,13 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Compensation: how u_FF moves": ("comp_way", "comp_band", "comp_tf", "comp_rate", "comp_release", "ff_tolerance"),
     "Compensation: when it is withdrawn": ("comp_watch", "comp_travel", "comp_reversals", "comp_withdraw"),
 }
-"""All others, by what they are about."""
+"""All other parameters, by subject."""
 
 assert sorted((*FIRST, *(name for names in GROUPS.values() for name in names))) == sorted(PARAMETERS)
 
 
 def field(value: float | None) -> float | None:
-    """What stands in the field of a parameter: nothing for a limit that is none.
+    """Content of a parameter's field: nothing for a limit that is none.
 
     >>> field(2.0), field(1e37)
     (2.0, None)
@@ -90,7 +90,7 @@ def field(value: float | None) -> float | None:
 
 
 def allowed(bound: Bound) -> str:
-    """What a parameter may be, in short; its unit stands beside it, and a limit that nobody reaches is none.
+    """Allowed range of a parameter, in short; its unit stands beside it, and a limit that nobody reaches is none.
 
     >>> allowed(Bound("s", 0.0, 300.0, zero=False)), allowed(Bound("1", 1, 31, whole=True))
     ('> 0 and ≤ 300', 'a whole number, 1 to 31')
@@ -110,7 +110,7 @@ def allowed(bound: Bound) -> str:
 
 
 def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[str, Any]:
-    """What to ask the API: the values that are not as they were seen, and what was seen of just those.
+    """Request to the API: the values that differ from those on the page, and the seen ones of just those.
 
     - `seen`: the parameters as the page showed them.
     - `typed`: what stands in the fields now; None: as by default.
@@ -127,7 +127,7 @@ def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[
 
 
 def command_text(command: Mapping[str, Any]) -> str:
-    """A command on parameters in a line: what was before, and what is after.
+    """A command on parameters in a line: the values before and after.
 
     >>> command_text({"before": {"kp": 2.0}, "after": {"kp": 3.0}, "refused": None})
     'kp 2 → 3'

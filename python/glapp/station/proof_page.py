@@ -1,4 +1,4 @@
-"""What proves a gap, on a loop's page: the test that would decide, the guided test, before and after the repair."""
+"""Proof of a gap on a loop's page: the test that would decide, the guided test, before and after the repair."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .sessions import Session
 __all__ = ["ProofCards"]
 
 OPEN = ("likely", "cannot_tell")
-"""Of these answers it is told what would decide."""
+"""Confidences for which the page shows a test that would decide."""
 
 MINUTES = 60.0
 
@@ -37,7 +37,7 @@ ENDED = {
     "stopped": "Stopped",
     "silent": "Ended: no values",
 }
-"""How a guided test ended."""
+"""Texts on the end of a guided test."""
 
 RANGE = 7200.0
 """Beside the limits stands where OP and PV were in so many seconds."""
@@ -69,7 +69,7 @@ class ProofCards:
         self.dialogs = ui.element("div").style("display: contents")
 
     async def refresh(self) -> None:
-        """What the database has of them now; what has not changed stays as it is."""
+        """Show the database's present state of them; unchanged parts stay."""
         with suppress(InputError):  # the frame tells it
             plan, test, noted = await asyncio.to_thread(
                 self.station.view.read,
@@ -81,6 +81,7 @@ class ProofCards:
             self._show("repair", self.repair, (noted, self._fall()), self._repaired)
 
     def _show(self, name: str, card: ui.element, what: Any, fill: Callable[..., bool]) -> None:
+        """Fill a card again where its content has changed."""
         if name in self._shown and self._shown[name] == what:
             return
         self._shown[name] = what
@@ -93,11 +94,13 @@ class ProofCards:
         return None if answer is None else answer["confidence"]
 
     def _may(self, button: ui.button) -> ui.button:
+        """A button, disabled for persons below operator."""
         if not self.session.may("operator"):
             button.props("disable").tooltip("needs the role operator")
         return button
 
     async def _go(self, what: str, body: Any, done: str) -> bool:
+        """Send a command, and show its result."""
         path, token = loop_path(self.loop, what), self.session.token
         asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
         found = await command(self.station, self.session, asking, done) is not None
@@ -107,6 +110,7 @@ class ProofCards:
     # The test that would decide
 
     def _planned(self, row: dict[str, Any] | None, goes_on: bool, confidence: str | None) -> bool:
+        """Show the plan of a test; whether there is one to show."""
         if confidence not in OPEN and row is None:
             return False
         heading("Which test would decide", 2)
@@ -186,6 +190,7 @@ class ProofCards:
         return None if until is None else max(0, round(until - self.station.view.now))
 
     def _guided(self, test: dict[str, Any] | None, left: int | None) -> bool:
+        """Show the running or last guided test."""
         if test is None:
             return False
         state, asked = test["state"], Asked.of(test["asked"])
@@ -222,10 +227,12 @@ class ProofCards:
     # The repair
 
     def _fall(self) -> dict[str, Any] | None:
+        """A fall of the width in the loop's answer; None where there is none."""
         believed = self.station.view.believed(self.loop)
         return None if believed is None else repairs.fall_of(believed["recordings"])
 
     def _repaired(self, noted: list[dict[str, Any]], fall: dict[str, Any] | None) -> bool:
+        """Show repairs, and a fall of the width that nobody noted."""
         heading("Repair of the valve", 2)
         if fall is not None and not any(fall["t"][0] <= row["time"] <= fall["t"][1] + 86400.0 for row in noted):
             both = (fall["before"], fall["after"])
@@ -247,6 +254,7 @@ class ProofCards:
         return True
 
     async def _note(self) -> None:
+        """Dialog to note a repair."""
         with self.dialogs, dialog_of(f"{self.loop}: note a repair") as dialog:
             ui.label("From then on the loop is judged by what was recorded after the repair.").classes("small muted")
             now = datetime.fromtimestamp(self.station.view.now)
@@ -256,6 +264,7 @@ class ProofCards:
             note.style("width: 100%; max-width: 420px")
 
             async def go() -> None:
+                """Note the repair with the time and the text of the dialog."""
                 try:
                     moment_of = datetime.strptime(at.value.strip(), "%Y-%m-%d %H:%M").timestamp()
                 except ValueError:
@@ -267,6 +276,7 @@ class ProofCards:
             ui.button("Note it", on_click=go).props("no-caps unelevated color=primary").style("align-self: start")
 
     async def _compare(self, row: dict[str, Any]) -> None:
+        """Dialog of a loop before and after a repair."""
         view = self.station.view
         settings = view.loops[self.loop].model_dump_json(exclude_unset=True)
         with self.dialogs, dialog_of(f"{self.loop}: before and after the repair of {moment(row['time'])[:10]}"):

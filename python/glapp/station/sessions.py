@@ -1,4 +1,4 @@
-"""Who is logged in to the window, and what keeps others out.
+"""Logins of the window, and its guards against strangers.
 
 A session is a random number in a cookie that no script can read and no other site can send; the service's token stays
 in this process, and on no disk. It is over when the service's token is: each request asks the service's database
@@ -39,7 +39,7 @@ LOOKED = 0.25
 """After so long the connection of an open page finds out that its session is over [s]."""
 
 OPEN = ("/login", "/static/", "/api/")
-"""Paths for whoever comes; what is under /api asks by itself who it is."""
+"""Paths for everybody; those under /api check the login themselves."""
 
 ENDING = ("/login", "/logout")
 """A session that was there before may be over after these."""
@@ -51,7 +51,7 @@ LARGEST_FILE = 64_000_000
 """… and none at all: a recording that is to be read is the longest there is [bytes]."""
 
 FOR_PROGRAMS = "/api/"
-"""What programs ask: nothing is changed there, and no cookie set, so that a page elsewhere has nothing of it."""
+"""Path for programs: nothing is changed there, and no cookie set, so that a page elsewhere gets nothing from it."""
 
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
@@ -82,7 +82,7 @@ class Session:
     chosen: bool = False
 
     def may(self, role: str) -> bool:
-        """Whether the person may what a role may.
+        """Whether the person has the rights of a role.
 
         >>> Session("", "", "olaf", "operator", False, 0.0).may("engineer")
         False
@@ -102,7 +102,7 @@ class Tokens:
         self._opened: tuple[int, int] | None = None
 
     def of(self, token: str, now: float) -> tuple[str, str] | None:
-        """Name and role of whom a token stands for; None where it does not, or no longer.
+        """Name and role of a token's owner; None where it does not, or no longer.
 
         Raises InputError where the database is not there, or cannot be read.
         """
@@ -181,12 +181,12 @@ class Sessions:
         return self._tokens.of(token, self._clock()) is not None
 
     def end(self, id: str) -> None:
-        """It is over."""
+        """End the session."""
         self._all.pop(id, None)
 
 
 class Guard:
-    """What every request passes through first.
+    """Guard that every request passes first.
 
     - `app`: the pages behind it.
     - `sessions`: who is logged in.
@@ -251,6 +251,7 @@ class Guard:
             over.cancel()
 
     def _refusal(self, scope: Scope, session: Session | None) -> Response | None:
+        """Response that refuses a request; None where it may pass."""
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if _name(host) not in self._hosts:

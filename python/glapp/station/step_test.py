@@ -1,4 +1,4 @@
-"""A step test (8.5): read while it goes on, from what was recorded here, or from a file. A person moves OP."""
+"""A step test (8.5): read while it goes on, from the recordings here, or from a file. A person moves OP."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
 from ..step_test import StepTest, step_test
 
-__all__ = ["FORMS", "lines_of", "place", "read", "read_apart", "read_file", "steps"]
+__all__ = ["FORMS", "lines_of", "next_step", "read", "read_apart", "read_file", "steps"]
 
 FORMS = ("CSV", "Excel", "Parquet", "Arrow")
-"""What a recording may be written as."""
+"""Forms of file that a recording may have."""
 
 
 def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
-    """What a test in samples of the service tells; None where the controller was in automatic all the time.
+    """Result of a test in samples of the service; None where the controller was in automatic all the time.
 
     - `values`: columns as the API gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
     - `loop`: settings that go with them.
@@ -48,7 +48,7 @@ def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
 
 
 def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> StepTest:
-    """What a test in a recording of the person's own tells.
+    """Result of a test in a recording of the person's own.
 
     - `path`: one of `FORMS`.
     - `loop`: settings that go with it; its name chooses among the loops of a file that holds several.
@@ -79,7 +79,7 @@ def read_apart(path: Path, loop: Loop, columns: Mapping[str, str | None], *, man
 
 
 def steps(width: float | None, unit: str) -> tuple[str, ...]:
-    r"""What the person does, one step after the other; the last is that it is done.
+    r"""Steps for the person, in order; the last says that the test is done.
 
     Parameters
     ----------
@@ -103,15 +103,15 @@ def steps(width: float | None, unit: str) -> tuple[str, ...]:
     )
 
 
-def place(found: StepTest | None, manual: bool) -> int:
-    """Which of the `steps` is the next.
+def next_step(found: StepTest | None, manual: bool) -> int:
+    """Index of the next of the `steps`.
 
     - `found`: what was read so far.
     - `manual`: whether the controller is in manual now.
 
     Examples
     --------
-    >>> place(None, False), place(None, True)
+    >>> next_step(None, False), next_step(None, True)
     (0, 1)
     """
     if found is not None and found.reason is None:
@@ -126,7 +126,7 @@ def place(found: StepTest | None, manual: bool) -> int:
 
 
 def lines_of(found: StepTest, unit: str) -> list[str]:
-    """What a test gives, in sentences: the gap, the process gain, what each move tells, or why it tells nothing."""
+    """Sentences on the result of a test: the gap, the process gain, each move's reading, or why there is none."""
     lines = []
     if found.d is not None:
         between = f"{number(found.low)} to {quantity(found.high, unit)}"

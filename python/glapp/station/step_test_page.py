@@ -1,4 +1,4 @@
-"""The dialog of a step test: what to do next, and what it tells, as it goes on, later, or from a file."""
+"""The dialog of a step test: its next step and its result, as it goes on, later, or from a file."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from .sessions import LARGEST_FILE
 __all__ = ["Wizard"]
 
 LARGEST = LARGEST_FILE - 1_000_000
-"""So long a file may be [bytes]; what is sent around it is less than the rest."""
+"""Largest file [bytes]; the rest of the request is smaller than the difference."""
 
 _ONE = asyncio.Semaphore(1)
-"""Of all windows one reads a file at a time: each may take the memory that `glapp.reading.bounds` allows."""
+"""One window at a time reads a file: each may take the memory that `glapp.reading.bounds` allows."""
 
 COLUMNS = {"time": "time", "pv": "PV", "op": "OP", "mode": "mode"}
 """Columns that may be named, by their roles."""
@@ -81,6 +81,7 @@ class Wizard:
         ui.timer(5.0, look, immediate=False)
 
     def _here(self) -> None:
+        """Choice of the recorded time to read."""
         with ui.element("div").classes("bar"):
             ui.label("Read it from the last")
 
@@ -93,6 +94,7 @@ class Wizard:
         self.steps = ui.element("ol").classes("steps")
 
     def _file(self) -> None:
+        """Choice of a file to read."""
         with ui.element("div").classes("bar"):
             self.columns = {
                 role: ui.input(f"column of {text}").props("dense outlined").style("width: 150px")
@@ -121,9 +123,10 @@ class Wizard:
         self.picture.clear()
 
     async def _look(self) -> None:
+        """Read the recorded test, and show it."""
         values = await self.signals(self.window)
         found = await asyncio.to_thread(step_test.read, values, self.loop)
-        at = step_test.place(found, bool(values["MODE"]) and values["MODE"][-1] == "MAN")
+        at = step_test.next_step(found, bool(values["MODE"]) and values["MODE"][-1] == "MAN")
         if at != self._at:
             self._at = at
             self.steps.clear()
@@ -136,6 +139,7 @@ class Wizard:
         self._tell(found, "The controller was in automatic all the time.")
 
     async def _came(self, event: UploadEventArguments) -> None:
+        """Read an uploaded file."""
         assert isinstance(event.sender, ui.upload)
         columns = {role: one.value for role, one in self.columns.items()}
         event.sender.reset()  # the same file may come again, with other columns
@@ -155,6 +159,7 @@ class Wizard:
         self._tell(found, "")
 
     def _tell(self, found: StepTest | None, nothing: str) -> None:
+        """Show the result of a test, or why there is none."""
         if found is not None and found == self._seen:
             return
         self._seen = found

@@ -1,4 +1,4 @@
-"""What is shown of the plant: read from the service's database, which is never written here."""
+"""Data of the plant for display, read from the service's database, which is never written here."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ..service.store import Reader
 __all__ = ["LoopRow", "Trend", "View", "age", "as_csv", "summary", "trend"]
 
 BEHIND = 20.0
-"""The service writes what is to be seen every 5 s; after this time it is behind [s]."""
+"""Age from which the status is late: the service writes it every 5 s [s]."""
 
 SILENT = 60.0
 """A loop is silent where its connection has given no sign of life for so long [s], …"""
@@ -45,7 +45,7 @@ INTERVAL = 3.92
 """A 95 % interval is so many standard errors wide."""
 
 UNJUDGED = "Not judged yet"
-"""What is said of a loop before its first fit."""
+"""Text on a loop before its first fit."""
 
 HEALTH = {
     "NORMAL": "Good",
@@ -58,7 +58,7 @@ HEALTH = {
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """How a width moves.
+    """Trend of a width.
 
     - `slope`: [OP unit per 30 days]
     - `spread`: half of its 95 % interval [the same].
@@ -130,7 +130,7 @@ class LoopRow:
 
 
 class View:
-    """What the service has put down, as it is now.
+    """Present state of the service's database.
 
     - `folder`: the data folder.
     - `clock`: the time [s since 1970 UTC].
@@ -163,6 +163,7 @@ class View:
             return self._read(what)
 
     def _read(self, what: Callable[[Reader], Any]) -> Any:
+        """Result of a query; the database is opened again where it was replaced."""
         path = self.folder / "glapp.db"
         try:
             stat = path.stat()
@@ -184,7 +185,7 @@ class View:
             raise InputError(f"cannot be read: {error}", file=str(path)) from None
 
     def refresh(self) -> None:
-        """Read what the service shows; where that cannot be, what was read before stays, with its age."""
+        """Read the service's status; where that cannot be read, the last one stays, with its age."""
         try:
             self.read(self._take)
             self.why = None
@@ -192,6 +193,7 @@ class View:
             self.why = str(error)
 
     def _take(self, reader: Reader) -> None:
+        """Take the present state of the database."""
         if self.loops and reader.shown_at() == self.at:
             return
         shown = reader.shown()
@@ -232,17 +234,17 @@ class View:
         return None if found is None else found[1]
 
     def believed(self, loop: str) -> dict[str, Any] | None:
-        """What the answer of a loop stands on: recordings, process, from when to when, and who asked for it when."""
+        """Basis of a loop's answer: recordings, process, first and last time, and who asked for it when."""
         return self._believed.get(loop) if loop in self._answers else None
 
     def trend(self, loop: str) -> Trend | None:
-        """How the width of a loop moves: from day to day within the last fit, from fit to fit, or by its detections."""
+        """Trend of a loop's width: from day to day within the last fit, from fit to fit, or by its detections."""
         own = None if loop not in self._answers else self._answers[loop][2]
         return own or self._trends.get(loop)
 
     @property
     def behind(self) -> float | None:
-        """How long the service has written nothing [s], where that is too long; None where it is not."""
+        """Time since the service last wrote [s], where that is too long; None where it is not."""
         if self.at is None:
             return None
         past = self._clock() - self.shown.get("wall", self.at)
@@ -250,13 +252,13 @@ class View:
 
     @property
     def catching_up(self) -> dict[str, Any] | None:
-        """How far a simulated plant that hurries is behind the clock; None where it is not."""
+        """Lag of a simulated fast plant behind the clock; None where it is not."""
         found: dict[str, Any] | None = self.shown.get("behind")
         return None if self.behind is not None else found
 
     @property
     def now(self) -> float:
-        """The time of what is shown [s since 1970 UTC]: that of a plant that catches up, else the clock's."""
+        """The time of the shown data [s since 1970 UTC]: that of a plant that catches up, else the clock's."""
         return self._clock() if self.catching_up is None or self.at is None else self.at
 
     @property
@@ -265,7 +267,7 @@ class View:
         return any(status["fitting"] for status in self.shown["loops"].values())
 
     def progress(self, loop: str) -> str:
-        """How far the fit of a loop is; empty where none is under way.
+        """Progress of a loop's fit; empty where none is under way.
 
         A guess is the time that the last fit of this loop took, or the longest of the others.
         """
@@ -282,7 +284,7 @@ class View:
         return f"Being judged: {past:.0f} s{about or ' so far'}."
 
     def judged_at(self) -> str:
-        """When loops are judged next that are not yet."""
+        """Time at which new loops are judged next."""
         at = self.shown.get("fits_at")
         return "tonight" if at is None else f"at {time.strftime('%H:%M', time.localtime(at))}"
 
@@ -320,7 +322,7 @@ class View:
         """Unit of OP."""
         return self.loops[loop].op_label if loop in self.loops else "OP unit"
 
-    # What is shown
+    # Parts of the page
 
     def rows(self) -> list[LoopRow]:
         """Every loop, what maintenance should do first before all else."""
@@ -332,7 +334,7 @@ class View:
             wrong = silent or status["good"] is False
             urgency = "none" if answer is None else answer["urgency"]
             width = None if answer is None else answer["width_percent_span"]
-            # A signal that is bad or missing comes after what is urgent, and before all else.
+            # A bad or missing signal comes after urgent loops, and before all others.
             place = [3.5] if answer is None else list(answer["rank"])
             if wrong:
                 place[0] = 0.5
@@ -363,7 +365,7 @@ class View:
         return rows
 
     def todo(self, loop: str) -> str:
-        """What to do about a loop."""
+        """Next step on a loop."""
         status, answer = self.shown["loops"][loop], self.answer(loop)
         if self.silent(loop):
             return "Find out why no value comes: transmitter, tag, connection."
@@ -402,7 +404,7 @@ class View:
         return f"{number(width)} {unit} ({number(low)} to {number(high)})"
 
     def verdict(self, loop: str) -> str:
-        """The one verdict in words; before the first fit what the crossings allow."""
+        """The one verdict in words; before the first fit that of the crossings."""
         answer, status = self.answer(loop), self.shown["loops"].get(loop)
         if answer is not None:
             return named(answer["confidence"], str(answer["verdict"]))
@@ -412,7 +414,7 @@ class View:
         return "Provisional, by crossings" if few else "Estimate, by crossings"
 
     def trend_text(self, loop: str) -> str:
-        """How the width moves, in a few words, and when it will have reached what is acceptable."""
+        """Trend of the width in a few words, and when it will have reached the acceptable limit."""
         found = self.trend(loop)
         if found is None:
             return "–"
@@ -450,14 +452,14 @@ def summary(rows: Sequence[LoopRow], when: str = "tonight") -> str:
 
 
 def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
-    """NE 107 of a loop; a valve that nobody has judged yet is not said to be good."""
+    """NE 107 of a loop; a valve that nobody has judged yet is not called good."""
     if silent and status["health"] != "FAILURE":
         return HEALTH["CHECK_FUNCTION"]
     return "–" if answer is None and status["health"] == "NORMAL" else HEALTH[status["health"]]
 
 
 def _compensation(status: Mapping[str, Any]) -> str:
-    """What the compensation does.
+    """State of the compensation.
 
     >>> _compensation({"compensation": {"enabled": False, "withdrawn": "worse"}})
     'withdrawn'
@@ -508,7 +510,7 @@ def _trends(reader: Reader, now: float) -> dict[str, Trend]:
 
 
 def age(seconds: float) -> str:
-    """How long ago, as coarse as a person reads it.
+    """Age, as coarse as a person reads it.
 
     >>> age(0.4), age(47), age(200), age(7500), age(400000)
     ('now', '40 s', '3 min', '2 h', '4 d')

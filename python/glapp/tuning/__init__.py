@@ -1,4 +1,4 @@
-"""Tuning rules, from a table of 1942 to constrained optimisation, each with what it does to the loop.
+"""Tuning rules, from a table of 1942 to constrained optimisation, each with its effect on the loop.
 
 Every rule gives a `Tuning`: the controller in ideal form, its robustness on the process it is meant for (dead time
 exact), and what a load step does. The closed forms are in the core, this module describes the process to them.

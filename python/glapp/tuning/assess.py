@@ -1,4 +1,4 @@
-"""What a controller does to the loop: robustness and load rejection, dead time exact."""
+"""Assessment of a controller in a loop: robustness and load rejection, dead time exact."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .process import Array, Process, root
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Tuning:
-    """A controller, and what it makes of the loop.
+    """A controller, and its effect on the loop.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ def _margins(loop: Plant, w: Array, value: npt.NDArray[np.complex128]) -> tuple[
     """Gain margin at the crossings of the negative real axis, phase margin [°] at those of the unit circle."""
     gain, phase = math.inf, math.inf
     crossed = np.flatnonzero((np.sign(value.imag[:-1]) != np.sign(value.imag[1:])) & (value.real[:-1] < 0))
-    # With dead time there are any number of them: refined are those that may be the farthest out short of −1.
+    # With dead time there are any number of them: those that may be the farthest out short of −1 are refined.
     short = np.where(value.real[crossed] > -1.1, -value.real[crossed], 0.0)
     for i in crossed[short > 0.8 * short.max(initial=0.0)]:
         at = root(lambda x: float(loop.response(x).imag), w[i], w[i + 1])
@@ -232,7 +232,8 @@ def iae_of(plant: Plant, loop: Plant, ki: float, w_ms: float) -> float:
         spectrum[0] = 1 / ki if plant.num[-1] * loop.num[-1] >= 0 else -1 / ki
         spectrum[1:] = plant.response(w) / (1 + loop.response(w)) / (1j * w)
         y = np.fft.irfft(spectrum, n) / h
-        # Just before the end stands what the cut spectrum adds before the start: looked at is what comes before that.
+        # The cut spectrum adds just before the end the part that belongs before the start: only earlier values are
+        # used.
         if np.abs(y[-n // 4 : -n // 8]).max() < 1e-5 * np.abs(y).max() or n >= 1 << 19:
             break
         n *= 2

@@ -38,7 +38,7 @@ def circles_of(m: float | None, ms: float | None, mt: float | None) -> tuple[Cir
 
 
 def coarse_frequencies(plant: Plant) -> Array:
-    """Enough frequencies to begin with; what matters is refined later."""
+    """Frequencies to begin with; the range that matters is refined later."""
     return plant.frequencies(per_decade=30)
 
 

@@ -15,7 +15,7 @@ from ..plant import Plant
 from .process import Array, Process
 
 Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
-"""What limits the control of a process (thesis 4.1)."""
+"""Limit of a process's control (thesis 4.1)."""
 
 _LAG_DOMINATED, _DELAY_DOMINATED = 0.3, 0.5
 
@@ -78,7 +78,7 @@ def fotd(plant: Process) -> Fotd:
 
 
 def character(process: Process) -> Character:
-    """What limits the control of a process (thesis 4.1), by τ = L/(L + T) of its FOTD model.
+    """Limit of a process's control (thesis 4.1), by τ = L/(L + T) of its FOTD model.
 
     Delay-dominated where L > T, τ > 0.5, as the thesis has it. Lag-dominated is what has "a much larger" T than L. The
     thesis leaves open how much, and calls P2 (τ = 0.33, T = 2.1 L) balanced. Here it is τ < 0.3, T > 2.3 L; any border
@@ -174,6 +174,7 @@ def _narrow(pick: Callable[[Array], int], low: float, high: float) -> float:
 
 
 def _checked(kp: float, t63: float, l: float) -> Fotd:  # noqa: E741
+    """A model, checked for 0 ≤ L < T63."""
     if not (l >= -1e-9 * t63 and t63 > l):
         raise InputError(
             f"gives L = {l:.4g} s and T63 = {t63:.4g} s; a step response that is essentially monotone has 0 ≤ L < T63",

@@ -90,6 +90,7 @@ def migo(
 
 
 def _filtered(plant: Plant, tf: float) -> Plant:
+    """The process with the controller's filter."""
     return plant * Plant([1.0], [tf * tf, 2 * tf, 1.0]) if tf else plant
 
 
@@ -119,7 +120,7 @@ def _greatest_ki(plant: Plant, circles: Circles, derivative: bool) -> tuple[floa
         allowed = not top.edge if not best.edge else top.k * top.k >= 4 * top.ki * kd
         return top.ki if allowed else -kd
 
-    # From a derivative gain that hardly acts upwards, until ki is past its greatest allowed value.
+    # Begin at a derivative gain that hardly acts, upwards until ki is past its greatest allowed value.
     steps = [0.0, 0.05 * best.k / best.w]
     while height(steps[-1]) > height(steps[-2]) and len(steps) < 60:
         steps.append(steps[-1] * 1.4)
@@ -135,6 +136,7 @@ _WHY_LIMITED = "give its dead time or its fastest lags, which limit the gain of 
 
 
 def _not_vanishing(top: _Top, k_alone: float, plant: Plant) -> _Top:
+    """The design, refused where its gain vanishes."""
     if top.k < 0.0031 * k_alone:  # where the grid of gains begins
         raise InputError(
             "is best under purely integrating control, K → 0, which no PI or PID controller in ideal form can do",
@@ -207,7 +209,7 @@ class _Envelope:
         """The limits where they are known to be close to `ki`."""
         low, _ = self.forbidden(k, kd, w, p)
         limits = self._least(np.where((low > 0.5 * ki) & (low < 1.3 * ki), low, math.inf))
-        # Where another circle forbids what lies just below, the robust stretch has closed.
+        # The robust stretch has closed where another circle forbids the part just below.
         below = 0.999 * limits.min(axis=1)[:, None]
         low, high = self.forbidden(k, kd, self.w, self.response)
         limits[((low < below) & (below < high)).any(axis=1)] = -1.0
@@ -252,7 +254,7 @@ class _Envelope:
 
 
 def _highest(limits: Array) -> tuple[int, float]:
-    """Which k allows the greatest ki, and that; ki ≤ 0 where none does."""
+    """Gain with the greatest allowed ki, and that ki; ki ≤ 0 where none is allowed."""
     ki = limits.min(axis=1)
     ki = np.where(np.isfinite(ki), ki, -1.0)
     i = int(np.argmax(ki))

@@ -1,4 +1,4 @@
-"""What every file here says of a process, and asks of it."""
+"""Common description of a process for all files here."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..errors import InputError
 from ..plant import Plant
 
 Kind = Literal["PI", "PID"]
-"""Without or with derivative part."""
+"""Controller without or with derivative part."""
 
 Array = npt.NDArray[np.float64]
 
 Process = Any
-"""What `Plant.of` accepts, or an `Fotd` or `Integrating` model."""
+"""Process that `Plant.of` accepts, or an `Fotd` or `Integrating` model."""
 
 
 def stable(plant: Plant) -> Plant:

@@ -1,4 +1,4 @@
-"""A relay experiment on a simulated process: what the autotuner would find."""
+"""A relay experiment on a simulated process: the result of the autotuner."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DONE = 4
 
 @dataclass(frozen=True, slots=True)
 class RelayExperiment:
-    """A relay experiment and what it found.
+    """A relay experiment and its result.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class RelayExperiment:
     kappa: float | None
 
     def tuned(self, rule: Rule = "point_placement", kind: Kind = "PID") -> Tuning:
-        """Tune a controller by what was found, and look at what it does to the process itself.
+        """Tune a controller by the result, and assess it with the process itself.
 
         Parameters
         ----------

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Longest filter of PV, in Td (or Ti without a derivative part), behind which OP's turns can be worked out by (4.1).
 const SMOOTH: f64 = 0.2;
 
-/// Where OP's travel between two turns is taken from.
+/// Source of OP's travel between two turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Travel {
     /// OP as recorded.
@@ -18,14 +18,14 @@ pub enum Travel {
     Law,
 }
 
-/// What is known beside the half-periods.
+/// Facts that the half-periods do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beside {
-    /// Process gain [PV unit/OP unit], where it is known; what is assumed is not.
+    /// Process gain [PV unit/OP unit], where it is known; none for an assumed one.
     pub kp: Option<f64>,
-    /// Where OP's travel is taken from.
+    /// Source of OP's travel.
     pub travel: Travel,
-    /// Deviation of OP's fast noise [OP unit], where it can be told.
+    /// Standard deviation of OP's fast noise [OP unit], where it can be measured.
     pub op_noise: Option<f64>,
     /// Whether the process integrates.
     pub integrating: bool,
@@ -51,12 +51,12 @@ pub enum NotCorrected {
     },
     /// An integrating process does not come to rest off SP.
     Integrating,
-    /// There is no estimate to correct.
+    /// No estimate to correct.
     NoEstimate,
 }
 
 impl Crossings {
-    /// The width by [`corrected`] from what was taken closely, and the number of pairs of half-periods that there are.
+    /// The width by [`corrected`] from the swings that were kept, and the number of pairs of half-periods.
     pub fn corrected(&self, beside: &Beside) -> (usize, Result<Corrected<f64>, NotCorrected>) {
         let halves: Vec<Half<f64>> = self
             .rows()
@@ -75,6 +75,7 @@ impl Crossings {
         (pairs.len(), self.credible(found, beside))
     }
 
+    /// The corrected width, or the reason why it cannot be right.
     fn credible(
         &self,
         found: Result<Corrected<f64>, NotCorrected>,

@@ -7,7 +7,7 @@ use glapp_lanes::Instructions;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// How a saved history is laid out.
+/// Format of a saved history.
 const FORMAT: &str = "glapp history 1";
 
 /// Accepted half-periods by their samples; the last place: as many as are enough, or more.
@@ -41,14 +41,14 @@ pub struct History {
     lengths: Vec<Lengths>,
 }
 
-/// What was heard of a loop so far.
+/// State of a loop's history so far.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Heard {
-    /// What may be said.
+    /// Verdict.
     pub crossings: Verdict,
     /// Why no more.
     pub why: Option<Why>,
-    /// The width, where one may be said [OP unit].
+    /// The width, where it may be shown [OP unit].
     pub d_hat: Option<f64>,
     /// The noise limit [OP unit].
     pub noise_floor: Option<f64>,
@@ -56,7 +56,7 @@ pub struct Heard {
     pub detections: u64,
     /// All half-periods.
     pub half_periods: u64,
-    /// How many were rejected, by their first reason.
+    /// Number of rejected half-periods by their first reason.
     pub reasons: Vec<(&'static str, u64)>,
     /// The filter time that is taken \[s\].
     pub tf: f64,
@@ -85,7 +85,7 @@ impl History {
         }
     }
 
-    /// What the detector says whose filter time serves best ([`Ladder::choose`]).
+    /// State of the detector with the best filter time ([`Ladder::choose`]).
     pub fn heard(&self) -> Heard {
         let chosen = self.ladder.choose();
         let rung = &self.ladder.rungs()[chosen];

@@ -50,8 +50,8 @@ impl Ladder {
         Ok(Self { rungs: self.rungs.iter().map(|rung| rung.with_gain(kp)).collect::<Result<_, _>>()? })
     }
 
-    /// Which filter time is taken: the smallest that leaves enough accepted half-periods, (N + 1)/2; where none does, the
-    /// one with most. A longer filter reads low.
+    /// Index of the filter time to use: the smallest that leaves enough accepted half-periods, (N + 1)/2; where none
+    /// does, the one with most. A longer filter reads low.
     pub fn choose(&self) -> usize {
         let enough = |rung: &Crossings| rung.accepted() >= u64::from(rung.settings().n).div_ceil(2);
         let most = self.rungs.iter().map(Crossings::accepted).max().unwrap_or(0);

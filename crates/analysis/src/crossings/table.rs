@@ -2,7 +2,7 @@
 
 mod together;
 
-use glapp_core::status::{BAD, GAP, NOT_AUTO};
+use glapp_core::status::{BAD, DATA_GAP, NOT_AUTO};
 use glapp_core::{
     Columns, Detector, DetectorSettings, DetectorState, HalfPeriodResult, ParameterError, Reason, Span, Swing,
     SwingParts, SwingState,
@@ -15,15 +15,15 @@ use std::ops::Range;
 /// others are counted.
 pub const SHORT_KEPT: usize = 50_000;
 
-/// How a saved detector is laid out. What is laid out otherwise has another number, and is refused by it.
+/// Format of a saved detector. What is laid out otherwise has another number, and is refused by it.
 const FORMAT: &str = "glapp detector 2";
 
-/// One half-period: when it was, what was concluded from it, and its swing where it was looked at closely.
+/// One half-period: its time, its result, and its swing where that was kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// From when to when.
+    /// First and last time.
     pub span: Span,
-    /// What the signals did, the width and the verdict.
+    /// Signals, width and verdict of the half-period.
     pub record: HalfPeriodResult<f64>,
     /// Travel of OP and plateau of PV.
     pub swing: Option<SwingParts<f64>>,
@@ -62,7 +62,7 @@ pub struct Crossings {
 /// Why a saved detector cannot go on.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SavedError {
-    /// Not what was saved.
+    /// The text is no saved detector.
     #[error("saved detector: {0}")]
     Broken(String),
     /// Saved by another release: as what, and what this one reads.
@@ -96,7 +96,7 @@ impl Crossings {
         &self.detector
     }
 
-    /// What the detector remembers: the estimate, and the noise limit.
+    /// State of the detector: the estimate, and the noise limit.
     pub fn state(&self) -> &DetectorState<f64> {
         &self.state
     }
@@ -117,7 +117,7 @@ impl Crossings {
         &self.reasons
     }
 
-    /// How many half-periods were accepted.
+    /// Number of accepted half-periods.
     pub fn accepted(&self) -> u64 {
         self.reasons[Reason::Accepted as usize]
     }
@@ -217,7 +217,7 @@ impl Crossings {
     }
 }
 
-/// How many rows are shorter than 5Ti, and the time of those since the last row that were not kept \[s\].
+/// Number of rows shorter than 5Ti, and the time of those since the last row that were not kept \[s\].
 #[derive(Clone, Copy, Debug, Default)]
 struct Short {
     rows: usize,
@@ -231,7 +231,7 @@ impl Short {
         if row.record.mask & Reason::TooShort.bit() != 0 {
             if self.rows >= SHORT_KEPT {
                 let half = row.record.half;
-                self.passed += if half.flags & (GAP | BAD | NOT_AUTO) == 0 { half.delta_t } else { 0.0 };
+                self.passed += if half.flags & (DATA_GAP | BAD | NOT_AUTO) == 0 { half.delta_t } else { 0.0 };
                 return;
             }
             self.rows += 1;

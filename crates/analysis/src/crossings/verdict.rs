@@ -1,4 +1,4 @@
-//! What zero crossings allow to be said of a loop, and why not more.
+//! Verdict of the zero crossings on a loop, and its reasons.
 
 use super::Crossings;
 use crate::median;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const SAMPLES: f64 = 10.0;
 
 named! {
-    /// What may be said.
+    /// Verdict of the zero crossings.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Verdict {
@@ -19,7 +19,7 @@ named! {
         Estimate => "estimate",
         /// Fewer do.
         Provisional => "provisional",
-        /// There is no width.
+        /// No width.
         #[default]
         NoEstimate => "no_estimate",
         /// Data or settings allow none.
@@ -41,16 +41,16 @@ named! {
     }
 }
 
-/// Why no more can be said.
+/// Reason why the verdict says no more.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "code", content = "of", rename_all = "snake_case")]
 pub enum Why {
-    /// Where the detector stands.
+    /// The detector's position in the plant rules out an estimate.
     #[serde(rename = "place")]
     Exclusion(Exclusion),
     /// SP is not recorded.
     NoSp,
-    /// What the finding of this place in the list says.
+    /// Index of the finding that is the reason.
     Finding(usize),
     /// K and Ti are not given, and OP is not recorded.
     NoLaw,
@@ -65,16 +65,16 @@ pub enum Why {
     },
     /// The detections do not agree: so many of the last lie within 20 % of their median.
     Disagree {
-        /// That lie there.
+        /// Number of detections in it.
         kept: u8,
         /// The last ones.
         count: u8,
     },
     /// Δy/Kp is larger than OP's travel.
     GainTooLow,
-    /// What the detections say is below the noise limit.
+    /// The detections are below the noise limit.
     Noise {
-        /// What they say [OP unit].
+        /// Width by the detections [OP unit].
         d: f64,
         /// The noise limit [OP unit].
         floor: f64,
@@ -83,7 +83,7 @@ pub enum Why {
     Few,
 }
 
-/// What is known of a loop before its crossings are judged.
+/// Facts on a loop that are known before its crossings are judged.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
     /// Why no estimate can be right, where that is known.
@@ -92,11 +92,11 @@ pub struct Known<'a> {
     pub sp: bool,
     /// Whether OP is recorded.
     pub op: bool,
-    /// What was found wrong with the recording, gravest first.
+    /// Findings on the recording, gravest first.
     pub findings: &'a [Finding],
 }
 
-/// What may be said by `crossings`, none where K and Ti are not known; and why not more.
+/// Verdict of `crossings` and its reasons; `crossings` is none where K and Ti are not known.
 pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Option<Why>) {
     use Verdict::{NoEstimate, Refused};
     let Known { exclusion, sp, op, findings } = *known;
@@ -128,7 +128,7 @@ pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Opti
     })
 }
 
-/// What a detector's detections allow to be said, where nothing else is wrong; `samples` is the median of those in its accepted
+/// Verdict of a detector's detections, where nothing else is wrong; `samples` is the median of those in its accepted
 /// half-periods.
 pub(super) fn verdict_of(crossings: &Crossings, samples: impl FnOnce() -> f64) -> (Verdict, Option<Why>) {
     use Verdict::{Estimate, NoEstimate, Provisional};

@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use super::MIN_STEPS;
 use super::law::{Form, Law, PLAIN};
 use super::linear::{condition, moments, without_first};
-use super::parts::{Moves, Signals, Stretches, Sums};
+use super::parts::{Moves, SharedSignals, Stretches, Sums};
 use crate::signals::median;
 
 /// Fewest and most blocks of time whose residuals count as independent.
@@ -20,7 +20,7 @@ const MOVES: usize = 2000;
 pub(super) const TUKEY: f64 = 4.685;
 const HUBER: f64 = 1.345;
 
-/// How much a move counts by its residual.
+/// Weight of a move as a function of its residual.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
     Huber,
@@ -67,10 +67,10 @@ impl Candidate {
 
 /// The regression on moves between means of m rows, with a weight for every move.
 pub(super) struct Band<'a> {
-    pub signals: &'a Signals<'a>,
+    pub signals: &'a SharedSignals<'a>,
     pub m: usize,
     pub stretches: Stretches,
-    /// Where each block of time begins.
+    /// First index of each block of time.
     pub cut: Vec<usize>,
     pub weight: Vec<f64>,
     pub plain: Candidate,
@@ -80,7 +80,7 @@ pub(super) struct Band<'a> {
 }
 
 /// Means of 1, 2, 4 … samples, up to two Ti: beyond, the proportional part hardly shows in the moves any more.
-pub(super) fn bands<'a>(signals: &'a Signals<'a>) -> Vec<Band<'a>> {
+pub(super) fn bands<'a>(signals: &'a SharedSignals<'a>) -> Vec<Band<'a>> {
     let plain = signals.parts(&PLAIN.filter);
     let mut bands = Vec::new();
     while let Some(mut band) = Band::new(signals, 1 << bands.len(), &plain) {
@@ -97,7 +97,7 @@ pub(super) fn bands<'a>(signals: &'a Signals<'a>) -> Vec<Band<'a>> {
 
 impl<'a> Band<'a> {
     /// The moves between means of m rows; none where there are too few usable stretches of 2m rows.
-    fn new(signals: &'a Signals<'a>, m: usize, plain: &Sums) -> Option<Self> {
+    fn new(signals: &'a SharedSignals<'a>, m: usize, plain: &Sums) -> Option<Self> {
         let good = &signals.good;
         let usable = |k: &usize| good[k + 2 * m - 1] - good[*k] == 2 * m - 1;
         let all: Vec<usize> = (0..(good.len() + 1).saturating_sub(2 * m)).filter(usable).collect();
@@ -222,7 +222,7 @@ impl<'a> Band<'a> {
     }
 }
 
-/// What a law leaves of OP's moves.
+/// Residual of OP's moves under a law.
 fn residual(op: &[f64], x: &[&[f64]], beta: &DVector<f64>) -> Vec<f64> {
     let explained = |k: usize| x.iter().zip(beta.iter()).map(|(x, beta)| x[k] * beta).sum::<f64>();
     op.iter().enumerate().map(|(k, op)| op - explained(k)).collect()

@@ -1,4 +1,4 @@
-//! What PV passes through in the controller before the law.
+//! The controller's filter of PV before the law.
 
 /// A filter: `order` lags of `tf` [s] before everything, or one of `tfd` [s] before the D part alone.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -32,7 +32,7 @@ pub(super) struct Lag {
     now: f64,
     before: f64,
     x: f64,
-    /// What comes out.
+    /// Output of the filter.
     pub y: f64,
 }
 

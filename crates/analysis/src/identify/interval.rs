@@ -1,4 +1,4 @@
-//! What one length of the means tells: the law, and the ends of what all laws say that do as well.
+//! Law that one length of the means gives, and the range of all laws that fit as well.
 
 use super::Interval;
 use super::band::{Band, TUKEY, standardised};
@@ -48,12 +48,12 @@ impl Span {
     }
 }
 
-/// What one length of the means tells: the law shown, and all that those as good say.
+/// Result of one length of the means: its best law, and the range of all that fit as well.
 pub(super) struct Found {
     pub m: usize,
     pub law: Law,
     pub span: Span,
-    /// Of K or Ti, in logarithms.
+    /// Distance of K or Ti, in logarithms.
     pub width: f64,
     pub r2: f64,
 }
@@ -102,7 +102,7 @@ fn no_larger_than_0(x: &[f64]) -> bool {
 }
 
 impl Band<'_> {
-    /// What a law says: as fitted, and as if the controller had never seen the noise of PV.
+    /// Range of a law: as fitted, and as if the controller had never seen the noise of PV.
     fn span(&self, law: &Law, op_noise: f64) -> Span {
         let Some(scatter) = self.scatter(law) else { return ANYTHING };
         let h = self.signals.h;
@@ -127,6 +127,7 @@ impl Band<'_> {
         Some(spread + &change * change.transpose())
     }
 
+    /// Covariance of a law's parameters by the scatter of OP's moves.
     fn spread(&self, law: &Law, x: &[&[f64]]) -> Option<Matrix> {
         let (x, size) = self.scaled(x)?;
         let slope: Vec<f64> = standardised(&law.residual).into_iter().map(score_slope).collect();

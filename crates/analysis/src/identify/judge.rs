@@ -6,8 +6,8 @@ use super::band::{Band, Candidate, Shape, bands};
 use super::filter::Filter;
 use super::interval::{Found, Span};
 use super::law::{Form, forms};
-use super::parts::{Moves, Signals};
-use super::rows::Rows;
+use super::parts::{Moves, SharedSignals};
+use super::rows::WholeRows;
 use super::{Identification, Interval, Note, R2_USABLE, Reason, Settings, Values, WIDEST, Weight};
 use crate::signals::resolution;
 
@@ -19,10 +19,10 @@ const LEFT: f64 = 1e-3;
 const WEIGHT_WIDTH: f64 = 0.5;
 
 /// The law behind the rows; `samples` steps of the recording could be used.
-pub(super) fn judged(rows: &Rows, h: f64, samples: usize, given_b: Option<f64>) -> Identification {
+pub(super) fn judged(rows: &WholeRows, h: f64, samples: usize, given_b: Option<f64>) -> Identification {
     let grid = resolution(&rows.op).map(|(step, _)| step).filter(|step| *step < 1e100);
     let op_noise = grid.map_or(0.0, |step| step * step / 12.0);
-    let read = [0, 1, -1].map(|lag| Signals::new(rows, h, given_b, lag));
+    let read = [0, 1, -1].map(|lag| SharedSignals::new(rows, h, given_b, lag));
     let mut all = bands(&read[0]);
     if all.is_empty() {
         return Identification::nothing(Reason::Unshown, samples);
@@ -85,7 +85,7 @@ fn unexplained(bands: &mut [Band<'_>], laws: &[Vec<Candidate>]) -> f64 {
     band.sane(laws).first().map_or(f64::INFINITY, |best| 1.0 - band.r2(best, 0.0))
 }
 
-/// Says what is wrong where no law comes out with values that a controller could have.
+/// The reason where no law has values that a controller could have.
 fn insane(bands: &mut [Band<'_>], samples: usize) -> Identification {
     let mut best: Option<(Values, [f64; 2], f64)> = None;
     for band in bands {
@@ -139,7 +139,7 @@ fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f
             span = span.hull(one.span);
         }
     }
-    // Where K is not told, as where a coarse OP rests through most short means, b is the ratio of two roundings.
+    // Where K is not determined (a coarse OP rests through most short means), b is the ratio of two roundings.
     let surer = |a: &&Found, b: &&Found| {
         a.width.is_infinite().cmp(&b.width.is_infinite()).then(weight_width(a).total_cmp(&weight_width(b)))
     };

@@ -60,7 +60,7 @@ pub(super) struct Law {
     pub residual: Vec<f64>,
     /// Weighted squares of the residual by block.
     pub loss: Vec<f64>,
-    /// Their sum.
+    /// Sum of the costs.
     pub cost: f64,
     /// Weighted, of OP's moves and of the columns of the regression.
     pub moments: Matrix,

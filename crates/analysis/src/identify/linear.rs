@@ -33,12 +33,12 @@ pub(super) fn moments<C: AsRef<[f64]>>(w: &[f64], columns: &[C]) -> Matrix {
     moments
 }
 
-/// What is left of a symmetric matrix without its first row and column.
+/// A symmetric matrix without its first row and column, after elimination.
 pub(super) fn without_first(a: &Matrix) -> Matrix {
     a.view((1, 1), (a.nrows() - 1, a.ncols() - 1)).into_owned()
 }
 
-/// Ratio of the largest to the smallest singular value of a symmetric matrix; infinite where none can be told.
+/// Ratio of the largest to the smallest singular value of a symmetric matrix; infinite where it cannot be computed.
 pub(super) fn condition(a: &Matrix) -> f64 {
     if !a.iter().all(|x| x.is_finite()) {
         return f64::INFINITY;

@@ -1,7 +1,7 @@
 //! P, I and D part of a controller with gains of 1, and how they move from mean to mean.
 
 use super::filter::{Filter, Lag};
-use super::rows::Rows;
+use super::rows::WholeRows;
 
 /// Moves of P, I and D part.
 pub(super) type Moves = [Vec<f64>; 3];
@@ -9,9 +9,9 @@ pub(super) type Moves = [Vec<f64>; 3];
 /// Running sums of P, I and D part: a move between two means takes three look-ups.
 pub(super) type Sums = Vec<[f64; 3]>;
 
-/// What all lengths of the means and all laws share.
-pub(super) struct Signals<'a> {
-    rows: &'a Rows,
+/// Signals that all lengths of the means and all laws share.
+pub(super) struct SharedSignals<'a> {
+    rows: &'a WholeRows,
     /// Usual step [s].
     pub h: f64,
     /// Rows by which OP is read later.
@@ -33,13 +33,13 @@ pub(super) struct Signals<'a> {
     offset: [f64; 3],
 }
 
-impl<'a> Signals<'a> {
-    pub fn new(rows: &'a Rows, h: f64, b: Option<f64>, lag: isize) -> Self {
-        let Rows { t, sp, op, step, .. } = rows;
+impl<'a> SharedSignals<'a> {
+    pub fn new(rows: &'a WholeRows, h: f64, b: Option<f64>, lag: isize) -> Self {
+        let WholeRows { t, sp, op, step, .. } = rows;
         let n = t.len();
         let later = |k: usize| step.get(k.wrapping_add_signed(lag)).is_some_and(|step| *step);
         let step: Vec<bool> = (0..step.len()).map(|k| step[k] && later(k)).collect();
-        // What the controller's filter held at the first step after a break is not known.
+        // The state of the controller's filter at the first step after a break is unknown.
         let step: Vec<bool> = (0..step.len()).map(|k| k > 0 && step[k - 1] && step[k]).collect();
         let mut good = vec![0; n];
         for k in 1..n {
@@ -73,7 +73,7 @@ impl<'a> Signals<'a> {
 
     /// The three parts behind a filter.
     pub fn parts(&self, filter: &Filter) -> Sums {
-        let (Rows { sp, pv, .. }, h) = (self.rows, self.h);
+        let (WholeRows { sp, pv, .. }, h) = (self.rows, self.h);
         let first = pv.first().copied().unwrap_or(0.0);
         let mut smooth = (filter.tfd > 0.0).then(|| Lag::new(first, filter.tfd, h, filter.scans));
         let (mut last_y, mut last_e, mut area) = (first, 0.0, 0.0);
@@ -118,7 +118,7 @@ impl<'a> Signals<'a> {
     }
 }
 
-/// Running sums, of what lies off the mean so that few digits are lost.
+/// Running sums of the deviations from the mean, so that few digits are lost.
 fn sums(x: &[f64]) -> Vec<f64> {
     let mean = x.iter().sum::<f64>() / x.len() as f64;
     let mut sum = 0.0;
@@ -139,12 +139,12 @@ pub(super) struct Stretches {
 }
 
 impl Stretches {
-    pub fn new(signals: &Signals<'_>, start: Vec<usize>, m: usize) -> Self {
+    pub fn new(signals: &SharedSignals<'_>, start: Vec<usize>, m: usize) -> Self {
         let moves = |sums: &[f64]| -> Vec<f64> {
             start.iter().map(|&k| (sums[k + 2 * m] - 2.0 * sums[k + m] + sums[k]) / m as f64).collect()
         };
         let (op, mut setpoint) = (moves(&signals.op), moves(&signals.setpoint));
-        // What the sums round off is no move of SP.
+        // A move within the rounding of the sums is no move of SP.
         for move_ in &mut setpoint {
             if move_.abs() < 1e-9 * signals.sp_size {
                 *move_ = 0.0;
@@ -153,7 +153,7 @@ impl Stretches {
         Self { start, m, op, setpoint }
     }
 
-    /// How the parts move in them.
+    /// Moves of the parts in these sums.
     pub fn moves(&self, sums: &[[f64; 3]]) -> Moves {
         let mut moves = [const { Vec::new() }; 3];
         for (j, moves) in moves.iter_mut().enumerate() {
@@ -170,9 +170,15 @@ mod tests {
     use super::*;
 
     /// Rows a second apart, of a PV and a constant SP.
-    fn rows(pv: Vec<f64>) -> Rows {
+    fn rows(pv: Vec<f64>) -> WholeRows {
         let n = pv.len();
-        Rows { t: (0..n).map(|k| k as f64).collect(), sp: vec![1.0; n], op: pv.clone(), pv, step: vec![true; n - 1] }
+        WholeRows {
+            t: (0..n).map(|k| k as f64).collect(),
+            sp: vec![1.0; n],
+            op: pv.clone(),
+            pv,
+            step: vec![true; n - 1],
+        }
     }
 
     #[test]
@@ -180,7 +186,7 @@ mod tests {
         let op: Vec<f64> = (0..60).map(|k| f64::from((k * k * 31) % 17)).collect();
         let rows = rows(op.clone());
         for m in [1, 2, 5] {
-            let signals = Signals::new(&rows, 1.0, None, 0);
+            let signals = SharedSignals::new(&rows, 1.0, None, 0);
             let stretches = Stretches::new(&signals, vec![0, 3, 60 - 2 * m], m);
             let mean = |from: usize| op[from..from + m].iter().sum::<f64>() / m as f64;
             for (k, move_) in stretches.start.iter().zip(&stretches.op) {
@@ -193,7 +199,7 @@ mod tests {
     #[test]
     fn parts_of_a_ramp() {
         let rows = rows((0..200).map(|k| 2.0 * f64::from(k)).collect());
-        let signals = Signals::new(&rows, 1.0, None, 0);
+        let signals = SharedSignals::new(&rows, 1.0, None, 0);
         let lag = Filter { order: 1, tf: 3.0, ..Filter::none(false) };
         for filter in [Filter::none(true), Filter::none(false), lag, Filter { tfd: 3.0, ..Filter::none(false) }] {
             let moves = Stretches::new(&signals, vec![150], 1).moves(&signals.parts(&filter));
@@ -211,13 +217,13 @@ mod tests {
         let mut rows = rows((0..30).map(f64::from).collect());
         rows.step[10] = false;
         let steps = |lag| {
-            let good = Signals::new(&rows, 1.0, None, lag).good;
+            let good = SharedSignals::new(&rows, 1.0, None, lag).good;
             (1..30).filter(|k| good[*k] == good[k - 1]).map(|k| k - 1).collect::<Vec<_>>()
         };
         assert_eq!(steps(0), [0, 10, 11]);
         assert_eq!(steps(1), [0, 9, 10, 11, 28]);
         assert_eq!(steps(-1), [0, 1, 10, 11, 12]);
-        let late = Signals::new(&rows, 1.0, None, 1);
+        let late = SharedSignals::new(&rows, 1.0, None, 1);
         assert!((late.op[2] - late.op[1] - (late.op[1] - late.op[0]) - 1.0).abs() < 1e-12);
     }
 }

@@ -7,7 +7,7 @@ use crate::signals::{frozen_steps, median};
 const ROWS: usize = 24_000;
 
 /// Signals without holes, and of every step to the next row whether it may be used.
-pub(super) struct Rows {
+pub(super) struct WholeRows {
     pub t: Vec<f64>,
     pub sp: Vec<f64>,
     pub pv: Vec<f64>,
@@ -42,7 +42,7 @@ pub(super) fn moves(x: &[f64], step: &[bool]) -> bool {
 }
 
 /// All rows, or the three stretches of a long recording in which OP moves most, with breaks between.
-pub(super) fn liveliest(t: &[f64], sp: &[f64], pv: &[f64], op: &[f64], step: &[bool]) -> Rows {
+pub(super) fn liveliest(t: &[f64], sp: &[f64], pv: &[f64], op: &[f64], step: &[bool]) -> WholeRows {
     let stretches: Vec<usize> = if t.len() > ROWS { lively(op, step) } else { vec![0] };
     let size = if t.len() > ROWS { ROWS / 3 } else { t.len() };
     let taken = |x: &[f64]| stretches.iter().flat_map(|begin| &x[*begin..begin + size]).copied().collect::<Vec<f64>>();
@@ -52,7 +52,7 @@ pub(super) fn liveliest(t: &[f64], sp: &[f64], pv: &[f64], op: &[f64], step: &[b
         kept.push(false);
     }
     kept.pop();
-    Rows { t: taken(t), sp: held(taken(sp)), pv: held(taken(pv)), op: held(taken(op)), step: kept }
+    WholeRows { t: taken(t), sp: held(taken(sp)), pv: held(taken(pv)), op: held(taken(op)), step: kept }
 }
 
 /// Starts of the three stretches of largest OP travel, in their order of time.
@@ -70,7 +70,7 @@ fn lively(op: &[f64], step: &[bool]) -> Vec<usize> {
     begins
 }
 
-/// The last number where there is none; before the first, the first.
+/// The column with missing numbers replaced by the last one before, or by the first one at the beginning.
 fn held(mut x: Vec<f64>) -> Vec<f64> {
     let mut last = x.iter().copied().find(|x| x.is_finite()).unwrap_or(0.0);
     for x in &mut x {

@@ -59,7 +59,7 @@ impl Band<'_> {
         if step.abs() > 1e-9 { [1.0, 0.25, 0.0625].into_iter().filter_map(slower).find(better) } else { None }
     }
 
-    /// What a relative change of the filter's time would add to OP's moves.
+    /// Change of OP's moves by a relative change of the filter's time.
     pub(super) fn slope(&self, law: &Law) -> Vec<f64> {
         let other = self.fitted(law.form.slower(1.0 + SMALL));
         let changes = other.moves.iter().zip(law.moves.iter()).take(if law.form.derivative { 3 } else { 2 });

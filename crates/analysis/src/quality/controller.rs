@@ -39,8 +39,8 @@ pub(super) fn rests(look: &Look<'_>, found: &mut Vec<Finding>) {
     if steps < FEWEST || !(share > RESTS.0 && share < RESTS.1) {
         return;
     }
-    // In the order of |e|, as bits of positive numbers are; of equal ones those that move first, so that no split between
-    // equal ones is the best.
+    // Sorted by |e|, as bits of positive numbers; of equal ones those that move first, so that no split between equal
+    // ones is the best.
     let mut by_error: Vec<u64> =
         live().map(|k| look.e[k + 1].abs().to_bits() << 1 | u64::from(moved(k) == 0.0)).collect();
     by_error.sort_unstable();

@@ -5,7 +5,7 @@ use glapp_core::named;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 named! {
-    /// How grave a finding is.
+    /// Severity of a finding.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Severity {
@@ -20,7 +20,7 @@ named! {
 
 macro_rules! faults {
     ($($(#[$meaning:meta])* $fault:ident = $name:literal: $($severity:ident)+;)*) => {
-        /// What a finding says, in the order in which it is looked for.
+        /// Kind of a finding, in the order of the checks.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Fault {
             $($(#[$meaning])* $fault),*
@@ -30,7 +30,7 @@ macro_rules! faults {
             /// All of them.
             pub const ALL: &[Self] = &[$(Self::$fault),*];
 
-            /// Its stable name, the code in every face.
+            /// Stable name, the code in every interface.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$fault => $name),* }
             }
@@ -44,11 +44,15 @@ macro_rules! faults {
 }
 
 faults! {
-    /// What the numbers of a time column were taken for was not plain.
+    /// The unit of the time column was not plain.
     TimeAssumed = "time_assumed": Info Warning;
     /// Signals were recorded each at times of its own, and were brought to common rows.
     OwnTimes = "own_times": Info;
-    /// From so few rows nothing can be told.
+    /// The newest row comes first, so the rows are taken from the last to the first.
+    NewestFirst = "newest_first": Info;
+    /// A given setting that this recording has no use for.
+    SettingUnused = "setting_unused": Warning;
+    /// Too few rows for any statement.
     TooFewRows = "too_few_rows": Refuse;
     /// Rows whose time is not a number.
     TimeMissing = "time_missing": Warning Refuse;
@@ -108,20 +112,20 @@ faults! {
     OutputDeadBand = "output_dead_band": Warning;
     /// The error is one clean sinusoid.
     Sinusoidal = "sinusoidal": Warning;
-    /// Much of the width hangs on a process gain that nobody gave.
+    /// Much of the width depends on a process gain that nobody gave.
     KpAssumed = "kp_assumed": Warning;
 }
 
 /// One fault or peculiarity of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// What it is.
+    /// Kind.
     pub fault: Fault,
-    /// How grave.
+    /// Severity.
     pub severity: Severity,
-    /// Its numbers by name, in order.
+    /// Numbers of the evidence by name, in order.
     pub evidence: Vec<(&'static str, Value)>,
-    /// What its sentence tells beyond them.
+    /// Further numbers for its sentence.
     pub numbers: Vec<(&'static str, Value)>,
 }
 
@@ -154,7 +158,7 @@ impl Serialize for Finding {
     }
 }
 
-/// Pairs of a name and what it names, as a map that keeps their order.
+/// Pairs of a name and its value, as a map that keeps their order.
 pub(crate) struct InOrder<'a, T>(pub &'a [(&'static str, T)]);
 
 impl<T: Serialize> Serialize for InOrder<'_, T> {

@@ -1,4 +1,4 @@
-//! What a historian or transmitter did to the signals: frozen, held or interpolated; spikes and shifts.
+//! Effects of a historian or transmitter on the signals: frozen, held or interpolated; spikes and shifts.
 
 use super::Finding;
 use super::finding::{Fault, Severity};
@@ -58,6 +58,7 @@ fn named(rows: &[usize]) -> String {
     rows.iter().take(NAMED).map(usize::to_string).collect::<Vec<_>>().join(" ")
 }
 
+/// Findings on frozen, held and interpolated signals, spikes and shifts.
 pub(super) fn historian(look: &Look<'_>, found: &mut Vec<Finding>) {
     let (t, pv) = (look.rows.t, look.rows.pv);
     let steps = count(look.step.iter().copied());

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glapp_core::GAP_STEPS;
+use glapp_core::DATA_GAP_STEPS;
 
 use super::Known;
 use crate::{DataStatistics, Inspected, SORTED_ROWS, frozen_steps, median, resolution};
@@ -48,7 +48,7 @@ impl<'a> Look<'a> {
             .collect();
         let step = steps
             .zip(good.windows(2))
-            .map(|(dt, good)| good[0] && good[1] && dt > 0.0 && dt <= GAP_STEPS * h)
+            .map(|(dt, good)| good[0] && good[1] && dt > 0.0 && dt <= DATA_GAP_STEPS * h)
             .collect();
         let frozen = frozen_steps(sp, pv, op);
         let (pv_grid, op_grid) = (resolution(pv), op.and_then(resolution));
@@ -78,7 +78,7 @@ pub(super) fn longest_run<T: PartialEq>(values: &[T], wanted: impl Fn(&T) -> boo
     longest
 }
 
-/// How many are marked.
+/// Number of true marks.
 pub(super) fn count(marks: impl IntoIterator<Item = bool>) -> usize {
     marks.into_iter().filter(|mark| *mark).count()
 }

@@ -11,6 +11,7 @@ const LIMITED: (f64, f64) = (0.05, 0.95);
 /// An operator moves SP now and then, a master controller at most samples.
 const SLAVE: f64 = 0.5;
 
+/// Findings on rows in manual.
 pub(super) fn mode(look: &Look<'_>, found: &mut Vec<Finding>) {
     let c = look.statistics;
     if c.not_auto > 0 {
@@ -42,6 +43,7 @@ pub(super) fn mode(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
+/// Finding on a setpoint that another controller moves.
 pub(super) fn setpoint(look: &Look<'_>, found: &mut Vec<Finding>) {
     if look.rows.sp.is_none() {
         return;

@@ -11,6 +11,7 @@ const FEWEST_COMPARED: usize = 10;
 /// Two signals that agree to the bit in more of their rows are one; a few rows that differ do not hide it.
 const SAME: f64 = 0.99;
 
+/// Findings on values that are missing, bad or no numbers.
 pub(super) fn numbers(look: &Look<'_>, found: &mut Vec<Finding>) {
     let c = look.statistics;
     if c.rows == 0 {
@@ -41,10 +42,12 @@ pub(super) fn numbers(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
+/// Severity of a share of bad values.
 fn many(share: f64) -> Severity {
     if share > MANY { Severity::Warning } else { Severity::Info }
 }
 
+/// Findings on a missing SP or OP, and on signals that do not move.
 pub(super) fn constants(look: &Look<'_>, found: &mut Vec<Finding>) {
     let c = look.statistics;
     if look.rows.sp.is_none() {

@@ -26,6 +26,7 @@ const TI_LONG: f64 = 5.0;
 /// Peak to mean of a sinusoid is π/2 = 1.57; of a square 1, of a triangle 2.
 const SHAPE: (f64, f64) = (1.35, 1.8);
 
+/// Finding on a swing that is a sine and no gap's.
 pub(super) fn sinusoid(look: &Look<'_>, found: &mut Vec<Finding>) {
     // Without Ti the cycle of a gap in an integrating loop looks the same.
     let Some(ti) = shortest_ti(look) else { return };

@@ -12,9 +12,10 @@ const FACTOR: f64 = 1.5;
 const EXCHANGED: f64 = 0.95;
 /// Rows that are enough to see that.
 const EXCHANGED_ROWS: usize = 20_000;
-/// A smaller share of the width may hang on an assumed gain unsaid.
+/// Share of the width that may depend on an assumed gain without a finding.
 const HANGS: f64 = 0.1;
 
+/// Findings on the controller's settings compared with the recording.
 pub(super) fn settings(look: &Look<'_>, found: &mut Vec<Finding>) {
     let seen = look.known.law.filter(|law| law.usable).and_then(|law| law.k.value).or(look.known.k);
     if let (Some(kp), Some(k)) = (look.known.kp, seen)
@@ -72,7 +73,8 @@ pub(super) fn exchanged(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
-/// Says how much of the width hangs on a process gain `kp` [PV unit/OP unit] that nobody gave; none where it is little.
+/// Finding that much of the width depends on a process gain `kp` [PV unit/OP unit] that nobody gave; none where it is
+/// little.
 ///
 /// `free` is the part of the width without it, `kp_part` what it takes off \[OP unit\].
 pub fn assumed_gain(kp: f64, free: f64, kp_part: f64) -> Option<Finding> {

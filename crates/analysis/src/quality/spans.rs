@@ -8,8 +8,8 @@ use super::look::Look;
 const OUTSIDE: f64 = 0.1;
 
 /// Scales of OP that are taken for per cent by mistake.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Scale {
     /// 0 to 1.
     Fraction,
     /// 4 to 20 mA.
@@ -17,16 +17,9 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// What OP looks like: no value of it is beyond the ends of that scale. A valve works in the lowest hundredth of its
+    /// The scale that OP's values fit: none of them beyond its ends. A valve works in the lowest hundredth of its
     /// travel hardly ever; between 4 and 20 % of it some do.
-    ///
-    /// ```
-    /// use glapp_analysis::quality::Scale;
-    /// assert_eq!(Scale::of(&[0.55, 0.6]), Some(Scale::Fraction));
-    /// assert_eq!(Scale::of(&[12.0, f64::NAN, 13.5]), Some(Scale::Current));
-    /// assert_eq!(Scale::of(&[12.0, 21.0]), None);
-    /// ```
-    pub fn of(op: &[f64]) -> Option<Self> {
+    fn of(op: &[f64]) -> Option<Self> {
         let numbers = op.iter().filter(|u| u.is_finite());
         let (low, high) =
             numbers.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| (low.min(*u), high.max(*u)));
@@ -48,6 +41,42 @@ impl Scale {
     }
 }
 
+/// Unit of OP where it is a percentage.
+pub const PERCENT: &str = "%";
+
+/// Name of OP's unit where nobody knows it.
+const UNKNOWN: &str = "OP unit";
+
+/// Unit of OP: as it is stated, else per cent where its span is 0 to 100, or where it has no span and no value of `op` says
+/// otherwise.
+///
+/// A value outside 0 to 100 says so, and so does a recording that stays within a fraction of 1 or within a current of
+/// 4 to 20 mA. Between 4 and 20 OP may as well be a percentage, of a valve that is hardly open: a width in per cent of span
+/// would be 6 times too small for a current, so a person must state which it is. A spreadsheet shows a fraction of 1 as a
+/// percentage, so that the sign % alone does not make 0.57 one.
+///
+/// ```
+/// use glapp_analysis::quality::op_unit;
+/// assert_eq!(op_unit(None, None, Some(&[35.0, 48.0])), "%");
+/// assert_eq!(op_unit(None, None, Some(&[12.0, f64::NAN, 13.5])), "OP unit");
+/// assert_eq!(op_unit(None, None, Some(&[12.0, 21.0])), "%");
+/// assert_eq!(op_unit(Some("%"), None, Some(&[12.0, 13.5])), "%");
+/// assert_eq!(op_unit(Some("%"), None, Some(&[0.55, 0.57])), "OP unit");
+/// assert_eq!(op_unit(None, Some((4.0, 20.0)), Some(&[12.0, 13.5])), "OP unit");
+/// ```
+pub fn op_unit<'a>(stated: Option<&'a str>, span: Option<(f64, f64)>, op: Option<&[f64]>) -> &'a str {
+    let op = op.unwrap_or_default();
+    let percent = || !op.iter().any(|u| *u < 0.0 || *u > 100.0) && Scale::of(op).is_none();
+    match (stated, span) {
+        (Some(PERCENT), None) if Scale::of(op) == Some(Scale::Fraction) => UNKNOWN,
+        (Some(unit), _) => unit,
+        (None, Some((0.0, 100.0))) => PERCENT,
+        (None, None) if percent() => PERCENT,
+        (None, _) => UNKNOWN,
+    }
+}
+
+/// Findings on signals beyond their spans.
 pub(super) fn spans(look: &Look<'_>, found: &mut Vec<Finding>) {
     let (c, known) = (look.statistics, look.known);
     let mut tell = |severity, signal: &'static str, range: (f64, f64), span: (f64, f64), is: &'static str| {
@@ -64,7 +93,7 @@ pub(super) fn spans(look: &Look<'_>, found: &mut Vec<Finding>) {
             tell(severity, signal, (values.low, values.high), (low, high), "outside");
         }
     }
-    // Where OP has a span, only a fraction contradicts it: between 4 and 20 % of their travel many valves work.
+    // A given span of OP is contradicted only by a fraction: many valves use between 4 and 20 % of their travel.
     let percent = known.op_span == Some((0.0, 100.0));
     match Scale::between(c.op.low, c.op.high) {
         Some(scale @ Scale::Fraction) if percent || known.op_span.is_none() => {

@@ -80,7 +80,7 @@ fn an_assumed_gain_that_matters_is_told() {
     assert_eq!(assumed_gain(30.0, f64::NAN, 0.04), None);
 }
 
-/// Whatever stands in a column: mostly numbers that repeat, that others meet, and that are none.
+/// Any value a column may hold: mostly numbers that repeat, values that others use, and non-numbers.
 fn anything() -> impl Strategy<Value = f64> {
     prop_oneof![
         100 => -3.0..3.0,
@@ -175,8 +175,8 @@ fn an_op_that_no_percentage_would_be_is_told() {
 #[test]
 fn a_process_gain_of_the_other_sign_is_told() {
     let recorded = signals(ordinary);
-    let told = |kp| look(&recorded, None, &Known { kp: Some(kp), ..known() });
-    assert_eq!(told(1.3), []);
-    let [found] = &told(-1.3)[..] else { panic!() };
+    let findings = |kp| look(&recorded, None, &Known { kp: Some(kp), ..known() });
+    assert_eq!(findings(1.3), []);
+    let [found] = &findings(-1.3)[..] else { panic!() };
     assert_eq!((found.fault, number(found, "kp"), number(found, "k_seen")), (Fault::Sign, -1.3, 1.0));
 }

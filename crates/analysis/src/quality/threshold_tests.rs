@@ -28,7 +28,7 @@ impl Rows {
         Self { sp: vec![50.5; n], pv, op, flags: None }
     }
 
-    /// How grave the fault is that is found; None where it is not.
+    /// Severity of a fault that was found; None where it is not.
     fn found(&self, fault: Fault, known: &Known) -> Option<Severity> {
         let t: Vec<f64> = (0..self.pv.len()).map(|k| k as f64).collect();
         let flags = self.flags.as_deref();

@@ -13,6 +13,7 @@ const CLOCK_CHANGE: (f64, f64) = (3600.0, 60.0);
 /// A step above this share of Ti misses much of a half-period's area; one above Ti itself misses the error.
 const COARSE: f64 = 1.0 / 5.0;
 
+/// Finding on too few rows.
 pub(super) fn rows(look: &Look<'_>, found: &mut Vec<Finding>) {
     let rows = look.statistics.rows;
     if rows < FEWEST_ROWS {
@@ -20,6 +21,7 @@ pub(super) fn rows(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
+/// Findings on times that repeat, go back or leave gaps.
 pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
     let c = look.statistics;
     if c.t_bad > 0 {
@@ -71,6 +73,7 @@ pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
     }
 }
 
+/// Findings on the sample time compared with the loop.
 pub(super) fn sampling(look: &Look<'_>, found: &mut Vec<Finding>) {
     let Some(ti) = look.known.ti.filter(|ti| *ti > 0.0 && look.h > ti * COARSE) else { return };
     found.push(
@@ -93,7 +96,20 @@ pub fn own_times(held: &str, pv_rows: u64, rows: u64) -> Finding {
         .with("rows", rows)
 }
 
-/// Says what the numbers of a time column were taken for, where that was not plain.
+/// Finding on a table whose newest row comes first by this column of times, so that its rows are taken from the last to the first.
+pub fn newest_first(column: &str) -> Finding {
+    Finding::new(Fault::NewestFirst, Severity::Info).with("column", column.to_owned())
+}
+
+/// Finding on a given setting that is not used: `sample_time` beside this column of times, or `auto_values` without a column of
+/// the mode. `value` is the given one.
+pub fn setting_unused(setting: &str, value: &str, column: Option<&str>) -> Finding {
+    let finding = Finding::new(Fault::SettingUnused, Severity::Warning);
+    let finding = finding.with("setting", setting.to_owned()).with("value", value.to_owned());
+    finding.telling("column", column.unwrap_or_default().to_owned())
+}
+
+/// Finding on the assumed unit of a time column, where it was not plain.
 ///
 /// `column` and `first` are its name and its first value as it is written, `step` the ordinary step between its numbers,
 /// none where they do not step; `calendar` is the format that reads them as days, and `sure` whether they were read so,

@@ -13,24 +13,24 @@ use serde::{Deserialize, Serialize};
 /// Where the load wanders, the 95 % interval holds the width in 91 to 95 of 100 tests: at 0 and at the width itself one in twenty
 /// would decide wrongly.
 const MARGIN: f64 = 0.2;
-/// Probability of the contrary at which a test that is over decides: what the 95 % interval leaves on either side.
+/// Probability of the contrary at which a test that is over decides: the tail of the 95 % interval on either side.
 const AT_END: f64 = 0.025;
-/// The same while the test goes on.
+/// Probability of error while the test goes on.
 const EARLY: f64 = 0.001;
 /// A reversal that PV did not answer decides early where the gap is surely wider than so much of the width.
 const UNANSWERED: f64 = 0.5;
 
-/// What was decided.
+/// Decision of the test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Found {
-    /// There is a gap.
+    /// The gap exists.
     Gap,
-    /// There is none of that width.
+    /// No gap of that width exists.
     NoGap,
 }
 
-/// What the test says of a width in question.
+/// Answer of the test on a width in question.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Asked {
     /// The width [OP unit].
@@ -39,19 +39,19 @@ pub struct Asked {
     pub narrower: Option<f64>,
     /// Probability that the gap is wider than four fifths of it.
     pub wider: Option<f64>,
-    /// What the test decides if it is over; none where that is open.
+    /// Decision if the test is over; none where it is open.
     pub found: Option<Found>,
-    /// What it decides while it goes on: then it may be ended.
+    /// Decision while the test goes on: it may then be ended.
     pub early: Option<Found>,
 }
 
 impl Asked {
-    /// Nothing is known of it.
+    /// An answer with nothing decided.
     pub(super) fn open(width: f64) -> Self {
         Self { width, narrower: None, wider: None, found: None, early: None }
     }
 
-    /// By the probability that the gap is below x.
+    /// Answer by the probability that the gap is below x.
     pub(super) fn by(width: f64, below: impl Fn(f64) -> f64) -> Self {
         let (narrower, wider) = (below(MARGIN * width), 1.0 - below((1.0 - MARGIN) * width));
         let decided = |at: f64| match () {
@@ -68,7 +68,7 @@ impl Asked {
         }
     }
 
-    /// By a lower bound alone.
+    /// Answer by a lower bound alone.
     pub(super) fn at_least(width: f64, bound: f64) -> Self {
         let gap = |share: f64| (bound > share * width).then_some(Found::Gap);
         Self { found: gap(MARGIN), early: gap(UNANSWERED), ..Self::open(width) }

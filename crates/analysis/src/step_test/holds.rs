@@ -1,4 +1,4 @@
-//! Where OP was held.
+//! Holds of OP.
 
 use super::LEAST_ROWS;
 use crate::median;
@@ -35,8 +35,8 @@ pub(super) fn holds(op: &[f64], y: &[f64], stretches: &[Range<usize>]) -> (Vec<N
     let mut nodes = Vec::new();
     let mut tolerance = 0.0f64;
     for (stretch, part) in stretches.iter().enumerate() {
-        let (held, strays) = held(&op[part.clone()]);
-        tolerance = tolerance.max(strays);
+        let (held, deviation) = held(&op[part.clone()]);
+        tolerance = tolerance.max(deviation);
         for rows in held {
             let (first, end) = (rows.start + part.start, rows.end + part.start);
             if y[first..end].iter().filter(|y| y.is_finite()).count() >= LEAST_ROWS {

@@ -1,10 +1,11 @@
-//! What each move from one settled hold to the next is, and from which side it presses the valve.
+//! Kind of each move from one settled hold to the next, and the side from which it presses the valve.
 
 use super::holds::Node;
 use super::posterior::Posterior;
 use super::{Evidence, Kind};
 
-/// One-sided probability below which PV is said to have answered a move: of a dozen moves one is taken wrongly in 200 tests.
+/// One-sided probability below which PV counts as having answered a move: of a dozen moves one is taken wrongly in 200
+/// tests.
 const SURE: f64 = 5e-4;
 
 /// A move between two settled holds (their places among the settled ones).
@@ -23,6 +24,7 @@ pub(super) struct Move {
 }
 
 impl Move {
+    /// Whether PV did not answer the move.
     pub(super) fn unanswered(&self) -> bool {
         self.why == Some(Evidence::Unanswered)
     }
@@ -113,7 +115,7 @@ mod tests {
     use super::super::posterior::tests::two_holds;
     use super::*;
 
-    /// What the first move is said to be where the probability that PV did not answer is so large.
+    /// Verdict on the first move, given the probability that PV did not answer.
     fn evidence_at(contrary: f64) -> Option<Evidence> {
         let free = |step: f64| {
             let blocks = two_holds(step, 0.1, 0.0);

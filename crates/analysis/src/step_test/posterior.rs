@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 const RATIO: (f64, f64) = (1e-4, 1e3);
 /// Ratios between them: four a decade.
 const RATIOS: usize = 29;
-/// Steps of the search for a limit, each halving what is left of 200 standard deviations.
+/// Steps of the search for a limit, each halving the rest of 200 standard deviations.
 const HALVINGS: usize = 40;
 
 /// Shares of the distribution that lie below median, lower and upper 95 % limit.
@@ -167,6 +167,7 @@ impl Posterior {
         self.share(&self.project(over, Some(under)), x)
     }
 
+    /// The 95 % limits of the posterior.
     fn limits(&self, of: &[Projected], middle: f64, deviation: f64) -> Limits {
         let reach = 100.0 * deviation + 1e-12 * middle.abs();
         let at = |share: f64| {
@@ -189,7 +190,7 @@ impl Posterior {
         (weighed(|of| of.mean), weighed(|of| of.variance).sqrt())
     }
 
-    /// What the limits hang on, for each ratio.
+    /// Statistics that the limits need, for each ratio.
     fn project(&self, over: &[f64], under: Option<&[f64]>) -> Vec<Projected> {
         let over = DVector::from_column_slice(over);
         let under = under.map(DVector::from_column_slice);
@@ -202,6 +203,7 @@ impl Posterior {
         self.beta.iter().zip(&self.covariance).map(of).collect()
     }
 
+    /// The probability below x.
     fn share(&self, of: &[Projected], x: f64) -> f64 {
         let below = |of: &Projected| {
             let variance = of.variance - 2.0 * x * of.both + x * x * of.under_variance;

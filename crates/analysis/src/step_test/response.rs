@@ -1,12 +1,12 @@
-//! How a signal goes from one settled level to the next: T86 and overshoot.
+//! Response of a signal from one settled level to the next: T86 and overshoot.
 
 use super::blocks::mean;
 use super::holds::Node;
-use super::settling::Signals;
+use super::settling::TestSignals;
 
 /// Part of the way that is gone at T86: 1 − e⁻², of a single lag T after 2T.
 const T86: f64 = 0.865;
-/// Noise of the settled signal, part of the way, above which no time is told.
+/// Noise of the settled signal, as a fraction of the way, above which no time is given.
 const NOISY: f64 = 0.2;
 /// Standard deviations of the noise that the signal must go beyond its new level to have overshot.
 const BEYOND: f64 = 3.0;
@@ -14,12 +14,12 @@ const BEYOND: f64 = 3.0;
 /// Time from the step of OP until 86.5 % of the way is gone \[s\], and how far the signal went beyond its new level, part of the
 /// way. None where OP was not stepped at once, or noise hides the way.
 pub(super) fn response(
-    signals: &Signals,
+    signals: &TestSignals,
     before: &Node,
     after: &Node,
     levels: (f64, f64),
 ) -> (Option<f64>, Option<f64>) {
-    let Signals { t, y, h, .. } = *signals;
+    let TestSignals { t, y, h, .. } = *signals;
     let way = levels.1 - levels.0;
     let (Some(settled), false) = (after.settled, way == 0.0) else { return (None, None) };
     if t[after.first] - t[before.end - 1] > 2.0 * h {
@@ -66,6 +66,7 @@ fn deviation(of: &[f64]) -> f64 {
     (of.iter().map(|x| (x - centre).powi(2)).sum::<f64>() / of.len().max(1) as f64).sqrt()
 }
 
+/// Median of three values.
 fn middle(a: f64, b: f64, c: f64) -> f64 {
     a.max(b).min(a.min(b).max(c))
 }
@@ -78,7 +79,7 @@ mod tests {
         let t: Vec<f64> = (0..200).map(f64::from).collect();
         let y: Vec<f64> = t.iter().map(|t| if *t < 50.0 { 10.0 } else { 10.0 - 4.0 * answer(t - 50.0) }).collect();
         let node = |first, end, settled| Node { first, end, stretch: 0, op: 0.0, settled: Some(settled), side: 0 };
-        let signals = Signals { t: &t, op: &t, y: &y, h: 1.0 };
+        let signals = TestSignals { t: &t, op: &t, y: &y, h: 1.0 };
         response(&signals, &node(0, 50, 10), &node(50, 200, 150), (10.0, 6.0))
     }
 

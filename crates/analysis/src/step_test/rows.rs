@@ -3,7 +3,7 @@
 use super::asked::Asked;
 use super::{LEAST_ROWS, Manual, Note, Reason, StepTest, StepTestSettings, verdict};
 use crate::{Inspected, median};
-use glapp_core::GAP_STEPS;
+use glapp_core::DATA_GAP_STEPS;
 use glapp_core::status::NOT_AUTO;
 use std::ops::Range;
 
@@ -119,7 +119,7 @@ impl ManualRows {
         if forward.is_empty() {
             return Vec::new();
         }
-        let longest = GAP_STEPS * median(&mut forward);
+        let longest = DATA_GAP_STEPS * median(&mut forward);
         let together = |k: usize| {
             let dt = t[k] - t[k - 1];
             let in_a_row = self.number[k] - self.number[k - 1] == 1;

@@ -1,4 +1,4 @@
-//! How long after a move PV has settled.
+//! Settling time of PV after a move.
 //!
 //! The answers to all clear moves are laid over each other. t₁ and t₂ are the times at which 1/e and 1/e² of the way is left; of a
 //! single lag T they are T and 2T, and a tail of so many time constants t₂ − t₁ later the answer is over.
@@ -21,11 +21,11 @@ const ABOVE_NOISE: f64 = 3.0;
 const ERROR: f64 = 0.03;
 /// Bins that the shortest hold is cut into, finest first.
 const BINS: [usize; 4] = [100, 50, 25, 12];
-/// Part of a bin below which no tail is told.
+/// Fraction of a bin below which no tail is given.
 const OF_BIN: f64 = 0.3;
 
 /// One signal's answer (PV's or the position's) to OP, in rows.
-pub(super) struct Signals<'a> {
+pub(super) struct TestSignals<'a> {
     pub(super) t: &'a [f64],
     pub(super) op: &'a [f64],
     pub(super) y: &'a [f64],
@@ -42,7 +42,7 @@ struct Move<'a> {
     length: f64,
 }
 
-impl Signals<'_> {
+impl TestSignals<'_> {
     /// Time after a move until its answer is over \[s\].
     pub(super) fn settling(&self, nodes: &[Node]) -> f64 {
         let least = LEAST_ROWS as f64 * self.h;
@@ -96,7 +96,7 @@ impl Signals<'_> {
         moves
     }
 
-    /// What is left of all answers in each bin, how large they are together, and the variance of their sum.
+    /// Residual of all responses in each bin, their size together, and the variance of their sum.
     fn laid_over(&self, moves: &[Move], n: usize, shortest: f64) -> (Vec<f64>, f64, f64) {
         let width = shortest / n as f64;
         let mut left = vec![0.0; n];
@@ -231,7 +231,7 @@ mod tests {
     fn one_lag_settles_six_time_constants_after_a_move() {
         for lag in [4.0, 8.0] {
             let (t, op, y, nodes) = answered(lag, 0.0);
-            let found = Signals { t: &t, op: &op, y: &y, h: 1.0 }.settling(&nodes);
+            let found = TestSignals { t: &t, op: &op, y: &y, h: 1.0 }.settling(&nodes);
             assert!((found / lag - 6.0).abs() < 0.1, "{found} for {lag}");
         }
     }
@@ -240,7 +240,7 @@ mod tests {
     fn nothing_that_answers_settles_within_ten_rows() {
         let (t, op, _, nodes) = answered(4.0, 0.0);
         let flat = vec![7.0; 400];
-        assert_eq!(Signals { t: &t, op: &op, y: &flat, h: 1.0 }.settling(&nodes), 10.0);
+        assert_eq!(TestSignals { t: &t, op: &op, y: &flat, h: 1.0 }.settling(&nodes), 10.0);
     }
 
     #[test]
@@ -268,7 +268,7 @@ mod tests {
         // 4/√(30/5) = 1.63: a third of a hold is 30 rows, every fifth of which counts.
         for (step, clear, laid_over) in [(1.5, 0, false), (1.8, 1, false), (2.8, 1, false), (3.2, 1, true)] {
             let (t, op, y, nodes) = step_in_noise(step);
-            let signals = Signals { t: &t, op: &op, y: &y, h: 1.0 };
+            let signals = TestSignals { t: &t, op: &op, y: &y, h: 1.0 };
             let moves = signals.clear_moves(&nodes);
             assert_eq!(moves.len(), clear, "{step}");
             assert_eq!(signals.laid_over(&moves, 25, 89.0).1 > 0.0, laid_over, "{step}");
@@ -285,12 +285,12 @@ mod tests {
 
     #[test]
     fn a_process_without_lag_has_the_tail_of_a_part_of_a_bin() {
-        // Of one step, held for 1001 rows: a bin is 10 s. All is left at 0, nothing at the middle of the first bin.
+        // One step, held for 1001 rows: a bin is 10 s. All is left at 0, nothing at the middle of the first bin.
         let y: Vec<f64> = (0..2002).map(|k| if k < 1001 { 0.0 } else { 1.0 }).collect();
         let t: Vec<f64> = (0..2002).map(f64::from).collect();
         let node =
             |i: usize| Node { first: 1001 * i, end: 1001 * (i + 1), stretch: 0, op: i as f64, settled: None, side: 0 };
-        let found = Signals { t: &t, op: &y, y: &y, h: 1.0 }.settling(&[node(0), node(1)]);
+        let found = TestSignals { t: &t, op: &y, y: &y, h: 1.0 }.settling(&[node(0), node(1)]);
         let expected = 5.0 * (1.0 - (-1f64).exp()) + 5.0 * 0.3 * 10.0;
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
     }
@@ -300,7 +300,7 @@ mod tests {
         // Standard deviations of 0.27, 0.38 and 0.6 beside moves of 4, 4 and −5: 50, 25 and 12 bins. As the code has it.
         for (noise, expected) in [(0.935, 35.1797730885), (1.316, 35.6162750984), (2.08, 29.3321698151)] {
             let (t, op, y, nodes) = answered(6.0, noise);
-            let found = Signals { t: &t, op: &op, y: &y, h: 1.0 }.settling(&nodes);
+            let found = TestSignals { t: &t, op: &op, y: &y, h: 1.0 }.settling(&nodes);
             assert!((found - expected).abs() < 1e-9, "{found} for {noise}");
         }
     }

@@ -6,7 +6,7 @@ use super::holds::{Node, holds};
 use super::moves::{Move, difference, moves};
 use super::posterior::{Axes, Limits, Posterior};
 use super::response::response;
-use super::settling::{Signals, TAILS};
+use super::settling::{TAILS, TestSignals};
 use super::{Evidence, Hold, Kind, LEAST_ROWS, Note, Reading, Reason, StepTest, range};
 use crate::{median, resolution};
 use std::ops::Range;
@@ -33,22 +33,22 @@ pub(super) fn read(
 ) -> StepTest {
     let mut steps: Vec<f64> =
         stretches.iter().flat_map(|part| t[part.clone()].windows(2).map(|pair| pair[1] - pair[0])).collect();
-    let signals = Signals { t, op, y, h: median(&mut steps) };
+    let signals = TestSignals { t, op, y, h: median(&mut steps) };
     let (nodes, tolerance) = holds(op, y, stretches);
     Test { signals, nodes, tolerance, integrating, width }.answer()
 }
 
 struct Test<'a> {
-    signals: Signals<'a>,
+    signals: TestSignals<'a>,
     nodes: Vec<Node>,
     tolerance: f64,
     integrating: bool,
-    /// In question.
+    /// Width in question.
     width: Option<f64>,
 }
 
 impl Test<'_> {
-    /// Finds what settled, what each move says, and what they say together.
+    /// Finds the settled holds, the reading of each move, and their joint result.
     fn answer(mut self) -> StepTest {
         let integrating = self.integrating;
         let asked = self.width.map(Asked::open);
@@ -82,13 +82,14 @@ impl Test<'_> {
         self.together(settled.iter().filter(in_a_row).copied().collect(), settle, so_far)
     }
 
+    /// Whether all holds are at one OP, so that no gap shows.
     fn at_one_value(&self, nodes: &[Node]) -> bool {
         range(&nodes.iter().map(|node| node.op).collect::<Vec<_>>()) <= self.tolerance
     }
 
     /// Marks from which row on each hold is settled; of an integrating process the second half of each.
     fn settled(&mut self, settle: f64) {
-        let Signals { t, y, h, .. } = self.signals;
+        let TestSignals { t, y, h, .. } = self.signals;
         for node in &mut self.nodes {
             let (start, end) = (t[node.first], t[node.end - 1]);
             let wait = if self.integrating { (end - start) / 2.0 } else { settle };
@@ -103,7 +104,7 @@ impl Test<'_> {
         }
     }
 
-    /// Reads the settled holds together.
+    /// Fits one dead band and one gain to all settled holds.
     fn together(&self, mut nodes: Vec<Node>, settle: f64, mut outcome: StepTest) -> StepTest {
         let refused = |outcome: StepTest, reason| StepTest { reason: Some(reason), ..outcome };
         if nodes.len() < 3 || self.at_one_value(&nodes) {
@@ -111,7 +112,7 @@ impl Test<'_> {
         }
         let more = nodes.len().saturating_sub(MOST_HOLDS);
         nodes.truncate(MOST_HOLDS);
-        let Signals { t, op, y, h } = self.signals;
+        let TestSignals { t, op, y, h } = self.signals;
         let lag = if self.integrating { 0.0 } else { settle / (1.0 + TAILS) };
         let blocks = Blocks::of(t, y, h, &nodes, lag, self.integrating);
         let extra = self.coarse();
@@ -297,7 +298,7 @@ fn misfit(blocks: &Blocks, axes: &Axes, tight: &Posterior, extra: f64) -> Option
     let loose = Posterior::of(&columns, axes, extra, 1.0)?;
     let at = loose.best;
     let rest = loose.rss[at] / loose.freedom as f64;
-    // What no noise shows either: the steps of a coarse PV, and the last of an answer that is not quite over.
+    // Errors that the noise does not show: the steps of a coarse PV, and the tail of an unfinished response.
     let known = extra + (NOT_OVER * range(&blocks.y)).powi(2);
     let beside = (rest + known * super::blocks::MEANS as f64).max(1e-300);
     let ratio = (tight.rss[at] - loose.rss[at]) / more as f64 / beside;

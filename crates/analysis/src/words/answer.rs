@@ -1,4 +1,4 @@
-//! The answer in three parts: what is so, what to do, and why.
+//! The answer in three parts: state, next step, and reasons.
 
 use super::facts::{AnswerFacts, Corrected, Limit};
 use super::{Message, Numbers, Reader, Subject, TextError, Value, sentence, text};
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 pub(super) const SUBJECT: Subject = Subject { name: "answer", sentences: SENTENCES, variants };
 
-/// Fewer readings of the zero crossings than this, and none of them can be checked against another: nothing is said of the valve.
+/// Number of readings of the zero crossings below which none can be checked against another: no statement on the valve.
 const FEW: i64 = 3;
 
-/// A most likely width below this share of the upper limit is next to none: nobody is told that it is probable.
+/// Share of the upper limit below which a most likely width is next to none, and not called probable.
 const NEXT_TO_NONE: f64 = 0.1;
 
 macro_rules! interval {
@@ -24,7 +24,7 @@ macro_rules! confirm {
 }
 
 const SENTENCES: &[(&str, &str)] = sentences! {
-    // What is so.
+    // State of the valve.
     "so backlash": "The valve of {name} has a dead band of {width:op}{span}", interval!(), "{beside}.";
     "so backlash dead_band": "The valve of {name} has a dead band of {width:op}{span}", interval!(),
         " from packing or play{beside}.";
@@ -85,7 +85,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "more_than_nominal": ", more than the usual {percent:number}\u{a0}% of span";
     "up_from": ", up from {from:number} in {lasted:duration}";
     "down_from": ", down from {from:number} in {lasted:duration}";
-    // In place of the verdict, where the ladder calls a gap likely.
+    // Replaces the verdict where the ladder calls a gap likely.
     "likely": "Likely a gap";
     // The one width that a list shows, in OP units and in % of span.
     "headline": "{width:op}";
@@ -93,12 +93,12 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "headline sound": "< {high:op}";
     "headline limits": "{low:number} to {high:op}";
     "headline interval": "{width:op} ({low:number} to {high:number})";
-    // What a PLC would show.
+    // Width that a PLC would show.
     "plc": "{d_hat:op}";
     "plc above": "{d_hat:op}, too high";
     "plc below": "{d_hat:op}, too low";
     "plc sound": "{d_hat:op}, from noise or load";
-    // What to do.
+    // Next step.
     "do correct": "Correct what is named, then analyse again.";
     "do inspect play": "Check linkage, keys and actuator for play", confirm!();
     "do inspect play tested": "Check linkage, keys and actuator for play.";
@@ -125,7 +125,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "do probably_too_wide": "Probably too wide: record for longer, or confirm with a step test in manual.";
     "do step_test": "A step test in manual tells of the valve; this recording does not.";
     "do tested": "Use the step test in this recording: it gives {d:op} ({low:number} to {high:number}).";
-    // What to do, in a word or two.
+    // Next step, in a word or two.
     "short correct": "correct";
     "short inspect": "inspect";
     "short inspect likely": "step test";
@@ -141,7 +141,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "short step_test": "step test";
     "short remedy": "step test";
     "short tested": "read test";
-    // How probable a dead band is.
+    // Probability of a dead band.
     "probable": "gap: {p_gap:share} likely";
     "probable beyond": "gap: {p_gap:share} likely, wider than {percent:number}\u{a0}% of span: {p_beyond:share}";
     "so probable": "{so}; gap: {p_gap:share} likely.";
@@ -162,7 +162,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
         "A step test made for this question shows a dead band of {d:op} ({low:number} to {high:number}).";
     "why decided no_gap": "A step test made for this question shows that there is none wider than {high:op}.";
     "why step_test": "The step test in this recording gives {d:op} ({low:number} to {high:number}).";
-    // What stands behind a width of the zero crossings.
+    // Evidence of a width by zero crossings.
     "crossed from": "This comes from {detections:count detection} in {half_periods:count half-period}.";
     "crossed provisional": "It is provisional: fewer than {n} detections stand behind it, and it may still move.";
     "crossed repeat": "The detections kept lie between {low:number} and {high:op}: that is how well they repeat, \
@@ -212,7 +212,7 @@ fn first<'a>(codes: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     codes.into_iter().find(|code| SENTENCES.iter().any(|(known, _)| known == code))
 }
 
-/// What is so, in one sentence.
+/// State of the valve, in one sentence.
 ///
 /// # Errors
 /// Where the answer has a verdict that the catalogue does not know.
@@ -248,7 +248,7 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let reason = facts.crossings.reason.clone().unwrap_or_default();
     let message = facts.message(code).with("span", span).with("beside", beside(facts)).with("reason", bare(&reason));
     let message = text(&message.code, &message.numbers, reader)?;
-    // What is found, or shows no gap, says so; where it is open, the planner chooses by how probable a gap is.
+    // A certain answer states itself; for an open one the planner chooses by the probability of a gap.
     match facts.p_gap.filter(|_| ["likely", "cannot_tell"].contains(&confidence)) {
         Some(p_gap) => {
             let more = Message::new("answer.so probable").with("so", bare(&message)).with("p_gap", p_gap);
@@ -258,9 +258,9 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     }
 }
 
-/// What the width is beyond, or how it has changed; empty where neither is to be told.
+/// Limit that the width exceeds, or its change; empty where there is neither.
 fn beside(facts: &AnswerFacts) -> Value {
-    // By crossings alone sound valves show more than the usual limit.
+    // The crossings alone also give sound valves more than the usual limit.
     let tells = |limit: &&Limit| facts.fitted() || limit.origin == "given";
     let beyond = facts.limit.as_ref().filter(|_| facts.acceptable.as_deref() == Some("beyond")).filter(tells);
     let percent = beyond.and_then(|limit| Some((limit.percent_span?, limit)));
@@ -280,6 +280,7 @@ fn beside(facts: &AnswerFacts) -> Value {
     Value::List([changed, beyond].into_iter().flatten().map(Value::from).collect())
 }
 
+/// A message as a clause of a sentence, empty where there is none.
 fn clause(message: Option<Message>) -> Value {
     message.map_or(Value::Word("".into()), Value::from)
 }
@@ -289,7 +290,7 @@ fn bare(text: &str) -> String {
     text.strip_suffix('.').unwrap_or(text).into()
 }
 
-/// What to do, in one sentence or two: a step test that the recording holds is used, not advised.
+/// Next step, in one or two sentences: a step test that the recording holds is used, not advised.
 ///
 /// # Errors
 /// Where the answer has a next step that the catalogue does not know.
@@ -320,7 +321,7 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
     text(&message.code, &message.numbers, reader)
 }
 
-/// What to do, in a word or two.
+/// Next step, in a word or two.
 fn short(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let code = &facts.next.code;
     let asks = ["further", "record_more", "probably_too_wide", "step_test", "remedy"].contains(&code.as_str());
@@ -335,12 +336,12 @@ fn short(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     text(&format!("answer.{code}"), &facts.message("").numbers, reader)
 }
 
-/// Why, a sentence each: what the answer stands on, with the numbers of the likelihood.
+/// Reasons, a sentence each, with the numbers of the likelihood.
 ///
 /// # Errors
 /// Where the answer has a code that the catalogue does not know.
 pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
-    // What is so says it already.
+    // The sentence on the valve's state says it already.
     if facts.verdict == "refused" {
         return Ok(Vec::new());
     }
@@ -355,7 +356,7 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
         sentences.push(tell(gives.with("d", test.d).with("low", test.low).with("high", test.high))?);
     }
     sentences.push(sentence(&fit.reason));
-    // What a test has decided is no longer a matter of how probable it is.
+    // After a test's decision the probability no longer matters.
     if decided.is_none() {
         sentences.extend(weighed(facts, reader)?);
     }
@@ -382,14 +383,14 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
 const SAYS_LITTLE: f64 = 1.15;
 const MOST_TERMS: usize = 4;
 
-/// How probable a dead band is, what speaks for one and what against; nothing where no evidence was weighed.
+/// Probability of a dead band, with the evidence for it and against it; nothing where no evidence was weighed.
 fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
     let (Some(p_gap), Some(prior)) = (facts.p_gap, facts.prior) else { return Ok(Vec::new()) };
     let tell = |message: Message| text(&message.code, &message.numbers, reader);
     let beyond = beyond(facts)
         .map(|(percent, p)| Message::new("answer.why beyond").with("percent", percent).with("p_beyond", p));
     let mut all = Vec::new();
-    // Where a dead band is found, the ladder has answered; what speaks for it and against it is still told.
+    // For a certain dead band the ladder has answered; the evidence for it and against it still follows.
     if facts.confidence.as_deref() != Some("found") {
         let message = Message::new("answer.why probable").with("p_gap", p_gap).with("prior", prior);
         all.push(tell(message.with("beyond", clause(beyond)))?);
@@ -415,7 +416,7 @@ fn beyond(facts: &AnswerFacts) -> Option<(f64, f64)> {
     facts.limit.as_ref().and_then(|limit| limit.percent_span).zip(facts.p_beyond)
 }
 
-/// How probable a dead band is, in a few words; empty where no evidence was weighed.
+/// Probability of a dead band, in a few words; empty where no evidence was weighed.
 fn probable(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let Some(p_gap) = facts.p_gap else { return Ok(String::new()) };
     let message = match beyond(facts) {
@@ -426,7 +427,7 @@ fn probable(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     text(&message.code, &message.numbers, reader)
 }
 
-/// What the zero crossings say beside a fit, in one line.
+/// Result of the zero crossings next to a fit, in one line.
 fn crossing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let code = match (&facts.struck, facts.crossings.d_hat, &facts.crossings.reason) {
         (Some(struck), _, _) => format!("why crossings {}", struck.code),
@@ -438,7 +439,7 @@ fn crossing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     text(&message.code, &message.numbers, reader)
 }
 
-/// What a width of the zero crossings stands on, or why there is none; paragraphs.
+/// Evidence of a width by zero crossings, or the reason why there is none; paragraphs.
 fn crossed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextError> {
     let of = &facts.crossings;
     let halves = || Value::Count(of.half_periods);
@@ -509,26 +510,26 @@ fn unbiased(facts: &AnswerFacts, of: &Corrected) -> Message {
 /// An answer in words.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AnswerTexts {
-    /// What is so, in one sentence.
+    /// State of the valve, in one sentence.
     pub so: String,
-    /// What to do.
+    /// Next step, in a sentence.
     #[serde(rename = "do")]
     pub doing: String,
-    /// What to do, in a word or two.
+    /// Next step, in a word or two.
     pub short: String,
     /// Why, a sentence each.
     pub why: Vec<String>,
     /// The one width that a list shows, with its interval; empty where nothing is known of it.
     pub headline: String,
-    /// How probable a dead band is, in a few words; empty where no evidence was weighed.
+    /// Probability of a dead band, in a few words; empty where no evidence was weighed.
     pub probable: String,
-    /// That width in % of OP's span; empty where the span is not known, or the headline says so already.
+    /// Width in % of OP's span; empty where the span is not known, or the headline says it already.
     pub of_span: String,
-    /// What a PLC would show.
+    /// Width that a PLC would show.
     pub plc: String,
-    /// What the zero crossings say beside a fit, in one line.
+    /// Result of the zero crossings next to a fit, in one line.
     pub crossing: String,
-    /// What they stand on, in paragraphs.
+    /// Evidence of the crossings, in paragraphs.
     pub crossed: Vec<String>,
 }
 
@@ -582,24 +583,25 @@ fn plc(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     text(&message.code, &message.numbers, reader)
 }
 
-/// What a run over many loops counts of each.
+/// Facts of a loop that a run over many loops counts.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct Headline {
-    /// What is known of the valve.
+    /// State of the valve.
     pub valve: String,
-    /// How soon something is to be done.
+    /// Urgency.
     pub urgency: String,
-    /// What is to be done.
+    /// Next step.
     pub next: String,
-    /// How the width stands to the limit.
+    /// The width compared with the limit.
     pub acceptable: Option<String>,
 }
 
-/// What a loop counts as in a run, in the order in which they are told.
+/// Groups in which a run counts its loops, in the order in which they are shown.
 const RUN: [&str; 8] = ["high", "tuning", "medium", "within", "simple", "no_gap", "unknown", "refused"];
 
 impl Headline {
+    /// The group of [`RUN`] in which the loop is counted.
     fn counts_as(&self) -> &'static str {
         match (self.valve.as_str(), self.urgency.as_str()) {
             ("refused", _) => "refused",

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 pub struct AnswerFacts {
     /// The verdict.
     pub verdict: String,
-    /// What is known of the valve.
+    /// State of the valve.
     pub valve: String,
     /// *found*, *likely*, *cannot_tell*, *none_seen*, *sound*, *refused*, *not_judged*.
     pub confidence: Option<String>,
@@ -20,13 +20,13 @@ pub struct AnswerFacts {
     pub width_kind: Option<String>,
     /// The width [OP unit].
     pub width: Option<f64>,
-    /// That width [% of span].
+    /// Width [% of span].
     pub width_percent_span: Option<f64>,
-    /// Its limits [OP unit].
+    /// Limits of the width [OP unit].
     pub low: Option<f64>,
     /// Upper one.
     pub high: Option<f64>,
-    /// How strongly the recording speaks for a gap.
+    /// Strength of the recording's evidence for a gap.
     pub evidence: Option<String>,
     /// Probability of a dead band, and of one beyond the limit.
     pub p_gap: Option<f64>,
@@ -34,27 +34,27 @@ pub struct AnswerFacts {
     pub p_beyond: Option<f64>,
     /// Share of valves with a dead band that `p_gap` starts from.
     pub prior: Option<f64>,
-    /// What each kind of evidence adds to the log-odds of a dead band.
+    /// Contribution of each kind of evidence to the log-odds of a dead band.
     pub terms: Option<BTreeMap<String, f64>>,
-    /// How the width stands to the limit.
+    /// The width compared with the limit.
     pub acceptable: Option<String>,
-    /// What to do next.
+    /// Next step.
     pub next: Next,
-    /// How soon.
+    /// Urgency.
     pub urgency: String,
     /// Why the crossings' width does not stand.
     pub struck: Option<Struck>,
     /// The widest dead band that is allowed.
     pub limit: Option<Limit>,
-    /// How the width changes.
+    /// Trend of the width.
     pub trend: Option<Trend>,
     /// Width of OP's span [OP unit], where it is known.
     pub span: Option<f64>,
-    /// What a step test in the recording gives.
+    /// Width by a step test in the recording.
     pub step_test: Option<Tested>,
-    /// What the fit says; none where nothing was fitted.
+    /// Result of the fit; none where nothing was fitted.
     pub fit: Option<Fit>,
-    /// What the zero crossings say.
+    /// Result of the zero crossings.
     pub crossings: Crossings,
 }
 
@@ -62,15 +62,15 @@ pub struct AnswerFacts {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct Next {
-    /// What to do.
+    /// Code of the step.
     pub code: String,
-    /// What it is about.
+    /// Subject of the step.
     pub of: Option<String>,
-    /// The recording holds a step test: what it gives is used, and no further one is asked for.
+    /// The recording holds a step test: its result is used, and no further one is asked for.
     pub tested: bool,
 }
 
-/// How the crossings contradict the fit.
+/// Contradiction of the crossings to the fit.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct Struck {
@@ -90,7 +90,7 @@ pub struct Limit {
     pub origin: String,
 }
 
-/// How the width changes.
+/// Trend of the width.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct Trend {
@@ -118,7 +118,7 @@ pub struct Tested {
     pub decided: Option<String>,
 }
 
-/// What the fit says beyond the answer.
+/// Facts of the fit beyond those of the answer.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct Fit {
@@ -128,15 +128,15 @@ pub struct Fit {
     pub d: Option<f64>,
     /// Slip jump [OP unit].
     pub jump: Option<f64>,
-    /// What a recorded position adds.
+    /// Effect of a recorded position.
     pub position: Option<String>,
-    /// Its sentence, with the evidence.
+    /// Sentence of the verdict, with the evidence.
     pub reason: String,
     /// Recordings that count, of so many.
     pub recordings: Option<(i64, i64)>,
 }
 
-/// What the zero crossings say.
+/// Result of the zero crossings.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct Crossings {
@@ -144,9 +144,9 @@ pub struct Crossings {
     pub verdict: String,
     /// Why not more, in a sentence.
     pub reason: Option<String>,
-    /// Their width [OP unit].
+    /// Width by the crossings [OP unit].
     pub d_hat: Option<f64>,
-    /// That width [% of span].
+    /// Width by the crossings [% of span].
     pub d_hat_percent_span: Option<f64>,
     /// Accepted half-periods.
     pub detections: i64,
@@ -178,7 +178,7 @@ pub struct Corrected {
     pub high: Option<f64>,
     /// [PV unit/OP unit]
     pub kp: Option<f64>,
-    /// Its range; none where it was known.
+    /// Range of Kp; none where it was known.
     pub kp_range: Option<(f64, f64)>,
     /// Pairs of half-periods.
     pub pairs: i64,

@@ -1,5 +1,5 @@
-//! What OP and PV say of the valve: `fit.` and the verdict, worded by the reason; `unfit.` why nothing was fitted; `left_out.` why a
-//! recording does not count in the joint answer.
+//! Texts on the valve by OP and PV: `fit.` and the verdict, worded by the reason; `unfit.` why nothing was fitted;
+//! `left_out.` why a recording does not count in the joint answer.
 
 use super::{Numbers, Subject, plain};
 
@@ -100,7 +100,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
         longer!();
     "op_rests": "OP stands still all the time, and only an OP that moves shows a gap";
     "sinusoidal": "{finding}";
-    // What the valve's own position adds.
+    // Texts on the valve's own position.
     "silent": "{pv}. The valve's position tells nothing: {position}";
     "bounds": "{pv}. By the valve's position {position}";
     "settles": "read from the valve's position: {position}";
@@ -110,7 +110,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "contradicts cannot_tell": "the valve's position and PV contradict each other. The position: {position}. PV: \
          {pv}. Is the sensor coupled firmly to the valve, and the valve to what it moves?";
     "changed": "{said}; {trend}";
-    // Of several recordings.
+    // Texts on several recordings.
     "recordings all": "by {counted} recordings together: {said}";
     "recordings alone": "by {alone} alone, of {all} recordings: {said}";
     "recordings": "by {counted} of {all} recordings together: {said}";

@@ -1,4 +1,4 @@
-//! What stands in the way of an answer in a fleet, what would help, and the fleet in short.
+//! Texts on a fleet: reasons why a loop has no answer, remedies, and the summary.
 
 use super::{Numbers, Subject, plain};
 

@@ -1,4 +1,4 @@
-//! Why a half-period was rejected: a label, what it means, and what to do if it is the usual one.
+//! Texts on a rejected half-period: a label, its meaning, and the remedy if it is the usual reason.
 
 use super::{Subject, plain};
 

@@ -1,4 +1,4 @@
-//! Words that stand alone: verdicts, what is known of a valve, how soon, how strong the evidence is.
+//! Words that stand alone: verdicts, state of the valve, urgency, strength of the evidence.
 
 use super::{Subject, plain};
 
@@ -10,7 +10,7 @@ pub(super) const MEANING: Subject = Subject { name: "meaning", sentences: MEANIN
 
 pub(super) const TERM: Subject = Subject { name: "term", sentences: TERMS, variants: plain };
 
-/// What speaks for a dead band, or against it.
+/// Names of the evidence for a dead band or against it.
 const TERMS: &[(&str, &str)] = sentences! {
     "likelihood": "how much better a gap explains PV than none";
     "traversals": "how often OP crossed the gap";
@@ -45,7 +45,7 @@ const URGENCIES: &[(&str, &str)] = &[("high", "Now"), ("medium", "Next round"), 
 const STRENGTHS: &[(&str, &str)] =
     &[("none", "none"), ("weak", "weak"), ("strong", "strong"), ("very_strong", "very strong")];
 
-/// What each verdict means.
+/// Meaning of each verdict.
 const MEANINGS: &[(&str, &str)] = sentences! {
     "backlash": "OP and PV show a gap, and how wide it is. The valve does not follow OP until OP has crossed it.";
     "stiction": "the valve sticks and then jumps. There is no gap beside it.";

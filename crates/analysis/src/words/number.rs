@@ -32,6 +32,7 @@ pub(super) fn general(x: f64, digits: usize) -> String {
     bare(&fixed(x, (last as i32 - power) as usize)).into()
 }
 
+/// The text for infinite numbers and NaN.
 fn named(x: f64) -> Option<String> {
     match x {
         x if x.is_nan() => Some("nan".into()),
@@ -40,6 +41,7 @@ fn named(x: f64) -> Option<String> {
     }
 }
 
+/// A number's text without needless zeros.
 fn bare(text: &str) -> &str {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }

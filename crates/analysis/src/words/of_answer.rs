@@ -1,4 +1,4 @@
-//! What an analysis found: as messages, and as the input of the three parts of an answer.
+//! Result of an analysis as messages, and as the input of the three parts of an answer.
 
 use super::facts::{Corrected, Crossings, Fit};
 use super::{AnswerFacts, Message, Reader, TextError, Value, of_fit, text};
@@ -109,7 +109,7 @@ pub fn of_correction(of: &CorrectedAnswer) -> Option<Message> {
     Some(message.with("pairs", of.pairs))
 }
 
-/// What the fit says with its evidence; none where nothing was asked.
+/// Message of the fit with its evidence; none where nothing was asked.
 pub fn of_fitted(answer: &AnalysisResult, fitted: &Fitted) -> Option<Message> {
     let through_pv = match (&fitted.answer.why, &fitted.pv) {
         (FitWhy::Exclusion(exclusion), _) => {
@@ -146,7 +146,7 @@ fn changed(facts: Message, trend: Option<Message>) -> Message {
 }
 
 impl AnswerFacts {
-    /// What an analysis found; `span` is the width of OP's [OP unit].
+    /// Messages of an analysis; `span` is the width of OP's [OP unit].
     ///
     /// # Errors
     /// Where a reason has no sentence.

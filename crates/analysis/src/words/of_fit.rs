@@ -1,4 +1,4 @@
-//! What the fit found, as messages.
+//! Result of the fit as messages.
 
 use super::{Message, Value};
 use crate::FitVerdict;
@@ -9,7 +9,8 @@ fn times(n: impl TryInto<i64>) -> Value {
     Value::Count(n.try_into().unwrap_or(i64::MAX))
 }
 
-/// What PV says: `whole` of all records, `best` the one that shows it. `shared`: of several recordings that share a width.
+/// Message of the fit to PV: `whole` of all records, `best` the one that shows it. `shared`: of several recordings that
+/// share a width.
 pub fn of_pv(whole: &Together, best: &SegmentAnswer<SegmentFit>, shared: bool) -> Message {
     let (h, best) = (best.h, &best.answer);
     Message::new(format!("fit.{}", FitVerdict::from(whole.verdict).name()))
@@ -33,7 +34,7 @@ pub fn of_pv(whole: &Together, best: &SegmentAnswer<SegmentFit>, shared: bool) -
         .with("load_steps", times(best.load_steps))
 }
 
-/// What the valve's position says.
+/// Message of the fit to the valve's position.
 pub fn of_position(joint: &PositionAnswer) -> Message {
     let best = &joint.records[joint.shown].answer;
     let (recorder, step) = match best.recorder {

@@ -1,4 +1,4 @@
-//! What the valve's own position says: `position.` and the verdict.
+//! Texts on the valve's own position: `position.` and the verdict.
 
 use super::fit::copy;
 use super::{Numbers, Subject};

@@ -1,4 +1,4 @@
-//! What is wrong with a recording: `quality.` and the name of a finding.
+//! Texts of the findings on a recording: `quality.` and the name of a finding.
 
 use super::{Numbers, Subject};
 
@@ -65,9 +65,17 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "own_times joined": own_times!(), ", and OP many more than PV: {held} keep the last value until the next, and \
          {pv_rows} values of PV are joined by straight lines over {rows} rows; record PV as often as OP";
     "own_times": own_times!(), ": the rows are those of PV, and {held} keep the last value until the next";
+    "newest_first": "the newest row comes first in column '{column}', so the rows were taken from the last to the first: \
+         the numbers of rows below count from the oldest";
+    "setting_unused sample_time": "sample_time = {value} is not used, since column '{column}' has the times: leave it \
+         out, or, where that column holds no times, say that there is none (--time '', or columns.time = '' in \
+         loops.toml)";
+    "setting_unused": "{setting} = {value} is not used, since no column is the mode, and rows in manual are taken for \
+         rows in automatic: name the column (--mode, or columns.mode in loops.toml)";
     "too_few_rows": "the recording has {rows} rows, too few to tell anything: record for hours";
     "time_missing": "{rows} of {of} rows have no time and are not used: check the time column";
-    "time_reversed newest_first": reversed!(), "the newest row comes first; sort the rows by time, the oldest first";
+    "time_reversed newest_first": reversed!(), "the newest row comes first, but not throughout; sort the rows by time, the oldest first, or export in UTC if an \
+         hour is there twice";
     "time_reversed clock_set_back": reversed!(),
         "the clock seems to have been set back an hour: export in UTC, or name the time zone (--time-zone, time_zone)";
     "time_reversed unsorted": reversed!(), "sort the rows by time, or export in UTC if this is the end of summer time";
@@ -84,10 +92,12 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "span outside": "{signal} goes from {low:.4g} to {high:.4g}, beyond its span of {span_low:.4g} to \
          {span_high:.4g}: check the span and the column, and name numbers that stand for a missing value in \
          bad_values";
-    "span fraction": "OP stays between {low:.4g} and {high:.4g}, as a fraction of 1 does and hardly any percentage: \
-         write op_span = [0, 1] (--op-span 0 1) if it is one";
-    "span current": "OP stays between {low:.4g} and {high:.4g}, as a current in mA does: write op_span = [4, 20] \
-         (--op-span 4 20) if it is one, else op_span = [0, 100]";
+    "span fraction": "OP stays between {low:.4g} and {high:.4g}, as a fraction of 1 does and hardly any percentage, so \
+         its unit is left open: write op_span = [0, 1] (--op-span 0 1) for a fraction, op_span = [0, 100] \
+         (--op-span 0 100) for per cent";
+    "span current": "OP stays between {low:.4g} and {high:.4g}, as a current of 4 to 20 mA does, and as a percentage \
+         does where the valve is hardly open, so its unit is left open: write op_span = [4, 20] (--op-span 4 20) for \
+         mA, op_span = [0, 100] (--op-span 0 100) for per cent";
     "not_auto": "the loop is not in auto in {share:share} of the rows, which are not used: take a time in auto, or \
          check which mode values mean auto";
     "at_limit": "OP is at its low limit in {at_low:share} and at its high limit in {at_high:share} of the rows, \
@@ -161,6 +171,7 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
         "spikes" | "shifts" => counts(n.number("count") > named, "more"),
         "sign" => counts(n.number("kp").is_some(), "kp"),
         "settings" => n.word("parameter"),
+        "setting_unused" => n.word("setting"),
         _ => String::new(),
     };
     vec![one]

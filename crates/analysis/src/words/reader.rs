@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// What a sentence needs beside the numbers of its message.
+/// Facts that a sentence needs beyond the numbers of its message.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Reader {

@@ -1,4 +1,4 @@
-//! Where a setting of the detector comes from.
+//! Texts on the source of a detector's setting.
 
 use super::{Numbers, Subject};
 

@@ -1,4 +1,4 @@
-//! What a step test in the recording gives.
+//! Texts on a step test in the recording.
 
 use super::{Subject, plain};
 
@@ -56,7 +56,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "positioner": "the positioner's own part of it, by its settings: {percent:.3g} % of travel";
     "positioner_of_span":
         "the positioner's own part of it, by its settings: {percent:.3g} % of travel, {width:.3g} {op_unit}";
-    // What a reading rests on, or why it gives nothing.
+    // Evidence of a reading, or the reason why there is none.
     "gain": "Δ{symbol}/ΔOP = {delta_pv:.3g} {pv_unit} / {delta_op:.3g} {unit}";
     "gap": "|ΔOP| − |Δ{symbol}|/|Kp| = {delta_op:.3g} − {delta_pv:.3g}/{kp:.3g} {unit}";
     "first_move": "first move: where in its gap the valve stood before it is not known";

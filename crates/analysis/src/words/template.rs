@@ -43,6 +43,7 @@ pub(super) enum Part<'a> {
     Field(&'a str, &'a str),
 }
 
+/// The literal parts and fields of a sentence.
 pub(super) fn parts(sentence: &str) -> Vec<Part<'_>> {
     let mut parts = Vec::new();
     let mut rest = sentence;
@@ -64,6 +65,7 @@ pub(super) fn parts(sentence: &str) -> Vec<Part<'_>> {
     parts
 }
 
+/// A value that the reader gives: name, unit, moment.
 fn of_reader(name: &str, reader: &Reader) -> Option<Value> {
     let of = match name {
         "name" => &reader.name,
@@ -87,6 +89,7 @@ fn written(value: &Value, format: &str, reader: &Reader) -> Result<Option<String
     })
 }
 
+/// A value without a unit as text; none where the format needs one.
 fn simple(value: &Value, format: &str, reader: &Reader) -> Option<String> {
     let row = |row: i64| format!("row {}", row + reader.first_row);
     Some(match (format, value) {
@@ -114,6 +117,7 @@ fn simple(value: &Value, format: &str, reader: &Reader) -> Option<String> {
     })
 }
 
+/// A quantity with its unit as text.
 fn measured(x: f64, format: &str, value: &Value, reader: &Reader) -> Option<String> {
     Some(match format {
         "seconds" => number::seconds(x),

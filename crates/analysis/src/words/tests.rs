@@ -1,4 +1,4 @@
-//! Formats and wordings held to what Python wrote before the words stood here, and the catalogue to its own rules.
+//! Formats and wordings compared with those of Python before the words were here, and the catalogue with its own rules.
 
 use super::template::{self, Part};
 use super::*;
@@ -89,7 +89,7 @@ fn what_is_missing_is_named() {
     assert_eq!(wrong.to_string(), "message 'crossings.noise': 'd' cannot be written as 'op'");
 }
 
-/// An answer of a document, and what is told of it.
+/// Texts of an answer in a document.
 fn texts_for(facts: Json) -> AnswerTexts {
     let reader = Reader { name: "FIC1".into(), op_unit: "%".into(), ..Reader::default() };
     texts_of(&serde_json::from_value(facts).unwrap(), &reader).unwrap()
@@ -286,7 +286,7 @@ fn what_an_analysis_found_is_told_without_a_number_missing() {
         let message =
             of_identification(&Identification { samples: 9, values, settings: None, reason: Some(reason) }).unwrap();
         assert!(text(&message.code, &message.numbers, &reader).is_ok(), "{message:?}");
-        // What is stored says the same.
+        // A stored message renders to the same text.
         let stored = serde_json::to_string(&message).unwrap();
         let read: Message = serde_json::from_str(&stored).unwrap();
         assert!(text(&read.code, &read.numbers, &reader).is_ok(), "{stored}");

@@ -1,4 +1,4 @@
-//! How the width changes.
+//! Texts on the trend of the width.
 
 use super::{Subject, plain};
 

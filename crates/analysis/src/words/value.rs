@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// There is none.
+    /// No value.
     None,
     /// Yes or no.
     Flag(bool),
@@ -18,7 +18,7 @@ pub enum Value {
     Number(f64),
     /// A name.
     Word(Cow<'static, str>),
-    /// Another message, which is told within this one.
+    /// Another message, whose sentence is part of this one.
     Message(Box<Message>),
     /// Several of them.
     List(Vec<Self>),
@@ -92,7 +92,7 @@ impl From<Message> for Value {
     }
 }
 
-/// Where the numbers of a message come from.
+/// A source of a message's numbers.
 pub trait Numbers {
     /// The one of that name; none where it is not there.
     fn value(&self, name: &str) -> Option<Value>;
@@ -133,12 +133,12 @@ impl dyn Numbers + '_ {
     }
 }
 
-/// A code with its numbers: what is stored and sent in place of a sentence.
+/// A code with its numbers: the stored and sent form of a sentence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Message {
     /// `subject.name`, as the catalogue has it.
     pub code: String,
-    /// Its numbers by name.
+    /// Numbers by name.
     #[serde(default)]
     pub numbers: BTreeMap<String, Value>,
 }

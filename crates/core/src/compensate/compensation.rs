@@ -1,4 +1,4 @@
-//! Compensation of a gap: what is added to the controller's output so that the valve follows it.
+//! Compensation of a gap: a signal added to the controller's output so that the valve follows it.
 
 use super::harm::{Harm, HarmState};
 use crate::detect::zero_crossing::sign_of;
@@ -26,7 +26,7 @@ pub(super) fn usual_release<R: Real>(ti: R) -> R {
     ti.lesser(R::of(LONGEST_RELEASE.1))
 }
 
-/// Lets an account fill up again: half of what the budget allows in an hour is there at any moment.
+/// Refills an account: half of the budget of an hour is there at any moment.
 #[inline(always)]
 pub(super) fn repay<R: Real>(spent: &mut R::Sum, budget: R, h: R) {
     spent.add(-(budget * (h / R::of(7200.0))));
@@ -36,7 +36,7 @@ pub(super) fn repay<R: Real>(spent: &mut R::Sum, budget: R, h: R) {
 }
 
 named! {
-    /// How the direction in which the valve is driven is found (thesis 2.2).
+    /// Method that finds the direction in which the valve is driven (thesis 2.2).
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
@@ -62,7 +62,7 @@ impl Way {
 }
 
 named! {
-    /// Where the width comes from that a [`Compensation`] takes its share of (thesis 6.4).
+    /// Source of the width that a [`Compensation`] takes its share of (thesis 6.4).
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
@@ -78,12 +78,12 @@ named! {
 }
 
 named! {
-    /// What a [`Compensation`] does at present, or why it does nothing. The first that holds, in this order.
+    /// State of a [`Compensation`]: active, or the reason why it is not. The first that holds, in this order.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
     pub enum Standing {
-        /// It compensates.
+        /// Compensation is active.
         Active = 0 => "active",
         /// Nobody has enabled it.
         #[default]
@@ -102,7 +102,7 @@ named! {
         EstimateLost = 7 => "estimate_lost",
         /// Something in the loop is at a limit, or OP is so near one that there is no room.
         AtLimit = 8 => "at_limit",
-        /// Nothing is left to compensate: the size is 0, or no wider than the noise band.
+        /// No width is left to compensate: the size is 0, or no wider than the noise band.
         TooSmall = 9 => "too_small",
         /// All is well: it comes in with the next reversal.
         Waiting = 10 => "waiting",
@@ -121,14 +121,14 @@ named! {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CompensationSettings<R> {
-    /// How the direction is found.
+    /// Method that finds the direction.
     pub way: Way,
     /// Gain K ≠ 0 of the controller, negative for direct action. Only its sign counts, and only for [`Way::Error`]: OP
     /// itself carries it already.
     pub k: R,
     /// Integral time Ti > 0 of the controller \[s\], by which [`bounds`](Self::bounds) go.
     pub ti: R,
-    /// Where the width comes from.
+    /// Source of the width.
     pub source: Source,
     /// Width that a person typed, or the lower limit of the fit where its verdict is backlash; 0 or greater [OP unit]. Not used by
     /// [`Source::Estimate`].
@@ -137,15 +137,15 @@ pub struct CompensationSettings<R> {
     pub share: R,
     /// Greatest width that may be compensated, whatever the size came from \[OP unit\].
     pub limit: R,
-    /// How far u_f must go back before that counts as a reversal, for [`Way::Inverse`]; 0 or greater [OP unit]. With
+    /// Distance that u_f must go back to count as a reversal, for [`Way::Inverse`]; 0 or greater [OP unit]. With
     /// [`Source::Estimate`] it is at least a fifth of the estimate.
     pub band: R,
     /// Time constant of the second-order filter of u, 0 or greater \[s\]; not used by [`Way::Error`].
     pub tf: R,
     /// Greatest rate of u_FF > 0 [OP unit per s].
     pub rate: R,
-    /// With [`Source::Estimate`], the shortest time from side to side, 0 or greater \[s\]: the rate of a width that nobody knows
-    /// yet.
+    /// Shortest time from side to side with [`Source::Estimate`], 0 or greater \[s\]: the rate of a width that nobody
+    /// knows yet.
     pub ramp_time: R,
     /// Time over which it is taken away > 0 \[s\].
     pub release: R,
@@ -153,14 +153,14 @@ pub struct CompensationSettings<R> {
     pub travel: R,
     /// Budget: changes of its direction in any hour, 2 or more.
     pub reversals: R,
-    /// Time over which the loop is compared with what it was before > 0 \[s\]; three hundred Ti and more.
+    /// Time over which the loop is compared with its state before > 0 \[s\]; three hundred Ti and more.
     pub watch: R,
     /// Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
     pub withdraw: bool,
     /// Whether the on-line estimate may make the size smaller.
     pub estimate: bool,
-    /// Whether a fit contradicts the detections: their estimate is struck, and is no source.
-    pub struck: bool,
+    /// Whether a fit contradicts the detections: their estimate is no source.
+    pub contradicted: bool,
     /// Limits of OP [OP unit].
     pub limits: Saturation<R>,
 }
@@ -191,7 +191,7 @@ impl<R: Real> CompensationSettings<R> {
             watch: R::of(300.0) * ti,
             withdraw: true,
             estimate: true,
-            struck: false,
+            contradicted: false,
             limits: Saturation::none(),
         }
     }
@@ -258,11 +258,11 @@ impl<R: Real> CompensationSettings<R> {
 /// The bounds of a setting: `low` ≤ value ≤ `high`, or `low` < value where it must be `above`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound<R> {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Its unit; 1 where it has none.
+    /// Unit; 1 where it has none.
     pub unit: &'static str,
-    /// What it is now.
+    /// Present value.
     pub value: R,
     /// The least.
     pub low: R,
@@ -270,11 +270,12 @@ pub struct Bound<R> {
     pub high: R,
     /// Whether the least itself is out.
     pub above: bool,
-    /// Both in words.
+    /// Name and unit in words.
     pub words: &'static str,
 }
 
 impl<R: Real> Bound<R> {
+    /// Checks the value against its bounds.
     fn check(&self) -> Result<(), ParameterError> {
         let enough = if self.above { self.value > self.low } else { self.value >= self.low };
         require(self.name, self.value, enough && self.value <= self.high, self.words).map(|_| ())
@@ -290,16 +291,16 @@ pub struct CompensationSample<R> {
     pub u: R,
     /// Time since the sample before \[s\].
     pub h: R,
-    /// On-line estimate of the whole gap, where there is one: the detector's, which shows what is left, and the size that was in
-    /// force while it was made [OP unit].
+    /// On-line estimate of the whole gap, where there is one: the detector's, which shows the part that is left, and
+    /// the size that was in force while it was made [OP unit].
     pub d_hat: Option<R>,
-    /// That estimate where it may be compensated by: it is a source.
+    /// Estimate that may be compensated by: it is a source.
     pub offered: Option<R>,
     /// Whether over-compensation is warned of.
     pub over: bool,
     /// Whether a person wants it on.
     pub enable: bool,
-    /// What stands in the way that only whoever hands u_FF on can see: [`Standing::TooLate`], [`Standing::NotFollowed`].
+    /// Obstacle that only the caller who hands on u_FF can see: [`Standing::TooLate`], [`Standing::NotFollowed`].
     pub hindered: Option<Standing>,
     /// [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`]; 0 = all well.
     pub flags: Status,
@@ -375,7 +376,7 @@ pub struct Compensation<R> {
     harm: Harm<R>,
 }
 
-/// What a [`Compensation`] remembers.
+/// State of a [`Compensation`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CompensationState<R: Real> {
@@ -384,7 +385,7 @@ pub struct CompensationState<R: Real> {
     /// Lowest and highest u_f since the last reversal.
     low: R,
     high: R,
-    /// Which way the valve is driven: +1 or −1; 0 while it is not known.
+    /// Direction in which the valve is driven: +1 or −1; 0 while unknown.
     pub direction: i8,
     /// The side that u_FF was last sent to: +1 or −1.
     side: i8,
@@ -394,30 +395,30 @@ pub struct CompensationState<R: Real> {
     withdrawn: Option<Standing>,
     /// Half of the width in force now [OP unit].
     pub half: R::Sum,
-    /// From where it is taken away.
+    /// Size at the beginning of the decrease.
     whole: R,
-    /// What is added to OP [OP unit].
+    /// Feed-forward added to OP [OP unit].
     pub u_ff: R::Sum,
     /// The smallest on-line estimate since it was enabled [OP unit].
     pub d_hat: Option<R>,
     /// The on-line estimate when it was enabled, where that is the source [OP unit].
     pressed: R,
-    /// It was none to compensate by.
+    /// The estimate was unfit to compensate by.
     unfit: bool,
     /// The width of the gap that it goes by [OP unit].
     pub size: R,
-    /// δ: what is left of share·size after the noise band [OP unit].
+    /// δ: share·size less the noise band [OP unit].
     pub delta: R,
     /// Travel that counts against the budget, which an hour takes off again [OP unit].
     pub travel: R::Sum,
     /// Reversals that count against the budget.
     pub reversals: R::Sum,
-    /// What it does, or why it does nothing.
+    /// State: active, or the reason why it is not.
     pub standing: Standing,
 }
 
 impl<R: Real> CompensationState<R> {
-    /// The width that stays uncompensated while it is in force: what the share leaves, and the noise band [OP unit].
+    /// The width that stays uncompensated while it is in force: the rest of the share, and the noise band [OP unit].
     pub fn left(&self) -> R {
         (self.size - self.delta).greater(R::ZERO)
     }
@@ -507,7 +508,7 @@ impl<R: Real> Compensation<R> {
         state.u_ff.value()
     }
 
-    /// Compares the loop with what it was before it was enabled.
+    /// Compares the loop with its state before it was enabled.
     #[inline(always)]
     fn compare(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
         let since = state.in_force;
@@ -597,7 +598,7 @@ impl<R: Real> Compensation<R> {
         let s = &self.settings;
         if !sample.enable {
             state.d_hat = None;
-            // What it would be, were it enabled now.
+            // The value it would have if it were enabled now.
             state.pressed =
                 if state.u_ff.value() == R::ZERO { sample.offered().unwrap_or(R::ZERO) } else { state.pressed };
         } else if let Some(d_hat) = d_hat {
@@ -660,7 +661,7 @@ impl<R: Real> Compensation<R> {
         let two = R::of(2.0);
         let u_ff = state.u_ff.value();
         let moves = if u_ff == R::ZERO || state.side == state.direction { R::ZERO } else { R::ONE };
-        // There, and from there back to 0.
+        // Travel to the goal, and from it back to 0.
         let way = u_ff.magnitude() + two * goal;
         if (state.reversals.value() + moves) * two > s.reversals {
             state.withdrawn = Some(Standing::TooManyReversals);
@@ -699,7 +700,7 @@ mod tests {
             reversals: R::of(1e6),
             withdraw: true,
             estimate: true,
-            struck: false,
+            contradicted: false,
             limits: Saturation::new(R::of(-100.0), R::of(100.0)).unwrap(),
         }
     }
@@ -786,7 +787,7 @@ mod tests {
                 made.err().is_some_and(|error| error.name == bound.name && error.bound == bound.words)
             };
             let step = |x: f64, by: f64| x + by * (x.abs() * 1e-15 + 1e-300);
-            // What others are bounded by moves their bounds with it.
+            // A parameter that bounds others moves their bounds with it.
             let moves = ["ti", "size"].contains(&bound.name);
             assert!(moves || !refused(bound.high), "{bound:?}");
             assert!(refused(step(bound.high, 1.0)), "{bound:?}");
@@ -844,7 +845,7 @@ mod tests {
                 let (block, mut state) = active(settings(way));
                 let full = state.u_ff;
                 assert!(full > 0.7);
-                // In steps of a tenth of `release`: a ramp, not a jump.
+                // Changed in steps of a tenth of `release`: a ramp, not a jump.
                 let shown: Vec<f64> =
                     (0..10).map(|_| block.update(&mut state, &CompensationSample { h: 0.1, ..*sample })).collect();
                 assert_eq!(state.standing, *standing);
@@ -1147,7 +1148,7 @@ mod tests {
                     let u_ff = block.update(&mut state, &sample(0.0, u));
                     let (y, w) = (gap.update(&mut valve, u + u_ff), rest.update(&mut wished, u));
                     if !known {
-                        // Both gaps begin at the same edge, once the valve has been driven there.
+                        // Both gaps begin at the same edge, after the valve was driven to it once.
                         ran = if state.direction == side { ran + step.abs() } else { 0.0 };
                         side = state.direction;
                         known = state.standing == Standing::Active && ran > 2.0 * d;

@@ -1,4 +1,4 @@
-//! Whether a loop has become worse: what a compensation may not do.
+//! Check that a loop has not become worse, as no compensation may make it.
 
 use crate::{Real, Sum};
 
@@ -42,7 +42,7 @@ pub(crate) struct Harm<R> {
     pub(crate) band: R,
 }
 
-/// What [`Harm`] remembers.
+/// State of [`Harm`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct HarmState<R: Real> {
@@ -50,7 +50,7 @@ pub(crate) struct HarmState<R: Real> {
     since: Blocks<R>,
     /// Whether the block is one of those since it is in force.
     in_force: bool,
-    /// Of the block: how long it is \[s\], its integral of |e|, its reversals.
+    /// Running sums of the block: duration \[s\], integral of |e|, reversals.
     time: R::Sum,
     area: R::Sum,
     reversals: R,
@@ -153,7 +153,7 @@ impl<R: Real> Harm<R> {
             || beyond(since.reversals.value - R::of(1.5) * before.reversals.value, of_n, chance * scatter)
     }
 
-    /// Begins anew with what is since it is in force.
+    /// Begins anew with the values since it is in force.
     pub(crate) fn begin(&self, state: &mut HarmState<R>, in_force: bool) {
         (state.in_force, state.burst, state.since) = (in_force, 0, Blocks::default());
         self.interrupt(state);
@@ -165,6 +165,7 @@ impl<R: Real> Harm<R> {
         (state.reversals, state.direction) = (R::ZERO, 0);
     }
 
+    /// Whether OP has reversed by more than the band.
     #[inline(always)]
     fn turned(&self, state: &mut HarmState<R>, op: R) -> bool {
         if state.direction == 0 {

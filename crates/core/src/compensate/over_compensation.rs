@@ -6,7 +6,7 @@ use crate::{HalfPeriod, ParameterError, Real};
 /// Half-periods that [`OverCompensation`] looks at.
 const N: usize = 8;
 
-/// What [`OverCompensation`] says after a half-period.
+/// Warning of [`OverCompensation`] after a half-period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OverWarning {
@@ -70,7 +70,7 @@ pub struct OverCompensation<R> {
     ti: R,
 }
 
-/// What an [`OverCompensation`] remembers.
+/// State of an [`OverCompensation`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OverCompensationState<R> {
@@ -84,7 +84,7 @@ pub struct OverCompensationState<R> {
     before: Option<R>,
 }
 
-/// What the half-periods in the ring have in common.
+/// Facts that the half-periods in the ring share.
 struct Row<R> {
     equal: bool,
     alike: bool,

@@ -8,7 +8,7 @@ use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, Sum};
 
 named! {
-    /// How a valve that sticks is pushed.
+    /// Method of pushing a valve that sticks.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
@@ -29,7 +29,7 @@ named! {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct StictionSettings<R> {
-    /// How it is pushed.
+    /// Method of pushing.
     pub push: Push,
     /// Gain K ≠ 0 of the controller, negative for direct action; only its sign counts, and only for [`Push::TwoMoves`].
     pub k: R,
@@ -43,9 +43,10 @@ pub struct StictionSettings<R> {
     pub hold: R,
     /// Time from one push to the next, at least 2 `hold`, at most 1000 Ti \[s\]; not used by [`Push::Reinforcement`].
     pub period: R,
-    /// How far OP must have gone, or gone back, before that is a direction; 0 or greater [OP unit]. Not used by [`Push::TwoMoves`].
+    /// Distance that OP must have gone, or gone back, to count as a direction; 0 or greater [OP unit]. Not used by
+    /// [`Push::TwoMoves`].
     pub band: R,
-    /// How far PV must be off SP before it is pushed, 0 or greater [PV unit]; for [`Push::TwoMoves`].
+    /// Distance of PV from SP that starts a push, 0 or greater [PV unit]; for [`Push::TwoMoves`].
     pub far: R,
     /// Greatest rate of u_FF > 0, at most 1E37 [OP unit per s].
     pub rate: R,
@@ -53,7 +54,7 @@ pub struct StictionSettings<R> {
     pub release: R,
     /// Budget: travel of u_FF in any hour > 0, at most 1E37 [OP unit].
     pub travel: R,
-    /// Time over which the loop is compared with what it was before > 0, at most 1E5 Ti \[s\].
+    /// Time over which the loop is compared with its state before > 0, at most 1E5 Ti \[s\].
     pub watch: R,
     /// Whether a loop that is worse than before withdraws it.
     pub withdraw: bool,
@@ -106,7 +107,7 @@ pub struct StictionSample<R> {
     pub flags: Status,
 }
 
-/// Pushes against the stiction of a valve: what is added to the controller's output.
+/// Pushes against the stiction of a valve: a signal added to the controller's output.
 ///
 /// ```text
 /// knocker:        each period, for `hold`:   u_FF = size·sign(u − u at the pulse before)
@@ -141,7 +142,7 @@ pub struct Stiction<R> {
     harm: Harm<R>,
 }
 
-/// What a [`Stiction`] remembers.
+/// State of a [`Stiction`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct StictionState<R: Real> {
@@ -154,18 +155,18 @@ pub struct StictionState<R: Real> {
     high: R,
     /// Time since the last push began, or since the first sample \[s\].
     time: R::Sum,
-    /// Which way it is pushed: +1 or −1; 0 while that is not known.
+    /// Direction of the push: +1 or −1; 0 while unknown.
     pub direction: i8,
     in_force: bool,
     /// Why it was withdrawn until it is enabled anew.
     withdrawn: Option<Standing>,
-    /// From where it is taken away.
+    /// Size at the beginning of the decrease.
     whole: R,
-    /// What is added to OP [OP unit].
+    /// Feed-forward added to OP [OP unit].
     pub u_ff: R::Sum,
     /// Travel that counts against the budget, which an hour takes off again [OP unit].
     pub travel: R::Sum,
-    /// What it does, or why it does nothing.
+    /// State: active, or the reason why it is not.
     pub standing: Standing,
 }
 
@@ -237,7 +238,7 @@ impl<R: Real> Stiction<R> {
         state.u_ff.value()
     }
 
-    /// Which way it is to be pushed; whether a push begins.
+    /// Finds the direction of the push, and whether one begins.
     fn look(&self, state: &mut StictionState<R>, sample: &StictionSample<R>) -> bool {
         let s = &self.settings;
         let u = sample.u;
@@ -277,7 +278,7 @@ impl<R: Real> Stiction<R> {
         state.direction != 0
     }
 
-    /// Where u_FF is to go while it is in force.
+    /// Goal of u_FF while it is in force.
     fn goal(&self, state: &StictionState<R>) -> R {
         let s = &self.settings;
         let (towards, time) = (if state.direction < 0 { -s.size } else { s.size }, state.time.value());
@@ -316,7 +317,7 @@ impl<R: Real> Stiction<R> {
     /// Takes a push off the account; withdraws it where that does not suffice.
     fn pay(&self, state: &mut StictionState<R>) -> Standing {
         let s = &self.settings;
-        // There and back, or to both sides and back.
+        // Travel out and back, or to both sides and back.
         let way = R::of(if s.push == Push::TwoMoves { 4.0 } else { 2.0 }) * s.size;
         if (state.travel.value() + state.u_ff.value().magnitude() + way) * R::of(2.0) > s.travel {
             state.withdrawn = Some(Standing::TooMuchTravel);
@@ -324,7 +325,7 @@ impl<R: Real> Stiction<R> {
         state.withdrawn.unwrap_or(Standing::Active)
     }
 
-    /// Compares the loop with what it was before it was enabled. The pushes themselves are no turns of the controller.
+    /// Compares the loop with its state before it was enabled. The pushes themselves are no turns of the controller.
     fn compare(&self, state: &mut StictionState<R>, sample: &StictionSample<R>, bad: bool) {
         let unknown = bad || sample.flags != 0 || !(sample.e + sample.u).is_measurable();
         if !state.in_force && (state.standing != Standing::NotEnabled || unknown) {

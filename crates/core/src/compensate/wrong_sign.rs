@@ -2,18 +2,18 @@
 
 use crate::detect::zero_crossing::sign_of;
 use crate::error::require;
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, Sum};
 
 /// The share of OP's span that it must have gone through on its way to the limit.
 const TRAVEL: f64 = 0.2;
 /// The share of that way by which it moves in a sample where it only rounds.
 const ROUNDING: f64 = 1e-5;
-/// How many times as far PV must be from SP where OP reaches the limit as it was in the first half of that way.
+/// Ratio of PV's distance from SP where OP reaches the limit to that in the first half of the way.
 const GROWN: f64 = 1.5;
-/// How far PV must have gone beyond the farthest that it was from SP before.
+/// Ratio by which PV must exceed its farthest distance from SP before.
 const BEYOND: f64 = 1.1;
-/// How long OP must have stood at its limit \[Ti\].
+/// Time that OP must have stood at its limit \[Ti\].
 const WAIT: f64 = 5.0;
 /// A longer time between samples is a gap \[s\].
 const LONGEST: f64 = 1e9;
@@ -65,7 +65,7 @@ pub struct WrongSign<R> {
     travel: R,
 }
 
-/// What a [`WrongSign`] remembers.
+/// State of a [`WrongSign`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct WrongSignState<R: Real> {
@@ -79,8 +79,8 @@ pub struct WrongSignState<R: Real> {
     /// Greatest |e| in the first half of the way, and until OP reached its limit.
     early: R,
     farthest: R,
-    /// Since OP stands at its limit: how long \[s\], |e| and PV when it came there, whether it came from far with |e| growing,
-    /// and the integral of what PV has gone away.
+    /// Time since OP stands at its limit \[s\], |e| and PV at that moment, whether OP came from far with |e| growing,
+    /// and the integral of PV's distance since.
     time: R::Sum,
     e: R,
     pv: R,
@@ -98,11 +98,11 @@ impl<R: Real> WrongSign<R> {
     }
 
     /// Takes setpoint, filtered process value and output, the time since the last sample `h` \[s\], and flags ([`NOT_AUTO`],
-    /// [`BAD`], [`GAP`], [`AT_LOW`], [`AT_HIGH`]); tells whether the sign is wrong.
+    /// [`BAD`], [`DATA_GAP`], [`AT_LOW`], [`AT_HIGH`]); tells whether the sign is wrong.
     #[inline(always)]
     pub fn update(&self, state: &mut WrongSignState<R>, sp: R, yf: R, op: R, h: R, flags: Status) -> bool {
         let e = sp - yf;
-        if flags & (BAD | GAP) != 0
+        if flags & (BAD | DATA_GAP) != 0
             || !(e.is_measurable() && yf.is_measurable() && op.is_measurable() && h <= R::of(LONGEST))
         {
             if !state.found {
@@ -138,6 +138,7 @@ impl<R: Real> WrongSign<R> {
         state.found
     }
 
+    /// Follows PV while OP stands at its limit.
     #[inline(never)]
     fn at_limit(&self, state: &mut WrongSignState<R>, e: R, yf: R, h: R) {
         if state.time.value() == R::ZERO {
@@ -253,7 +254,7 @@ mod tests {
                 block.update(&mut state, 0.0, -5.0 - f64::from(n), 100.0, 1.0, AT_HIGH);
             }
             prop_assert!(state.found);
-            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 1.1e9, 0), (-1.1e30, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
+            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 1.1e9, 0), (-1.1e30, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, DATA_GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
                 prop_assert!(block.update(&mut state, 0.0, yf, 100.0, h, flags));
             }
             let (yf, flags) = if by_hand { (-30.0, NOT_AUTO) } else { (0.1, 0) };

@@ -43,7 +43,7 @@ pub struct Pid<R> {
     limits: Saturation<R>,
 }
 
-/// What a [`Pid`] remembers from sample to sample.
+/// State of a [`Pid`] from sample to sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PidState<R: Real> {
@@ -123,11 +123,13 @@ impl<R: Real> Pid<R> {
         u
     }
 
+    /// Proportional part K·(b·ysp − yf).
     #[inline(always)]
     fn proportional(&self, ysp: R, yf: R::Sum) -> R {
         self.k * yf.to(self.b * ysp)
     }
 
+    /// Derivative part −K·Td/h·Δyf.
     #[inline(always)]
     fn derivative(&self, state: &PidState<R>, yf: R::Sum, h: R) -> R {
         if state.started && self.td > R::ZERO && h > R::ZERO {

@@ -2,10 +2,10 @@
 
 use crate::{Real, Reason, Span, SwingParts};
 
-/// What [`pairs`] needs of a half-period.
+/// Facts of a half-period that [`pairs`] needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Half<R> {
-    /// From when to when.
+    /// First and last time.
     pub span: Span,
     /// +1 PV below SP, −1 above.
     pub sign: i8,
@@ -71,13 +71,13 @@ named! {
     }
 }
 
-/// Pairs without which nothing is said where Kp is known; where it is not, one more.
+/// Pairs that a result needs where Kp is known; where it is not, one more.
 pub const FEWEST: usize = 3;
 
 /// Plateaus that lie further above Δy than this were not reached.
 const STEEPEST: f64 = 1.4;
 
-/// How far widths may lie from their median to agree; their scatter is all that tells of a load that wanders.
+/// Relative distance from their median within which widths agree; their scatter is the only sign of a wandering load.
 const AGREE: f64 = 0.1;
 
 /// Pairs of the accepted half-periods among `halves`, which are in the order of time: those with a travel, between
@@ -118,6 +118,7 @@ pub fn corrected<R: Real>(pairs: &mut [Pair<R>], kp: Option<R>) -> Result<Correc
     }
 }
 
+/// Corrected width with a known Kp.
 fn with_gain<R: Real>(pairs: &mut [Pair<R>], kp: R) -> Result<Corrected<R>, Doubt> {
     if pairs.len() < FEWEST {
         return Err(Doubt::TooFew);
@@ -139,6 +140,7 @@ fn with_gain<R: Real>(pairs: &mut [Pair<R>], kp: R) -> Result<Corrected<R>, Doub
     Ok(Corrected { d: sum / R::of(kept as f64), low, high, kp, kp_range: None })
 }
 
+/// Corrected width and Kp together, by a line through the pairs.
 fn together<R: Real>(pairs: &mut [Pair<R>]) -> Result<Corrected<R>, Doubt> {
     if pairs.len() <= FEWEST {
         return Err(Doubt::TooFew);

@@ -59,12 +59,12 @@ pub struct CorrectionState<R: Real> {
     count: u8,
     /// A pair has come and is still to be worked off.
     due: bool,
-    /// With which Kp the width was worked out.
+    /// Kp of the width's calculation.
     kp: Option<R>,
     width: Result<Corrected<R>, Doubt>,
 }
 
-/// What is kept of a half-period.
+/// Facts kept of a half-period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Past<R> {
@@ -147,6 +147,7 @@ impl<R: Real> Correction<R> {
         }
     }
 
+    /// Computes the corrected width from the pairs that are kept.
     #[inline(never)]
     fn work_off(&self, s: &mut CorrectionState<R>) {
         let count = usize::from(s.count).min(PAIRS);
@@ -160,7 +161,8 @@ impl<R: Real> Correction<R> {
         (s.due, s.kp) = (false, self.kp);
     }
 
-    /// The width, or why there is none; `shown`: there is an estimate by the zero crossings that is no less than the noise limit.
+    /// The width, or the reason why there is none; `shown`: there is an estimate by the zero crossings that is no less
+    /// than the noise limit.
     pub fn width(&self, s: &CorrectionState<R>, shown: bool) -> Result<Corrected<R>, Doubt> {
         if self.integrating {
             return Err(Doubt::Integrating);

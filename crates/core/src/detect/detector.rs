@@ -5,7 +5,7 @@ mod lanes;
 
 pub use batch::{Columns, Span};
 
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};
 use crate::{
     Estimate, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, NoiseLevel, ParameterError, Real, Reason,
     SafetyNet, SecondOrderFilter, SecondOrderFilterState, Sum, Width, WidthParts, ZeroCrossing, error::require,
@@ -30,7 +30,7 @@ pub struct Sample<R> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HalfPeriodResult<R> {
-    /// What the signals did.
+    /// Signals of the half-period.
     pub half: HalfPeriod<R>,
     /// The width and its parts; a detection where `mask` is 0.
     pub parts: WidthParts<R>,
@@ -40,7 +40,7 @@ pub struct HalfPeriodResult<R> {
     pub previous_delta_y: Option<R>,
     /// The estimate compared in (5.1), where it was asked.
     pub d_hat_before: Option<R>,
-    /// What the detections say after this half-period, where there are any.
+    /// Estimate after this half-period; none before the first detection.
     pub estimate: Option<Estimate<R>>,
     /// The noise limit, from the level of the noise at the last detection [OP unit]; none where it is not known.
     pub noise_floor: Option<R>,
@@ -128,12 +128,12 @@ pub struct Detector<R> {
     pub(super) kp_defaulted: bool,
 }
 
-/// State of [`Detector`]: what is touched at every sample, and what only at a zero crossing.
+/// State of [`Detector`]: a part that changes at every sample, and one that changes at a zero crossing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DetectorState<R: Real> {
     signal: Signal<R>,
-    memory: Memory<R>,
+    memory: Conclusions<R>,
     /// Time of the last sample of [`Detector::run`], and of the first one of the half-period under way.
     t: Option<(f64, f64)>,
 }
@@ -173,14 +173,14 @@ impl<R: Real> Default for Signal<R> {
             op: SecondOrderFilterState::default(),
             crossing: ZeroCrossing::default(),
             half: HalfPeriodState::default(),
-            broken: GAP,
+            broken: DATA_GAP,
         }
     }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Memory<R: Real> {
+struct Conclusions<R: Real> {
     previous_delta_y: Option<R>,
     window: MedianMeanState<R>,
     estimate: Option<Estimate<R>>,
@@ -201,12 +201,12 @@ struct Memory<R: Real> {
 
 impl<R: Real> Default for DetectorState<R> {
     fn default() -> Self {
-        Self { signal: Signal::default(), memory: Memory::default(), t: None }
+        Self { signal: Signal::default(), memory: Conclusions::default(), t: None }
     }
 }
 
 impl<R: Real> DetectorState<R> {
-    /// What the detections say, where there have been any.
+    /// Estimate by the detections; none before the first.
     pub fn estimate(&self) -> Option<Estimate<R>> {
         self.memory.estimate
     }
@@ -233,10 +233,13 @@ impl<R: Real> DetectorState<R> {
 
     /// This state's place in the signals, with nothing concluded from the half-periods before it.
     pub fn unjudged(&self) -> Self {
-        Self { memory: Memory { previous_delta_y: self.memory.previous_delta_y, ..Memory::default() }, ..*self }
+        Self {
+            memory: Conclusions { previous_delta_y: self.memory.previous_delta_y, ..Conclusions::default() },
+            ..*self
+        }
     }
 
-    /// How many half-periods were accepted so far.
+    /// Number of accepted half-periods so far.
     pub fn accepted(&self) -> u32 {
         self.memory.accepted
     }
@@ -362,6 +365,7 @@ impl<R: Real> Detector<R> {
         Some((y, u, e))
     }
 
+    /// Whether the sample came within the usual time.
     #[inline(always)]
     fn in_time(&self, h: R) -> bool {
         h > R::ZERO && h <= self.max_h
@@ -378,6 +382,7 @@ impl<R: Real> Detector<R> {
         }
     }
 
+    /// Takes a sample into the half-period; gives the half-period where it ended.
     #[allow(clippy::too_many_arguments)]
     fn observe<const OP: bool>(
         &self,
@@ -443,12 +448,12 @@ impl<R: Real> Detector<R> {
             return (s, None);
         }
         let in_time = self.in_time(h);
-        // What is in time and continues no whole signal is bad; else the signal would start at this sample.
+        // A sample that is in time and continues no complete signal is bad; else the signal would start at it.
         let startable = flags & BAD == 0 && (sp - pv).is_measurable() && (!OP || op.is_measurable());
         let good = startable && (s.broken != 0 || !in_time);
         let mut ended = None;
         if s.broken == 0 || !in_time {
-            let cause = (if in_time { 0 } else { GAP }) | (if good { 0 } else { BAD });
+            let cause = (if in_time { 0 } else { DATA_GAP }) | (if good { 0 } else { BAD });
             if !s.half.is_empty() {
                 ended = Some(s.half.break_off(s.crossing.sign, cause));
             }
@@ -475,7 +480,7 @@ impl<R: Real> Detector<R> {
     #[inline(always)]
     fn judge(
         &self,
-        m: &mut Memory<R>,
+        m: &mut Conclusions<R>,
         half: HalfPeriod<R>,
         op_known: bool,
         noise: &NoiseLevel<R>,
@@ -487,7 +492,7 @@ impl<R: Real> Detector<R> {
     #[inline(always)]
     fn conclude(
         &self,
-        m: &mut Memory<R>,
+        m: &mut Conclusions<R>,
         mut half: HalfPeriod<R>,
         mut parts: WidthParts<R>,
         sigma: impl FnOnce() -> Option<R>,
@@ -506,7 +511,7 @@ impl<R: Real> Detector<R> {
         let settled = m.estimate.filter(|estimate| estimate.count == self.detections.n());
         let d_hat_before = settled.map(|estimate| estimate.value);
         let mask = self.net.check(&half, &parts, &self.width, previous_delta_y, d_hat_before);
-        let broken = half.flags & (GAP | BAD | NOT_AUTO) != 0;
+        let broken = half.flags & (DATA_GAP | BAD | NOT_AUTO) != 0;
         let sigma = if mask & !Reason::TooSmall.bit() == 0 { sigma() } else { None };
         if mask == 0 {
             self.accept(m, parts.d, sigma);
@@ -516,7 +521,7 @@ impl<R: Real> Detector<R> {
             m.excess.add(-half.delta_t);
         }
         m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
-        let &mut Memory { estimate, noise_floor, kp_defaulted, .. } = m;
+        let &mut Conclusions { estimate, noise_floor, kp_defaulted, .. } = m;
         HalfPeriodResult {
             half,
             parts,
@@ -530,8 +535,9 @@ impl<R: Real> Detector<R> {
         }
     }
 
+    /// Takes a detection into the estimate.
     #[inline(never)]
-    fn accept(&self, m: &mut Memory<R>, detection: R, sigma: Option<R>) {
+    fn accept(&self, m: &mut Conclusions<R>, detection: R, sigma: Option<R>) {
         m.estimate = Some(self.detections.update(&mut m.window, detection));
         m.noise_floor = sigma.map(|sigma| self.width.with_kp(m.kp).noise_floor(sigma));
         m.accepted = m.accepted.saturating_add(1);
@@ -540,7 +546,7 @@ impl<R: Real> Detector<R> {
 
     /// Keeps (5.1) from locking out a gap that has become smaller, or that the first detections got wrong.
     #[inline(never)]
-    fn reconsider(&self, m: &mut Memory<R>, detection: R, delta_t: R, sigma: Option<R>) {
+    fn reconsider(&self, m: &mut Conclusions<R>, detection: R, delta_t: R, sigma: Option<R>) {
         if m.rejected == 0 {
             m.candidates = MedianMeanState::default();
             m.excess = R::Sum::default();

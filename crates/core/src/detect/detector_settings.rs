@@ -1,4 +1,4 @@
-//! What a detector is told, with all of its defaults.
+//! Settings of a detector, with all defaults.
 
 use super::detector::checked;
 use crate::Conditions;
@@ -6,7 +6,7 @@ use crate::error::require;
 use crate::{Detector, MedianMean, ParameterError, Real, SafetyNet, SecondOrderFilter, Width};
 
 /// Steps of the usual length that a step may be long without being a gap.
-pub const GAP_STEPS: f64 = 3.0;
+pub const DATA_GAP_STEPS: f64 = 3.0;
 /// Length of the filter of detections (thesis 7.3).
 pub const DETECTIONS: u32 = 9;
 /// Process gain [%/%] where none is known but both spans are (thesis 7.2.2).
@@ -43,11 +43,12 @@ pub fn process_gain<R: Real>(given: Option<R>, spans: Option<(R, R)>, integratin
 pub struct DetectorSettings<R> {
     /// Gain K ≠ 0 of the controller in ideal form, negative for direct action [OP unit/PV unit].
     pub k: R,
-    /// Its integral time > 0 \[s\].
+    /// Integral time of the controller > 0 \[s\].
     pub ti: R,
-    /// Its derivative time ≥ 0 \[s\]; none: the width is taken from the output's own travel, or without its derivative part.
+    /// Derivative time of the controller ≥ 0 \[s\]; none: the width is taken from the output's own travel, or without
+    /// its derivative part.
     pub td: Option<R>,
-    /// Its setpoint weight, 0 to 1.
+    /// Setpoint weight of the controller, 0 to 1.
     pub b: R,
     /// Static process gain ≠ 0, where known [PV unit/OP unit]. None: [`Self::gain`] tells what stands for it.
     pub kp: Option<R>,
@@ -66,7 +67,7 @@ pub struct DetectorSettings<R> {
     pub op_limits: Option<(R, R)>,
     /// Span of the output > 0, where known: no gap is wider. None: that of the limits [OP unit].
     pub op_span: Option<R>,
-    /// Which conditions of the safety net are asked.
+    /// Conditions of the safety net that are checked.
     pub conditions: Conditions,
 }
 
@@ -84,7 +85,7 @@ impl<R: Real> DetectorSettings<R> {
             integrating: false,
             tf: Self::filter_time(ti, td),
             n: DETECTIONS,
-            max_h: R::of(GAP_STEPS) * h,
+            max_h: R::of(DATA_GAP_STEPS) * h,
             op_limits: None,
             op_span: None,
             conditions: Conditions::default(),
@@ -124,7 +125,7 @@ impl<R: Real> Detector<R> {
     /// Where one of them is out of its bounds.
     pub fn of(settings: &DetectorSettings<R>) -> Result<Self, ParameterError> {
         let &DetectorSettings { k, ti, td, b, tf, n, max_h, op_limits, op_span, conditions, .. } = settings;
-        // What others are worked out from is checked before them.
+        // Settings that others are calculated from are checked first.
         Width::new(k, ti, td, b, settings.kp)?;
         let span = op_span.or(checked(op_limits)?.map(|(low, high)| high - low));
         let net = SafetyNet { conditions, ..SafetyNet::new(span)? };

@@ -1,9 +1,9 @@
-//! The half-period: what the signals did between two zero crossings of the error.
+//! The half-period: the signals between two zero crossings of the error.
 
 use crate::status::{BAD, Status};
 use crate::{Adding, Numbers, Real, Sum};
 
-/// What the signals did between two zero crossings.
+/// Signals between two zero crossings.
 ///
 /// It holds the samples from the crossing up to, and without, the next crossing. Integrals are sums of h·|e|
 /// (the rectangle rule, which a PLC scan gives by itself); against the exact integral they err by at most h·e_max.
@@ -12,7 +12,7 @@ use crate::{Adding, Numbers, Real, Sum};
 pub struct HalfPeriod<R> {
     /// +1 where PV was below SP (e > 0), −1 above, 0 where no error other than zero was seen.
     pub sign: i8,
-    /// What was met on the way, see [`status`](crate::status).
+    /// Flags met in the half-period, see [`status`](crate::status).
     pub flags: Status,
     /// Number of samples.
     pub n: u32,
@@ -150,7 +150,7 @@ impl<R: Real> HalfPeriodState<R> {
         }
     }
 
-    /// What it would be if it ended now, with the slope of PV at its beginning.
+    /// The half-period as if it ended now, with the slope of PV at its beginning.
     pub(crate) fn so_far(&self, sign: i8, sp: R, op: R) -> HalfPeriod<R> {
         self.close(sign, sp, self.slope_start, op)
     }

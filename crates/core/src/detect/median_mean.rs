@@ -40,7 +40,7 @@ pub struct MedianMeanState<R> {
     count: u8,
 }
 
-/// What the filter shows.
+/// Output of the filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Estimate<R> {
@@ -50,9 +50,9 @@ pub struct Estimate<R> {
     pub low: R,
     /// The largest detection kept.
     pub high: R,
-    /// How many detections the mean is made of.
+    /// Number of detections in the mean.
     pub kept: u8,
-    /// How many detections are in the window; fewer than N: the estimate is provisional.
+    /// Number of detections in the window; fewer than N: the estimate is provisional.
     pub count: u8,
 }
 
@@ -96,6 +96,7 @@ impl MedianMean {
     }
 }
 
+/// Mean of the detections within 80–120 % of their median.
 fn estimate<R: Real>(detections: &[R]) -> Estimate<R> {
     let mut sorted = [R::ZERO; LONGEST_WINDOW];
     for (i, &x) in detections.iter().enumerate() {
@@ -130,7 +131,7 @@ fn estimate<R: Real>(detections: &[R]) -> Estimate<R> {
 mod tests {
     use super::*;
 
-    /// Where N had grown, the window took a place that never held a detection for one of 0.
+    /// Regression: when N had grown, the window took a place that never held a detection for one of 0.
     #[test]
     fn a_window_that_grows_holds_detections_only() {
         let (short, long) = (MedianMean::new(3).unwrap(), MedianMean::new(5).unwrap());

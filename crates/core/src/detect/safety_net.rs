@@ -1,6 +1,6 @@
 //! The safety net: which half-periods may become detections.
 
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO};
 use crate::{HalfPeriod, ParameterError, Real, Width, WidthParts, error::require};
 
 named! {
@@ -9,7 +9,7 @@ named! {
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
     #[repr(u8)]
     pub enum Reason {
-        /// It was not rejected.
+        /// Not rejected.
         #[default]
         Accepted = 0 => "accepted",
         /// Samples are missing before or within it.
@@ -69,7 +69,7 @@ impl Reason {
 pub struct SafetyNet<R> {
     /// Reject Δu ≥ this span [OP unit]; `None`: the span is not known.
     pub op_span: Option<R>,
-    /// Which of the others are asked.
+    /// Other conditions that are checked.
     pub conditions: Conditions,
 }
 
@@ -108,7 +108,7 @@ impl Default for Conditions {
 }
 
 impl Conditions {
-    /// Their names, in order.
+    /// Names of the conditions, in order.
     pub const NAMES: [&str; 7] = ["limits", "too_short", "not_square", "decaying", "growing", "sp_moved", "too_small"];
 
     /// The switch of that name, where there is one.
@@ -146,7 +146,7 @@ impl<R: Real> SafetyNet<R> {
         let Conditions { limits, too_short, not_square, decaying, growing, sp_moved, too_small } = self.conditions;
         let mut mask = 0;
         let mut fail = |failed: bool, reason: Reason| mask |= if failed { reason.bit() } else { 0 };
-        fail(half.flags & GAP != 0, Reason::Gap);
+        fail(half.flags & DATA_GAP != 0, Reason::Gap);
         fail(half.flags & BAD != 0, Reason::BadQuality);
         fail(half.flags & NOT_AUTO != 0, Reason::NotAuto);
         fail(limits && half.flags & (AT_LOW | AT_HIGH) != 0, Reason::Saturated);

@@ -1,6 +1,6 @@
 //! The swing of a half-period: how far OP travelled from one turn to the next, and how far off PV stood meanwhile.
 
-use crate::status::{BAD, GAP, NOT_AUTO, Status};
+use crate::status::{BAD, DATA_GAP, NOT_AUTO, Status};
 use crate::{Derivative, ParameterError, Real, Sum, error::require};
 
 /// OP's travel from its furthest point in the half-period before to its furthest point in this one, and the height of
@@ -74,7 +74,7 @@ pub struct SwingState<R: Real> {
     switched: bool,
 }
 
-/// What came of one half-period.
+/// Parts of the swing in one half-period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SwingParts<R> {
@@ -142,7 +142,7 @@ impl<R: Real> Swing<R> {
         if area > R::ZERO && time > R::ZERO {
             parts.plateau = two * (square / area) - area / time;
         }
-        let broken = s.n == 0 || s.switched || sign == 0 || flags & (GAP | BAD | NOT_AUTO) != 0;
+        let broken = s.n == 0 || s.switched || sign == 0 || flags & (DATA_GAP | BAD | NOT_AUTO) != 0;
         if !broken && s.sign == -sign {
             let travel = (turn - s.turn).magnitude();
             parts.travel = Some(if s.recorded { travel } else { self.k.magnitude() * travel });

@@ -123,7 +123,7 @@ impl<R: Real> Width<R> {
         }
     }
 
-    /// Where Δu is taken from, given whether OP is recorded.
+    /// Source of Δu, given whether OP is recorded.
     #[inline(always)]
     pub fn source(&self, op_known: bool) -> TravelSource {
         match (self.td, op_known) {
@@ -161,6 +161,7 @@ impl<R: Real> Width<R> {
         WidthParts { kp_part, d: parts.free - kp_part, ..*parts }
     }
 
+    /// Part of the width that needs Kp.
     #[inline(always)]
     fn kp_part(&self, half: &HalfPeriod<R>) -> R {
         match self.kp_abs {

@@ -21,13 +21,13 @@ pub struct AutoTuner<R> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AutoTunerState<R: Real> {
-    /// The experiment, and what it found.
+    /// The experiment, and its result.
     pub experiment: crate::AutoTunerState<R>,
     /// Whether one is to run: the operator's to set. True begins one with the next scan, false ends it there with `NotAuto`.
     pub run: bool,
     /// The relay had the output in this scan.
     active: bool,
-    /// What was told backward in the last scan.
+    /// Flags received backward in the last scan.
     flags: Status,
 }
 
@@ -37,7 +37,7 @@ impl<R: Real> AutoTuner<R> {
         Ok(Self { block: crate::AutoTuner::new(settings)? })
     }
 
-    /// Takes the controller's output, PV and the time since the last scan `h` \[s\]; gives what the valve gets.
+    /// Takes the controller's output, PV and the time since the last scan `h` \[s\]; gives the output to the valve.
     #[inline(always)]
     pub fn forward(&self, s: &mut AutoTunerState<R>, x: Forward<R>, pv: Forward<R>, h: R) -> Forward<R> {
         let running = s.experiment.phase.is_running();
@@ -56,13 +56,13 @@ impl<R: Real> AutoTuner<R> {
         if running || x.is_good() { Forward::new(op, 0) } else { x }
     }
 
-    /// Adds to what was told in the last scan: what the controller that it is in knows itself.
+    /// Adds to the flags of the last scan those that the controller around it knows itself.
     #[inline(always)]
     pub(super) fn tell(&self, s: &mut AutoTunerState<R>, flags: Status) {
         s.flags |= flags;
     }
 
-    /// Takes what the modules after it tell, gives what the controller is told.
+    /// Takes the backward signals of the modules after it, gives those to the controller.
     #[inline(always)]
     pub fn backward(&self, s: &mut AutoTunerState<R>, back: Backward<R>) -> Backward<R> {
         s.flags = back.flags;

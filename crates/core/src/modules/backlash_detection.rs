@@ -1,7 +1,7 @@
 //! The detector as a module beside a controller.
 
 use crate::modules::{Backward, Forward};
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Correction, CorrectionState, Detector,
     DetectorSettings, DetectorState, Estimate, HalfPeriodResult, MedianMean, MedianMeanState, OverCompensation,
@@ -9,8 +9,8 @@ use crate::{
     WrongSign, WrongSignState,
 };
 
-/// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
-/// longer than so many Ti, and in which nothing but K and Ti moved OP.
+/// Number of half-periods in a row, with OP against K, that show a wrong sign: only those longer than the given number
+/// of Ti, in which nothing but K and Ti moved OP.
 const AGAINST: u8 = 3;
 const LONG: f64 = 3.0;
 /// Longest filter of PV, in Ti, behind which the estimate may be compensated by (thesis 8.2 has that by default).
@@ -27,15 +27,15 @@ named! {
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
     pub enum Unfit {
-        /// There is none yet.
+        /// No detection yet.
         NoDetection = 1 => "no_detection",
         /// A fit contradicts it.
-        Struck = 2 => "struck",
-        /// There are fewer detections than the filter is long.
+        Contradicted = 2 => "contradicted",
+        /// Fewer detections than the filter is long.
         Provisional = 3 => "provisional",
-        /// It is below the noise limit.
+        /// The estimate is below the noise limit.
         Noise = 4 => "noise",
-        /// It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
+        /// The estimate uses a default Kp, or a filter of PV longer than Ti/2.
         Crude = 5 => "crude",
     }
 }
@@ -95,16 +95,16 @@ pub struct BacklashDetection<R> {
 pub struct BacklashDetectionState<R: Real> {
     /// Whether a person wants compensation.
     pub compensate: bool,
-    /// The detector; it holds the estimate of what is left of the gap.
+    /// The detector; it holds the estimate of the rest of the gap.
     pub detector: DetectorState<R>,
-    /// The last half-period that ended, with what was concluded from it.
+    /// The last half-period that ended, with its result.
     pub last: Option<HalfPeriodResult<R>>,
-    /// The compensation: u_FF, the size in force, and what stands in its way.
+    /// The compensation: u_FF, the size in force, and its obstacle.
     pub compensation: CompensationState<R>,
     /// The warnings of over-compensation.
     pub over: OverWarning,
-    /// What the detections say of the whole gap, where there have been any. Compensation goes by it, shown or not: it only makes it
-    /// smaller.
+    /// Estimate of the whole gap; none before the first detection. Compensation goes by it, shown or not: it only makes
+    /// it smaller.
     pub whole: Option<Estimate<R>>,
     /// OP without u_FF in the last scan, where it is known [OP unit].
     pub u_fb: Option<R>,
@@ -131,7 +131,7 @@ pub struct BacklashDetectionState<R: Real> {
     pv: Forward<R>,
     #[cfg_attr(feature = "serde", serde(default))]
     raw: R,
-    /// PV by which u_FF and the watch for the wrong sign go, where it is not what the detector's filter gives.
+    /// PV for u_FF and the watch for the wrong sign, where it is not the output of the detector's filter.
     beside: Option<R>,
     h: R,
     /// The u_FF that the output in effect holds.
@@ -192,7 +192,7 @@ impl<R: Real> BacklashDetectionState<R> {
         if self.unfit { None } else { self.whole }
     }
 
-    /// What is wrong: [`WRONG_SIGN`], or 0.
+    /// Error: [`WRONG_SIGN`], or 0.
     pub fn error(&self) -> Status {
         if self.sign.found || self.against >= AGAINST { WRONG_SIGN } else { 0 }
     }
@@ -235,7 +235,7 @@ impl<R: Real> BacklashDetection<R> {
         Self { smooth: self.smooth || tf > R::of(SMOOTH) * self.settings.ti, ..self }
     }
 
-    /// What it was made of; the compensation's `k`, `ti` and limits are those in force.
+    /// Settings it was made with; the compensation's `k`, `ti` and limits are those in force.
     pub fn settings(&self) -> BacklashDetectionSettings<R> {
         let compensation = self.compensation.as_ref().map(|(compensation, _)| *compensation.settings());
         BacklashDetectionSettings { detector: self.settings, compensation }
@@ -264,14 +264,14 @@ impl<R: Real> BacklashDetection<R> {
         Forward::new(state.u_ff, 0)
     }
 
-    /// Takes what the controller tells at its feed-forward, where that is connected; learns from the sample of this scan.
+    /// Takes the controller's report at its feed-forward, where that is connected; learns from the sample of this scan.
     #[inline(always)]
     pub fn backward(&self, state: &mut BacklashDetectionState<R>, back: Option<Backward<R>>) {
         let backward_flags = back.map_or(0, |back| back.flags & (AT_LOW | AT_HIGH | NOT_AUTO));
         self.learn(state, backward_flags, back.map(|back| back.tracking), None);
     }
 
-    /// Where the width to compensate comes from; none: there is no compensation.
+    /// Source of the width to compensate; none: there is no compensation.
     pub fn source(&self) -> Option<Source> {
         let settings = self.compensation.as_ref().map(|(compensation, _)| compensation.settings())?;
         (settings.source != Source::Typed || settings.size > R::ZERO).then_some(settings.source)
@@ -285,9 +285,10 @@ impl<R: Real> BacklashDetection<R> {
     /// The on-line estimate of the whole gap where it may be compensated by; else why not.
     pub fn may_compensate_by_estimate(&self, state: &BacklashDetectionState<R>) -> Result<R, Unfit> {
         let whole = state.whole.ok_or(Unfit::NoDetection)?;
-        let struck = self.compensation.as_ref().is_some_and(|(compensation, _)| compensation.settings().struck);
-        if struck {
-            Err(Unfit::Struck)
+        let contradicted =
+            self.compensation.as_ref().is_some_and(|(compensation, _)| compensation.settings().contradicted);
+        if contradicted {
+            Err(Unfit::Contradicted)
         } else if whole.count < self.detections.n() {
             Err(Unfit::Provisional)
         } else if state.shown().is_none() {
@@ -299,7 +300,7 @@ impl<R: Real> BacklashDetection<R> {
         }
     }
 
-    /// Learns from the sample of this scan, with what is `told` of it, the output in effect where it is known, and what hinders
+    /// Learns from the sample of this scan, with its flags, the output in effect where it is known, and the obstacle to
     /// u_FF.
     #[inline(always)]
     pub(super) fn learn(
@@ -351,7 +352,7 @@ impl<R: Real> BacklashDetection<R> {
         }
         let yf = state.beside.unwrap_or(state.detector.filtered_pv());
         if let (Some(sign), Some(output)) = (&self.sign, output) {
-            let gap = if h <= self.max_h { 0 } else { GAP };
+            let gap = if h <= self.max_h { 0 } else { DATA_GAP };
             sign.update(&mut state.sign, sp, yf, output, h, flags | gap);
         }
         self.compensate(state, (sp - yf, op, h), hindered, flags);
@@ -363,7 +364,7 @@ impl<R: Real> BacklashDetection<R> {
         state.cut = true;
         self.correction.interrupt(&mut state.correction);
         if let Some(sign) = &self.sign {
-            sign.update(&mut state.sign, R::ZERO, R::ZERO, R::ZERO, h, GAP);
+            sign.update(&mut state.sign, R::ZERO, R::ZERO, R::ZERO, h, DATA_GAP);
         }
         self.compensate(state, (R::ZERO, Some(R::ZERO), h), None, backward_flags & NOT_AUTO | BAD);
     }

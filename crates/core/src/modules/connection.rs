@@ -6,7 +6,7 @@ use crate::{
     SecondOrderFilter, SecondOrderFilterState, Sum,
 };
 
-/// What a module hands on to the next one.
+/// Value that a module hands on to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Forward<R> {
@@ -36,7 +36,7 @@ impl<R: Real> From<R> for Forward<R> {
     }
 }
 
-/// What a module tells the one before it: what became of the value that it was handed (thesis 6.1, 7.1).
+/// Report of a module to the one before it: the effect of the value it was handed (thesis 6.1, 7.1).
 ///
 /// | flag | meaning | thesis |
 /// |---|---|---|
@@ -65,8 +65,8 @@ impl<R: Real> Default for Backward<R> {
 }
 
 impl<R: Real> Backward<R> {
-    /// What two followers of one value say together: the narrower limits, all flags, and the first value in effect that is
-    /// not the one handed over.
+    /// Combined report of two followers of one value: the narrower limits, all flags, and the first value in effect
+    /// that is not the one handed over.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -176,8 +176,8 @@ impl<R: Real> PhaseLead<R> {
         }
     }
 
-    /// Tells those before it what it is told. Where its output is not followed, it rests at the value in effect, so that whoever
-    /// goes on from there does so without a bump.
+    /// Passes the backward signals on to the modules before it. Where its output is not followed, it rests at the value
+    /// in effect, so that whoever goes on from there does so without a bump.
     #[inline(always)]
     pub fn backward(&self, state: &mut PhaseLeadState<R>, back: Backward<R>) -> Backward<R> {
         if back.flags & NOT_AUTO != 0 && back.tracking.is_number() {
@@ -212,7 +212,7 @@ mod tests {
         filter.forward(&mut state, 5.0.into(), 1.0);
         let held = filter.forward(&mut state, f64::NAN.into(), 1.0);
         assert_eq!((held.value, held.flags), (5.0, BAD));
-        // It starts at the first good value: what lay before says nothing about it.
+        // The start is the first good value: earlier values say nothing about it.
         assert_eq!(filter.forward(&mut state, 80.0.into(), 1.0), Forward::new(80.0, 0));
     }
 
@@ -220,8 +220,8 @@ mod tests {
     fn a_limit_is_told_backward() {
         let valve = Saturation::new(0.0, 100.0).unwrap();
         let narrower = Backward { high: 90.0, flags: NOT_AUTO, tracking: 7.0, ..Backward::default() };
-        let told = valve.backward(100.0, narrower);
-        assert_eq!(told, Backward { low: 0.0, high: 90.0, flags: NOT_AUTO | AT_HIGH, tracking: 7.0 });
+        let back = valve.backward(100.0, narrower);
+        assert_eq!(back, Backward { low: 0.0, high: 90.0, flags: NOT_AUTO | AT_HIGH, tracking: 7.0 });
         assert_eq!(valve.backward(50.0, Backward::default()).flags, 0);
         assert_eq!(valve.backward(-1.0, Backward::default()).flags, AT_LOW);
     }
@@ -230,17 +230,17 @@ mod tests {
     fn a_rate_that_limits_is_told_backward_until_it_has_caught_up() {
         let actuator = RateLimit::new(2.0).unwrap();
         let mut state = RateLimitState::at(50.0);
-        let mut told = |x: f64| {
+        let mut back = |x: f64| {
             let y = actuator.forward(&mut state, x.into(), 1.0);
             let back = actuator.backward(&state, x, Backward { high: 90.0, tracking: 7.0, ..Backward::default() });
             assert_eq!((back.low, back.high, back.tracking), (-f64::LARGEST, 90.0, 7.0));
             (y.value, y.flags, back.flags)
         };
-        assert_eq!(told(55.0), (52.0, 0, AT_HIGH));
-        assert_eq!(told(53.0), (53.0, 0, 0));
-        assert_eq!(told(55.0), (55.0, 0, 0)); // as fast as it can, and it holds nothing back
-        assert_eq!(told(40.0), (53.0, 0, AT_LOW));
-        assert_eq!(told(f64::NAN), (53.0, BAD, 0));
+        assert_eq!(back(55.0), (52.0, 0, AT_HIGH));
+        assert_eq!(back(53.0), (53.0, 0, 0));
+        assert_eq!(back(55.0), (55.0, 0, 0)); // as fast as it can, and it holds nothing back
+        assert_eq!(back(40.0), (53.0, 0, AT_LOW));
+        assert_eq!(back(f64::NAN), (53.0, BAD, 0));
     }
 
     #[test]
@@ -249,8 +249,8 @@ mod tests {
         let mut state = PhaseLeadState::default();
         lead.forward(&mut state, 20.0.into(), 0.1);
         assert!(lead.forward(&mut state, 21.0.into(), 0.1).value > 29.0);
-        let told = Backward { flags: NOT_AUTO, tracking: 55.0, ..Backward::default() };
-        assert_eq!(lead.backward(&mut state, told), told);
+        let back = Backward { flags: NOT_AUTO, tracking: 55.0, ..Backward::default() };
+        assert_eq!(lead.backward(&mut state, back), back);
         assert_eq!(lead.forward(&mut state, 55.0.into(), 0.1), Forward::new(55.0, 0));
         assert_eq!(lead.forward(&mut state, f64::NAN.into(), 0.1), Forward::new(55.0, BAD));
     }

@@ -15,10 +15,10 @@ pub const FOREIGN_SCANS: usize = 32;
 pub struct ForeignDetectionSettings<R> {
     /// Detection and compensation, as beside a controller of ours.
     pub detection: BacklashDetectionSettings<R>,
-    /// How many scans after the one in which u_FF is made OP holds it, 1 to [`FOREIGN_SCANS`].
+    /// Number of scans from the one that makes u_FF to the one whose OP holds it, 1 to [`FOREIGN_SCANS`].
     pub delay: u32,
-    /// How far the u_FF that is read back may be from the one handed over, 0 or greater [OP unit]; a tenth of the width that the
-    /// source gives where not given.
+    /// Allowed difference between the u_FF read back and the one handed over, 0 or greater [OP unit]; a tenth of the
+    /// width that the source gives where not given.
     pub tolerance: Option<R>,
     /// The longest delay with which it may be enabled, as a share of Ti, 0 or greater; [`Way::longest_delay`] where not given. One
     /// scan always may.
@@ -26,16 +26,17 @@ pub struct ForeignDetectionSettings<R> {
 }
 
 impl<R: Real> ForeignDetectionSettings<R> {
-    /// Default settings: u_FF is a scan late; what is read back may be off by a tenth of the width; the longest delay is that of the way.
+    /// Default settings: u_FF is a scan late; the read-back may be off by a tenth of the width; the longest delay is
+    /// that of the way.
     pub fn new(detection: BacklashDetectionSettings<R>) -> Self {
         Self { detection, delay: 1, tolerance: None, longest: None }
     }
 }
 
-/// What is read of a controller that is not ours, all at the same time.
+/// Values read from another maker's controller, all of the same time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Read<R> {
-    /// Its output, where it is read; without it nothing is compensated [OP unit].
+    /// Output of the controller, where it is read; without it nothing is compensated [OP unit].
     pub op: Option<Forward<R>>,
     /// [`NOT_AUTO`]: it is not in automatic; [`AT_LOW`], [`AT_HIGH`]: something in the loop is at a limit; [`BAD`]: what is read is
     /// not to be believed; 0 = all well.
@@ -45,7 +46,7 @@ pub struct Read<R> {
 }
 
 /// Detection, estimation and compensation of backlash beside a controller that is not ours (thesis 6.4, figure 6.3): a
-/// [`BacklashDetection`] to which nothing is told backward.
+/// [`BacklashDetection`] without backward signals.
 ///
 /// ```text
 ///           ┌────────────── SP, PV, mode and flags, OP, u_FF read back ──────────────┐
@@ -86,7 +87,7 @@ pub struct ForeignDetectionState<R: Real> {
     /// The last u_FF that were handed over.
     handed: [R; FOREIGN_SCANS],
     at: u8,
-    /// What is read back has been compared before.
+    /// The read-back value has been compared before.
     known: bool,
     /// Scans in a row in which it was off.
     off: u16,
@@ -99,7 +100,7 @@ impl<R: Real> ForeignDetection<R> {
         let known = delay >= 1 && delay as usize <= FOREIGN_SCANS;
         require("delay", R::of(f64::from(delay)), known, "a whole number of scans from 1 to 32")?;
         let ti = detection.detector.ti;
-        // Whatever their controller holds at the start is taken away, compensation or not.
+        // Any value that their controller holds at the start is removed, with compensation or without.
         let none = CompensationSettings::new(Way::Inverse, detection.detector.k, ti, R::ZERO, R::ZERO);
         let compensation = detection.compensation.unwrap_or(none);
         let longest = longest.unwrap_or(R::of(compensation.way.longest_delay()));
@@ -123,7 +124,8 @@ impl<R: Real> ForeignDetection<R> {
         &self.detection
     }
 
-    /// Takes setpoint, process value, what is read of their controller and the time since the last scan `h` \[s\]; gives u_FF.
+    /// Takes setpoint, process value, the signals of their controller and the time since the last scan `h` \[s\]; gives
+    /// u_FF.
     #[inline(always)]
     pub fn update(
         &self,
@@ -159,6 +161,7 @@ impl<R: Real> ForeignDetection<R> {
         self.hand_over(state)
     }
 
+    /// The u_FF for this scan, kept for the comparison with the one read back.
     #[inline(always)]
     fn hand_over(&self, state: &mut ForeignDetectionState<R>) -> Forward<R> {
         let u_ff = state.detection.compensation.u_ff.value();
@@ -173,7 +176,7 @@ impl<R: Real> ForeignDetection<R> {
         (usize::from(state.at) + FOREIGN_SCANS - usize::from(self.delay)) % FOREIGN_SCANS
     }
 
-    /// Compares what is read back with what was handed over.
+    /// Compares the value read back with the one handed over.
     #[inline(always)]
     fn hindered(&self, state: &mut ForeignDetectionState<R>, back: Option<R>, flags: Status, h: R) -> Option<Standing> {
         // After a gap in time, or a value that was lost, nobody knows what was written meanwhile.
@@ -194,6 +197,7 @@ impl<R: Real> ForeignDetection<R> {
         if state.off > self.delay { Some(Standing::NotFollowed) } else { self.late(h) }
     }
 
+    /// The obstacle where u_FF arrives too late for scans of `h`.
     #[inline(always)]
     fn late(&self, h: R) -> Option<Standing> {
         let late = self.delay > 1 && h * R::of(f64::from(self.delay)) > self.longest;
@@ -219,7 +223,7 @@ mod tests {
         ForeignDetectionSettings { delay: 2, longest: Some(1.0), ..ForeignDetectionSettings::new(detection) }
     }
 
-    /// Their controller: OP swings, and holds the u_FF handed over `delay` scans ago.
+    /// Model of another maker's controller: OP swings, and holds the u_FF handed over `delay` scans ago.
     struct Theirs {
         block: ForeignDetection<f64>,
         state: ForeignDetectionState<f64>,
@@ -233,7 +237,7 @@ mod tests {
             Self { block, state: ForeignDetectionState::default(), handed: vec![0.0; 2], scan: 0 }
         }
 
-        /// A scan in which `lose` may spoil what is read.
+        /// A scan in which `lose` may spoil the signals.
         fn scan(&mut self, lose: impl Fn(&mut Read<f64>)) -> f64 {
             let swing = (self.scan % 40) as f64 * 0.1;
             let held = self.handed[self.handed.len() - 2];
@@ -304,7 +308,7 @@ mod tests {
         let mut theirs = Theirs::active();
         assert_eq!(theirs.scan(|read| read.flags = NOT_AUTO), 0.0);
         assert_eq!(theirs.standing(), Standing::NotAuto);
-        // What is read back still is what was handed over before.
+        // The value read back still is the one handed over before.
         assert_eq!(theirs.scan(|read| read.flags = NOT_AUTO), 0.0);
         theirs.scan(|_| ());
         assert_eq!(theirs.standing(), Standing::Waiting);
@@ -352,7 +356,7 @@ mod tests {
         theirs.scan(|_| ());
         assert_eq!(theirs.standing(), Standing::Waiting, "nobody has to enable it anew");
         let last = theirs.state.detection.last.unwrap();
-        assert!(last.half.flags & crate::status::GAP != 0 && last.mask & 1 != 0, "{last:?}");
+        assert!(last.half.flags & crate::status::DATA_GAP != 0 && last.mask & 1 != 0, "{last:?}");
 
         let mut theirs = Theirs::active();
         assert_eq!(theirs.block.pause(&mut theirs.state, NOT_AUTO, H).value, 0.0);
@@ -391,8 +395,8 @@ mod tests {
     #[test]
     fn the_estimate_is_a_source_only_when_it_may_be() {
         let estimate = CompensationSettings::by_estimate(Way::Inverse, 0.5, 0.5, 1.0);
-        for struck in [false, true] {
-            let compensation = Some(CompensationSettings { struck, ..estimate });
+        for contradicted in [false, true] {
+            let compensation = Some(CompensationSettings { contradicted, ..estimate });
             let detector =
                 DetectorSettings { n: 3, op_limits: None, max_h: 1.0, ..DetectorSettings::new(0.5, 0.5, 0.0, H) };
             let mut theirs = Theirs::new(ForeignDetectionSettings {
@@ -407,17 +411,18 @@ mod tests {
                 theirs.scan(|_| ());
                 theirs.state.detection.whole.is_some()
             }));
-            let first = if struck { crate::modules::Unfit::Struck } else { crate::modules::Unfit::Provisional };
+            let first =
+                if contradicted { crate::modules::Unfit::Contradicted } else { crate::modules::Unfit::Provisional };
             assert_eq!(unfit(&theirs), first);
             theirs.state.detection.compensate = true;
             (0..100).for_each(|_| _ = theirs.scan(|_| ()));
             assert_eq!(theirs.standing(), Standing::NoEstimate);
-            assert_eq!(may(&theirs).is_ok(), !struck);
+            assert_eq!(may(&theirs).is_ok(), !contradicted);
             theirs.state.detection.compensate = false;
             theirs.scan(|_| ());
             theirs.state.detection.compensate = true;
             (0..60).for_each(|_| _ = theirs.scan(|_| ()));
-            assert_eq!(theirs.standing(), if struck { Standing::NoEstimate } else { Standing::Active });
+            assert_eq!(theirs.standing(), if contradicted { Standing::NoEstimate } else { Standing::Active });
         }
     }
 
@@ -479,7 +484,7 @@ mod tests {
             for (i, (read, h)) in reads.iter().enumerate() {
                 let e = if i / 7 % 2 == 0 { 1.0 } else { -1.0 };
                 let u_ff = block.update(&mut state, 50.0.into(), (50.0 - e).into(), read, *h).value;
-                // Whatever is read back here lies within ± 1.
+                // Every value read back here is within ± 1.
                 prop_assert!(u_ff.abs() <= 1.0, "{u_ff}");
                 if read.flags & NOT_AUTO != 0 && state.detection.compensation.standing != Standing::NotEnabled {
                     prop_assert_eq!(u_ff, 0.0);

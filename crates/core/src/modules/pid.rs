@@ -2,11 +2,11 @@
 
 use crate::error::require;
 use crate::modules::{Backward, Forward};
-use crate::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
+use crate::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, DATA_GAP, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
 named! {
-    /// Who sets the output of a [`Pid`].
+    /// Source of the output of a [`Pid`].
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
@@ -100,7 +100,7 @@ impl<R: Real> PidSettings<R> {
 /// |---|---|
 /// | told backward that the output is not followed | tracks the value in effect |
 /// | manual | `manual`, within limits and rate |
-/// | PV bad (`BAD`), or the scan's h not within 0 … `max_h` (`GAP`) | holds |
+/// | PV bad (`BAD`), or the scan's h not within 0 … `max_h` (`DATA_GAP`) | holds |
 /// | setpoint or feed-forward bad (`BAD_SP`, `BAD_FF`) | goes on with the last good one |
 /// | limits that cross (`BAD_LIMITS`) | goes on with the module's own |
 ///
@@ -121,7 +121,7 @@ pub struct Pid<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PidState<R: Real> {
-    /// Who sets the output.
+    /// Source of the output.
     pub mode: Mode,
     /// The own setpoint, used in [`Mode::Auto`] [PV unit].
     pub sp: R,
@@ -133,7 +133,7 @@ pub struct PidState<R: Real> {
     pub yf: R,
     /// The output.
     pub output: R,
-    /// What is wrong: `BAD`, `GAP`, `BAD_SP`, `BAD_FF`, `BAD_LIMITS`; 0 = nothing.
+    /// Error flags: `BAD`, `DATA_GAP`, `BAD_SP`, `BAD_FF`, `BAD_LIMITS`; 0 = nothing.
     pub error: Status,
     /// `AT_LOW`, `AT_HIGH`: the output or something after it is at a limit, be it of its rate; `NOT_AUTO`: somebody else sets
     /// the output.
@@ -145,14 +145,14 @@ pub struct PidState<R: Real> {
     back: Backward<R>,
     /// K, Ti, Td and b of the last scan.
     gains: [R; 4],
-    /// What decided the last scan: who sets the output, and what was wrong.
+    /// Flags of the last scan: the source of the output, and errors.
     status: Status,
 }
 
 /// No scan has been.
 const NEW: Status = 255;
 /// Errors of the measurement: nothing can be computed.
-const BLIND: Status = BAD | GAP;
+const BLIND: Status = BAD | DATA_GAP;
 
 impl<R: Real> Default for PidState<R> {
     fn default() -> Self {
@@ -203,13 +203,14 @@ impl<R: Real> Pid<R> {
         Ok(Self { law, filter: SecondOrderFilter::new(tf)?, settings })
     }
 
-    /// What it was made of.
+    /// Settings it was made with.
     pub fn settings(&self) -> &PidSettings<R> {
         &self.settings
     }
 
-    /// In a loop at rest: process value and setpoint at `y`, the output at `output`. The first scan goes on from there as from a
-    /// scan before, and answers what differs from it; after [`PidState::at`] it takes what it finds as the beginning.
+    /// State for a loop at rest: process value and setpoint at `y`, the output at `output`. The first scan goes on from
+    /// there as from a scan before, and answers what differs from it; after [`PidState::at`] it takes what it finds as
+    /// the beginning.
     pub fn at_rest(&self, mode: Mode, y: R, output: R) -> PidState<R> {
         let PidSettings { k, ti, td, b, max_h, .. } = self.settings;
         let free = self.law.with(k, ti, td, Saturation::none());
@@ -253,7 +254,7 @@ impl<R: Real> Pid<R> {
         } else {
             error |= BAD_SP;
         }
-        error |= if h > R::ZERO && h <= self.settings.max_h { 0 } else { GAP };
+        error |= if h > R::ZERO && h <= self.settings.max_h { 0 } else { DATA_GAP };
         if pv.is_good() {
             // After a gap the filter starts at what is there now.
             s.filter.started &= h <= self.settings.max_h;
@@ -299,7 +300,7 @@ impl<R: Real> Pid<R> {
                 if gains != s.gains {
                     let before = s.law;
                     free.follow(&mut s.law, ysp_before, before.y, s.output - ff_before, h);
-                    // What the integral has not shown yet is no bump.
+                    // The part of the integral that is not yet in the output is no bump.
                     s.law.integral = before.integral.moved_to(s.law.integral.value());
                 }
                 if self.settings.c > R::ZERO && td > R::ZERO {
@@ -312,7 +313,7 @@ impl<R: Real> Pid<R> {
             let band = self.band(s, limits, s.back.flags, h);
             let shifted = Saturation { low: band.low - beyond, high: band.high - beyond };
             let v = law(shifted).control(&mut s.law, ysp, s.filter.y2, h);
-            // Where only a limit further on holds it, that limit is told in the backward pass.
+            // Where only a limit further on holds the output, that limit is reported in the backward pass.
             held_back = shifted.reached(v) & !s.back.flags;
             // Shifting and shifting back may cost a bit.
             band.update(v + beyond)
@@ -328,9 +329,9 @@ impl<R: Real> Pid<R> {
         Forward::new(u, 0)
     }
 
-    /// Takes what the modules after the output tell; gives what setpoint and feed-forward are told. They are told
-    /// [`NOT_AUTO`] unless the controller follows the setpoint handed to it, and that setpoint has reached a limit while it is
-    /// on its ramp.
+    /// Takes the backward signals of the modules after the output; gives those to setpoint and feed-forward. They are
+    /// told [`NOT_AUTO`] unless the controller follows the setpoint handed to it, and that setpoint has reached a limit
+    /// while it is on its ramp.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
         s.back = back;
@@ -347,7 +348,8 @@ impl<R: Real> Pid<R> {
         (sp, ff)
     }
 
-    /// Where K is negative, a setpoint can do nothing more upward when the output is at its lower limit.
+    /// Flags as the setpoint sees them: where K is negative and the output is at its lower limit, a setpoint can do
+    /// nothing more upward.
     #[inline(always)]
     fn seen_from_setpoint(&self, flags: Status) -> Status {
         if self.settings.k > R::ZERO {
@@ -357,7 +359,7 @@ impl<R: Real> Pid<R> {
         flags & !(AT_LOW | AT_HIGH) | swap(AT_LOW, AT_HIGH) | swap(AT_HIGH, AT_LOW)
     }
 
-    /// The narrower of the own limits and those told backward.
+    /// The narrower of the own limits and the backward ones.
     #[inline(always)]
     fn limits(&self, s: &PidState<R>, error: &mut Status) -> Saturation<R> {
         let PidSettings { low, high, .. } = self.settings;
@@ -380,7 +382,7 @@ impl<R: Real> Pid<R> {
     }
 }
 
-/// How far a rate leads in `h` \[s\]; the largest number is none, however short the time.
+/// Distance that a rate covers in `h` \[s\]; the largest number means no limit, however short the time.
 #[inline(always)]
 fn reach<R: Real>(rate: R, h: R) -> R {
     if rate < R::LARGEST { rate * h } else { rate }

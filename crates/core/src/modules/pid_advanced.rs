@@ -15,7 +15,7 @@ use crate::{
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
 
-/// What an error calls the parameters of each row.
+/// Names of each row's parameters in errors.
 const NAMES: [[&str; 4]; SCHEDULE_ROWS] = {
     macro_rules! names {
         ($($row:literal)*) => {
@@ -70,7 +70,7 @@ pub struct PidAdvancedSettings<R> {
     pub compensation: Option<CompensationSettings<R>>,
     /// The autotuner, where there is one. Its `op` and `max_h` are the controller's, which must have limits.
     pub tuner: Option<AutoTunerSettings<R>>,
-    /// Which controller it offers.
+    /// Rule of the controller that it offers.
     #[cfg_attr(feature = "serde", serde(default))]
     pub rule: Rule,
 }
@@ -131,7 +131,7 @@ pub struct PidAdvanced<R> {
     pid: Pid<R>,
     detection: BacklashDetection<R>,
     tuner: Option<AutoTuner<R>>,
-    /// For u_FF and the watch, where neither the controller nor the detector filters PV for them.
+    /// Filter for u_FF and the watch, where neither the controller nor the detector filters PV for them.
     beside: Option<SecondOrderFilter<R>>,
 }
 
@@ -193,7 +193,7 @@ impl<R: Real> PidAdvanced<R> {
         for (i, (row, [at, k, ti, td])) in schedule[..rows].iter().zip(NAMES).enumerate() {
             let ascending = i == 0 || row.at > schedule[i - 1].at;
             require(at, row.at, ascending, "a number greater than in the row before")?;
-            // Not by their product, which very small numbers have none of.
+            // Compared by signs and not by the product, which underflows for very small numbers.
             let alike = if pid.k > R::ZERO { row.k > R::ZERO } else { pid.k < R::ZERO && row.k < R::ZERO };
             require(k, row.k, alike, "of the sign of the controller's own k, and not 0")?;
             require(ti, row.ti, row.ti > R::ZERO, "greater than 0 s")?;
@@ -218,7 +218,7 @@ impl<R: Real> PidAdvanced<R> {
                 ..DetectorSettings::new(k, ti, td, pid.max_h)
             },
             compensation: compensation.map(|given| {
-                // What is no number stays, to be refused.
+                // A value that is no number stays, to be refused.
                 let half = pid.rate / R::of(2.0);
                 let rate = if given.rate.is_number() { given.rate.lesser(half) } else { given.rate };
                 CompensationSettings { rate, ..given }
@@ -245,7 +245,7 @@ impl<R: Real> PidAdvanced<R> {
         })
     }
 
-    /// What it was made of.
+    /// Settings it was made with.
     pub fn settings(&self) -> &PidAdvancedSettings<R> {
         &self.settings
     }
@@ -384,6 +384,7 @@ impl<R: Real> PidAdvanced<R> {
         if self.settings.rows == 0 { [k, ti, td] } else { self.scheduled(by) }
     }
 
+    /// K, Ti and Td of the schedule at `by`, between its rows.
     fn scheduled(&self, by: R) -> [R; 3] {
         let rows = &self.settings.schedule[..self.settings.rows];
         let above = rows.iter().take_while(|row| row.at <= by).count();
@@ -392,7 +393,7 @@ impl<R: Real> PidAdvanced<R> {
         let share = if way > R::ZERO { (by - low.at) / way } else { R::ZERO };
         let between = |from: R, to: R| from + (to - from) * share;
         let ti = between(low.ti, high.ti);
-        // Of rows so far apart that their difference has lost the smaller one, that one: nothing is divided by 0.
+        // For rows so far apart that their difference has lost the smaller one, that row: no division by 0.
         [between(low.k, high.k), if ti > R::ZERO { ti } else { high.ti }, between(low.td, high.td)]
     }
 }

@@ -67,7 +67,7 @@ impl<R: Real, const N: usize> ProcessSim<R, N> {
         })
     }
 
-    /// What it gives in this scan.
+    /// Output in this scan.
     #[inline(always)]
     pub fn output(&self, state: &ProcessSimState<R, N>) -> Forward<R> {
         Forward::new(self.gain * state.y2.value(), 0)
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(none[..100], long[62..162]);
     }
 
-    /// In `f32` 0.7/0.1 is 6.9999995: seven scans all the same.
+    /// Regression: in `f32` 0.7/0.1 is 6.9999995; it still counts seven scans.
     #[test]
     fn dead_time_in_single_precision_is_no_scan_less() {
         for scans in 0_u8..=62 {

@@ -1,4 +1,4 @@
-//! What can be read inside a detection while it runs, by name (thesis 3.4: the online editor).
+//! Variables of a detection that can be read while it runs, by name (thesis 3.4: the online editor).
 
 use super::backlash_detection::{BacklashDetection, BacklashDetectionState};
 use crate::{Corrected, Doubt, HalfPeriodResult, Real};
@@ -6,11 +6,11 @@ use crate::{Corrected, Doubt, HalfPeriodResult, Real};
 /// A variable that can be read in every scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Variable {
-    /// Its name in every face of glapp.
+    /// Name in every interface of glapp.
     pub name: &'static str,
-    /// Its unit; 1 where it has none.
+    /// Unit; 1 where it has none.
     pub unit: &'static str,
-    /// What it is.
+    /// Meaning.
     pub meaning: &'static str,
 }
 
@@ -92,7 +92,7 @@ impl<R: Real> BacklashDetection<R> {
         })
     }
 
-    /// What would be put on record if the half-period under way ended now.
+    /// The record of the half-period under way as if it ended now.
     pub fn under_way(&self, state: &BacklashDetectionState<R>) -> HalfPeriodResult<R> {
         self.detector.under_way(&state.detector, state.sp.value)
     }

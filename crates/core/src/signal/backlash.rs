@@ -1,4 +1,4 @@
-//! Backlash: a play of total width `d` between what drives and what is driven.
+//! Backlash: a play of total width `d` between a driving and a driven part.
 
 use crate::error::require;
 use crate::{ParameterError, Real};

@@ -44,7 +44,7 @@ pub struct Friction<R> {
     j: R,
 }
 
-/// Which data-driven model.
+/// Data-driven model of friction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Model {
@@ -58,7 +58,7 @@ pub enum Model {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FrictionState<R> {
-    /// Where the stem stands [unit of the output].
+    /// Position of the stem [unit of the output].
     pub position: R,
     u: R,
     /// Direction of movement, 0 at rest.

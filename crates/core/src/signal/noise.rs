@@ -58,6 +58,7 @@ impl NoiseState {
         Self { integer: (z % (MODULUS as u64 - 1)) as i32 + 1 }
     }
 
+    /// Next integer of the generator.
     #[inline(always)]
     fn draw(&mut self) -> i32 {
         let s = if self.integer > 0 && self.integer < MODULUS { self.integer } else { 1 };

@@ -4,7 +4,7 @@ use crate::{Numbers, Real};
 
 /// A value repeated so many times in a row is held, by a transmitter or a historian, and tells nothing of the noise.
 pub(crate) const HELD: u8 = 5;
-/// Differences that m begins with, and those after which σ is told.
+/// Number of differences that m begins with, and number after which σ is known.
 const BEGINNING: u8 = 8;
 const ENOUGH: u8 = 20;
 /// 1/(0.6745·√70): from the median of |fourth difference| of white noise to its standard deviation.
@@ -80,7 +80,7 @@ impl<R: Real> NoiseLevel<R> {
         if self.repeats >= HELD {
             return;
         }
-        // Those after a break are differences to what was before it; they are not used before all are new.
+        // Differences after a break are to a value before it; they are not used before all are new.
         let size = self.differ(x);
         if self.values < VALUES {
             self.values += 1;

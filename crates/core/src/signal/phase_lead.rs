@@ -1,4 +1,4 @@
-//! Phase lead: what a linear design does against the limit cycle of a gap.
+//! Phase lead: a linear design against the limit cycle of a gap.
 
 use crate::error::require;
 use crate::{ParameterError, Real, Sum};
@@ -32,7 +32,7 @@ pub struct PhaseLead<R> {
     more: R,
 }
 
-/// What a [`PhaseLead`] remembers.
+/// State of a [`PhaseLead`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PhaseLeadState<R: Real> {

@@ -45,7 +45,7 @@ impl<R: Real> Saturation<R> {
         Self { low: -R::LARGEST, high: R::LARGEST }
     }
 
-    /// How far the limits are apart, by halves, which have a number however far that is.
+    /// Distance of the limits, by halves, which cannot overflow.
     pub(crate) fn range(&self) -> R {
         let two = R::of(2.0);
         let half = self.high / two - self.low / two;

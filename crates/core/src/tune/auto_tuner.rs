@@ -1,7 +1,7 @@
-//! The autotuner: a relay in the controller's place until the process has told how it oscillates.
+//! The autotuner: a relay in the controller's place until the oscillation of the process is known.
 
 use crate::error::require;
-use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
+use crate::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};
 use crate::tuning::{self, Gains, Kind, Table};
 use crate::{ParameterError, Real, Sum};
 
@@ -83,11 +83,11 @@ pub struct AutoTuner<R> {
     sign: R,
     /// The relay's half swing, ⅔ of |a|.
     step: R,
-    /// How far the bias may go, ⅓ of |a|.
+    /// Limit of the bias, ⅓ of |a|.
     reach: R,
 }
 
-/// What an experiment may do.
+/// Limits of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AutoTunerSettings<R> {
@@ -110,7 +110,7 @@ pub struct AutoTunerSettings<R> {
 }
 
 named! {
-    /// Which rule makes a controller of what an experiment found.
+    /// Rule that makes a controller from an experiment's result.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
@@ -131,7 +131,7 @@ named! {
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
     pub enum Phase {
-        /// Not begun.
+        /// Not started.
         #[default]
         Idle = 0 => "idle",
         /// OP held, PV looked at.
@@ -160,7 +160,7 @@ named! {
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
     pub enum Stop {
-        /// It was not.
+        /// No error.
         #[default]
         None = 0 => "none",
         /// PV, or OP at the start, is no number or flagged bad.
@@ -187,7 +187,7 @@ named! {
     }
 }
 
-/// What an experiment found.
+/// Result of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Found<R> {
@@ -243,7 +243,7 @@ struct Cycle<T> {
     /// ∫(OP − OP₀)dt, as the gap leaves it, and ∫±(PV − centre)dt.
     u: T,
     y: T,
-    /// Those integrands times cos 2πt/T and sin 2πt/T.
+    /// Integrands times cos 2πt/T and sin 2πt/T.
     u_cos: T,
     u_sin: T,
     y_cos: T,
@@ -281,7 +281,7 @@ impl<R: Real> Cycle<R> {
     }
 }
 
-/// What the sums of a cycle have come to.
+/// Totals of a cycle's sums.
 fn total<R: Real>(sums: &Cycle<R::Sum>) -> Cycle<R> {
     let &Cycle { t, up, samples, u, y, u_cos, u_sin, y_cos, y_sin } = sums;
     Cycle {
@@ -301,13 +301,13 @@ fn total<R: Real>(sums: &Cycle<R::Sum>) -> Cycle<R> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AutoTunerState<R: Real> {
-    /// Where the experiment stands.
+    /// Phase of the experiment.
     pub phase: Phase,
     /// Why it was broken off.
     pub stop: Stop,
-    /// What it found: Ku and Tu, not corrected yet, after the balanced phase; all after the biased one.
+    /// Result: Ku and Tu, not corrected yet, after the balanced phase; all after the biased one.
     pub found: Option<Found<R>>,
-    /// What it gives to the valve.
+    /// Output to the valve.
     pub output: R,
     /// OP₀, where the output was and will be.
     pub start: R,
@@ -407,13 +407,13 @@ impl<R: Real> AutoTuner<R> {
         state.output
     }
 
-    /// What ends the experiment at this sample, whatever it measured so far.
+    /// Reason to end the experiment at this sample, whatever it measured so far.
     #[inline]
     fn fault(&self, s: &AutoTunerState<R>, pv: R, h: R, flags: Status) -> Stop {
         let (low, high) = self.settings.pv;
         if flags & BAD != 0 || !pv.is_number() {
             Stop::BadQuality
-        } else if flags & GAP != 0 || !(h > R::ZERO && h <= self.settings.max_h) {
+        } else if flags & DATA_GAP != 0 || !(h > R::ZERO && h <= self.settings.max_h) {
             Stop::SampleTime
         } else if flags & NOT_AUTO != 0 {
             Stop::NotAuto
@@ -439,6 +439,7 @@ impl<R: Real> AutoTuner<R> {
         s.output = s.start;
     }
 
+    /// The phase before the relay: centre and hysteresis from PV.
     fn rest(&self, s: &mut AutoTunerState<R>, pv: R, h: R) {
         if !s.resting {
             s.first_pv = pv;
@@ -459,6 +460,7 @@ impl<R: Real> AutoTuner<R> {
         }
     }
 
+    /// Switches the relay by PV; each switch upwards closes a cycle.
     fn relay(&self, s: &mut AutoTunerState<R>, pv: R, h: R) {
         let x = self.sign * (pv - s.centre);
         s.integrate(x, h, R::of(0.5) * self.settings.d);
@@ -481,6 +483,7 @@ impl<R: Real> AutoTuner<R> {
         }
     }
 
+    /// Sets the output to the side on which the relay is.
     fn push(&self, s: &mut AutoTunerState<R>) {
         let (low, high) = self.settings.op;
         let to = s.start + (if s.up { s.bias + self.step } else { s.bias - self.step });
@@ -531,7 +534,7 @@ impl<R: Real> AutoTuner<R> {
         moves
     }
 
-    /// Four cycles alike under the balanced relay: the point of the process' frequency response that they stand at.
+    /// Takes the point of the process' frequency response from four equal cycles under the balanced relay.
     fn balanced(&self, s: &mut AutoTunerState<R>) {
         let sum = &s.sum;
         let re = sum.y_cos * sum.u_cos + sum.y_sin * sum.u_sin;
@@ -587,8 +590,8 @@ impl<R: Real> AutoTunerState<R> {
         let y = half * (self.x + x) * h;
         let c = &mut self.cycle;
         if self.period > R::ZERO {
-            // In turns, from half a turn ago: that changes the sign of OP's and PV's harmonic alike. A cycle of more than
-            // twice the period is none that counts.
+            // Phase in turns, from half a turn ago: that changes the sign of OP's and PV's harmonic alike. A cycle of
+            // more than twice the period is none that counts.
             let turn = ((c.t.value() + half * h) / self.period).lesser(R::of(2.0)) - half;
             let (cos, sin) = circle(turn);
             c.u_cos.add(u * cos);

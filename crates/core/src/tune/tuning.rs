@@ -32,13 +32,13 @@ pub struct Gains<R> {
 /// Whether a rule is to give a PI or a PID controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Without derivative part.
+    /// Controller without derivative part.
     Pi,
-    /// With derivative part.
+    /// Controller with derivative part.
     Pid,
 }
 
-/// Which of the two tables in use under the names of Ziegler and Nichols. They differ for PI only.
+/// The two tables in use under the names of Ziegler and Nichols. They differ for PI only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Table {
     /// The table of control textbooks (Åström and Hägglund): PI 0.9/a, 3L; 0.4Ku, 0.8Tu.
@@ -208,10 +208,12 @@ pub fn simc_integrating<R: Real>(kv: R, t2: R, l: R, tau_c: R) -> Result<Gains<R
     series(R::ONE / (kv * reach), R::of(4.0) * reach, t2)
 }
 
+/// Gains of a controller in series form, converted to ideal form.
 fn series<R: Real>(k: R, ti: R, td: R) -> Result<Gains<R>, ParameterError> {
     gains(k * (R::ONE + td / ti), ti + td, ti * td / (ti + td))
 }
 
+/// Checks gain, time constant and dead time of a first-order model.
 fn fotd<R: Real>(gain: R, t: R, l: R) -> Result<(R, R, R), ParameterError> {
     require("gain", gain, gain != R::ZERO, "other than 0")?;
     require("t", t, t >= R::ZERO, "0 s or greater")?;
@@ -219,22 +221,25 @@ fn fotd<R: Real>(gain: R, t: R, l: R) -> Result<(R, R, R), ParameterError> {
     Ok((gain, t, l))
 }
 
+/// Checks a dead time.
 fn delay<R: Real>(l: R) -> Result<R, ParameterError> {
     require("l", l, l > R::ZERO, "greater than 0 s: without dead time the rule has no limit to the gain")
 }
 
+/// Checks ultimate gain and period.
 fn ultimate<R: Real>(ku: R, tu: R) -> Result<(R, R), ParameterError> {
     require("ku", ku, ku != R::ZERO, "other than 0")?;
     require("tu", tu, tu > R::ZERO, "greater than 0 s")?;
     Ok((ku, tu))
 }
 
+/// Checks a closed loop's time constant.
 fn speed<R: Real>(name: &'static str, time: R) -> Result<R, ParameterError> {
     require(name, time, time > R::ZERO, "greater than 0 s")
 }
 
-/// Nothing leaves a rule that a [`Pid`](crate::Pid) would refuse: numbers so far apart that the result overflowed or
-/// vanished end here.
+/// Gains that a [`Pid`](crate::Pid) accepts; numbers so far apart that a rule overflowed or vanished end in an error
+/// here.
 fn gains<R: Real>(k: R, ti: R, td: R) -> Result<Gains<R>, ParameterError> {
     let bound = "within reach of the numbers: those of the process lie too far apart";
     Ok(Gains {

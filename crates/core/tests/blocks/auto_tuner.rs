@@ -1,7 +1,7 @@
-//! What must hold for a relay experiment: how it ends, whatever comes, and what it finds where the truth is known.
+//! Properties of a relay experiment: its end, whatever comes, and its result where the truth is known.
 
 use glapp_core::auto_tuner::{Found, Phase, Stop};
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO, Status};
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Noise, NoiseState, Real, SecondOrderFilter,
     SecondOrderFilterState,
@@ -73,7 +73,7 @@ fn modes() -> Vec<(&'static str, State)> {
         state
     };
     let mut aborted = reach(|s| s.phase == Phase::Biased);
-    usual.update(&mut aborted, 0.0, 0.1, GAP);
+    usual.update(&mut aborted, 0.0, 0.1, DATA_GAP);
     vec![
         ("idle", State::default()),
         ("waiting, no sample yet", reach(|s| s.phase == Phase::Waiting)),
@@ -93,7 +93,7 @@ const FAULTS: [(f64, f64, Status, Stop); 15] = [
     (f64::NAN, 0.1, 0, Stop::BadQuality),
     (f64::INFINITY, 0.1, 0, Stop::BadQuality),
     (0.0, 0.1, BAD, Stop::BadQuality),
-    (0.0, 0.1, GAP, Stop::SampleTime),
+    (0.0, 0.1, DATA_GAP, Stop::SampleTime),
     (0.0, 0.0, 0, Stop::SampleTime),
     (0.0, -0.1, 0, Stop::SampleTime),
     (0.0, 0.6, 0, Stop::SampleTime),
@@ -215,7 +215,7 @@ fn single_precision_finds_the_same() {
     assert!(near(wide.kp.unwrap(), narrow.kp.unwrap()), "{wide:?} {narrow:?}");
 }
 
-/// Not counted in, a gap of an eighth of the relay's swing takes Ku up by more than a seventh and hides Kp.
+/// Regression: not counted in, a gap of an eighth of the relay's swing takes Ku up by more than a seventh and hides Kp.
 #[test]
 fn a_known_gap_is_counted_in() {
     let find = |d: f64| {
@@ -242,7 +242,7 @@ fn pv() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
-    /// Whatever comes, with whatever flags: within the amplitude, within the limits, over in time, and no NaN.
+    /// With any input and any flags: within the amplitude, within the limits, over in time, and no NaN.
     #[test]
     fn always_ends_and_never_leaves_its_bounds(
         amplitude in prop_oneof![-30.0..-0.1_f64, 0.1..30.0_f64],

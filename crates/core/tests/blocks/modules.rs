@@ -1,10 +1,10 @@
-//! Control modules: what they promise when modes change, values are bad, limits move and time jumps.
+//! Control modules: their promises when modes change, values are bad, limits move and time jumps.
 
 use glapp_core::modules::{
     BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, Pid, PidAdvanced,
     PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
 };
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, DATA_GAP, NOT_AUTO, Status};
 use glapp_core::{Backward, CompensationSettings, DetectorSettings, Forward, Reason, Saturation, Way};
 use proptest::prelude::*;
 
@@ -112,7 +112,7 @@ fn every_parameter_of_a_schedule_has_its_number() {
     }
 }
 
-/// Their product is none in 32 bits.
+/// The product of the gains vanishes in 32 bits.
 #[test]
 fn gains_so_small_still_have_a_sign() {
     let mut schedule = [Gains::default(); SCHEDULE_ROWS];
@@ -121,7 +121,7 @@ fn gains_so_small_still_have_a_sign() {
     assert!(PidAdvanced::new(PidAdvancedSettings { schedule, rows: 1, ..small }).is_ok());
 }
 
-/// What can go wrong in a scan, and what can change with it.
+/// Faults of a scan, and changes with it.
 const FAULTS: [&str; 10] = [
     "none", "pv not a number", "pv flagged", "sp bad", "ff bad", "time jumps", "time stands still", "limits cross",
     "limits are no number", "not followed",
@@ -158,7 +158,7 @@ fn fail(rig: &mut Rig, fault: &str) -> Status {
         "pv not a number" | "pv flagged" => BAD,
         "sp bad" if rig.state.mode == Mode::External => BAD_SP,
         "ff bad" => BAD_FF,
-        "time jumps" | "time stands still" => GAP,
+        "time jumps" | "time stands still" => DATA_GAP,
         "limits cross" | "limits are no number" => BAD_LIMITS,
         _ => 0,
     }
@@ -202,11 +202,11 @@ fn every_mode_change_in_every_fault_is_held_and_recovers_without_a_bump() {
                     let u = rig.scan();
                     assert!((0.0..=100.0).contains(&u), "{place}");
                     assert!((u - last).abs() <= rig.integration(), "{place}, scan {k}: {last} to {u}");
-                    // What is told backward is known one scan later.
+                    // The backward signal is known one scan later.
                     if k != 5 && k != 15 {
                         assert_eq!(rig.state.error, expected, "{place}, scan {k}");
                     }
-                    if expected & (BAD | GAP) != 0 {
+                    if expected & (BAD | DATA_GAP) != 0 {
                         assert_eq!(u, last, "{place}, scan {k}: not held");
                     }
                     if k > 15 && rig.state.mode != Mode::Manual {
@@ -398,8 +398,8 @@ fn a_master_of_a_slave_in_manual_tracks_and_takes_over_without_a_bump() {
         slave.pv = (60.0 + 0.1 * f64::from(k)).into();
         slave.sp = master.pid.forward(&mut master.state, master.pv, master.sp, 0.0.into(), H);
         let u = slave.pid.forward(&mut slave.state, slave.pv, slave.sp, 0.0.into(), H).value;
-        let (told, _) = slave.pid.backward(&mut slave.state, Backward::default());
-        master.pid.backward(&mut master.state, told);
+        let (back, _) = slave.pid.backward(&mut slave.state, Backward::default());
+        master.pid.backward(&mut master.state, back);
         if k > 2 && k < 20 {
             assert!((slave.sp.value - slave.state.yf).abs() < 0.11, "the master follows the slave's PV");
             assert_eq!(u, 70.0);
@@ -482,12 +482,12 @@ fn a_ramp_of_the_setpoint_is_told_to_whoever_gives_it_and_not_to_the_detector() 
     let advanced = PidAdvanced::new(advanced).unwrap();
     let mut state = PidAdvancedState::at(50.0);
     state.pid.mode = Mode::External;
-    let mut told = |sp: f64| {
+    let mut back = |sp: f64| {
         advanced.forward(&mut state, 50.0.into(), sp.into(), 0.0.into(), 0.0.into(), H);
         let (sp, ff) = advanced.backward(&mut state, Backward::default());
         (sp.flags, ff.flags)
     };
-    assert_eq!([50.0, 50.3, 50.3, 49.9, 49.9].map(&mut told), [(0, 0), (AT_HIGH, 0), (0, 0), (AT_LOW, 0), (0, 0)]);
+    assert_eq!([50.0, 50.3, 50.3, 49.9, 49.9].map(&mut back), [(0, 0), (AT_HIGH, 0), (0, 0), (AT_LOW, 0), (0, 0)]);
 }
 
 #[test]
@@ -548,7 +548,7 @@ fn where_scans_were_missed_the_filter_begins_anew() {
     };
     scan(&mut s, 20.0, 0.1);
     s.missed();
-    assert_eq!(scan(&mut s, 80.0, -1.0), (80.0, GAP));
+    assert_eq!(scan(&mut s, 80.0, -1.0), (80.0, DATA_GAP));
 }
 
 #[test]
@@ -560,7 +560,7 @@ fn feed_forward_goes_through_and_within_the_limits() {
     assert!((rig.scan() - before - 7.0).abs() < 1e-12);
     rig.ff = 900.0.into();
     assert_eq!(rig.scan(), 100.0);
-    // It is not wound up against: the feedback is where it was.
+    // The integral is not wound up against it: the feedback is where it was.
     rig.ff = 7.0.into();
     for _ in 0..200 {
         rig.scan();
@@ -671,7 +671,7 @@ fn a_flag_rejects_the_half_period_that_it_was_raised_in() {
     let settings = BacklashDetectionSettings { detector, compensation: None };
     let detection = BacklashDetection::new(settings).unwrap();
     for (flag, reason) in [(AT_HIGH, Reason::Saturated), (AT_LOW, Reason::Saturated), (NOT_AUTO, Reason::NotAuto)] {
-        // In any scan of the half-period from 500 to 599, its first and its last among them.
+        // Any scan of the half-period from 500 to 599, its first and its last among them.
         for at in [500, 533, 599] {
             let mut state = BacklashDetectionState::default();
             let mut reasons = std::vec::Vec::new();
@@ -705,8 +705,8 @@ fn a_slave_at_its_limit_rejects_the_masters_half_periods() {
             // The slave's own process follows its output at once.
             let measured = s.output;
             slave.forward(&mut s, measured.into(), asked, 0.0.into(), H);
-            let (told, _) = slave.backward(&mut s, Backward::default());
-            master.backward(&mut m, told);
+            let (back, _) = slave.backward(&mut s, Backward::default());
+            master.backward(&mut m, back);
             if m.detection.last != ended {
                 ended = m.detection.last;
                 found.push((touched, ended.unwrap().reason()));
@@ -789,7 +789,7 @@ proptest! {
             advanced.backward(&mut state, back);
             prop_assert!(u.is_good() && (0.0..=100.0).contains(&u.value), "{u:?}");
         }
-        // And it goes on.
+        // The loop goes on.
         for _ in 0..3 {
             state.pid.mode = Mode::External;
             advanced.forward(&mut state, 50.0.into(), 60.0.into(), 0.0.into(), 0.0.into(), H);

@@ -5,7 +5,7 @@ use glapp_core::modules::{
     AutoTuner, AutoTunerState, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Mode, Pid,
     PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState,
 };
-use glapp_core::status::{BAD, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, WRONG_SIGN};
+use glapp_core::status::{BAD, BAD_LIMITS, BAD_SP, DATA_GAP, NOT_AUTO, WRONG_SIGN};
 use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, DetectorSettings, Forward, Standing, Way};
 use std::vec::Vec;
 
@@ -15,7 +15,7 @@ mod settings;
 const H: f64 = 0.1;
 const MODES: [Mode; 3] = [Mode::Manual, Mode::Auto, Mode::External];
 
-/// What can go wrong, for how many scans, and the error that it must raise in automatic.
+/// Fault, for how many scans, and the error that it must raise in automatic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     None,
@@ -42,7 +42,7 @@ impl Fault {
             PvNoNumber => BAD,
             SpNoNumber if mode == Mode::External => BAD_SP,
             LimitsCross => BAD_LIMITS,
-            TimeJumps => GAP,
+            TimeJumps => DATA_GAP,
             _ => 0,
         }
     }
@@ -72,7 +72,7 @@ struct Loop {
 impl Loop {
     fn new(inside: bool, way: Way) -> Self {
         let usual = settings::controller();
-        // Nothing but the fault is to take it away.
+        // Only the fault may take it away.
         let compensation = usual.compensation.map(|c| CompensationSettings { way, withdraw: false, ..c });
         let pid = PidSettings { tf: 0.2, ..usual.pid };
         let controller = if inside {
@@ -161,11 +161,11 @@ impl Loop {
             }
         };
         let op = self.tuner.forward(&mut self.experiment, u, pv, h);
-        let told = self.tuner.backward(&mut self.experiment, back);
+        let hears = self.tuner.backward(&mut self.experiment, back);
         match &mut self.controller {
-            Inside(pid, s) => _ = pid.backward(s, told),
+            Inside(pid, s) => _ = pid.backward(s, hears),
             Beside(pid, s, watch, w) => {
-                let (_, ff) = pid.backward(s, told);
+                let (_, ff) = pid.backward(s, hears);
                 watch.backward(w, Some(ff));
             }
         }
@@ -216,7 +216,7 @@ fn every_mode_change_in_every_fault_while_compensating() {
                     assert!((u - last).abs() <= most(&mut rig, yf), "{place}: {last} to {u}");
                     let blind = now == PvNoNumber || now == TimeJumps;
                     assert!(!blind || u == last, "{place}: not held");
-                    // What is told backward is known one scan later.
+                    // The backward signal is known one scan later.
                     if k != window.start && k != window.end {
                         assert_eq!(rig.error() & !WRONG_SIGN, now.error(mode), "{place}");
                     }
@@ -262,7 +262,7 @@ fn every_mode_change_in_every_fault_with_an_experiment_under_way() {
         TimeJumps => Stop::SampleTime,
         _ => Stop::None,
     };
-    // In the waiting phase, and with the relay running.
+    // Faults in the waiting phase, and with the relay running.
     for (begun, fault) in [20, 300].into_iter().flat_map(|begun| FAULTS.map(|fault| (begun, fault))) {
         for (from, to, at) in changes(fault) {
             let place = format!("{fault:?} after {begun} scans, {from:?} to {to:?} at {at}");

@@ -1,4 +1,4 @@
-//! The autotuner inside `PidAdvanced`: the same experiment as beside a controller, what it offers, and how that is taken over.
+//! The autotuner inside `PidAdvanced`: the same experiment as beside a controller, its offer, and its take-over.
 
 use glapp_core::auto_tuner::{Phase, Rule, Stop};
 use glapp_core::modules::{
@@ -40,7 +40,7 @@ struct Rig {
     noise: (Noise<f64>, NoiseState),
     gap: (Backlash<f64>, BacklashState<f64>),
     load: f64,
-    told: Backward<f64>,
+    back: Backward<f64>,
     /// Flags of PV.
     quality: Status,
 }
@@ -57,7 +57,7 @@ impl Rig {
             noise: (Noise::new(0.02).unwrap(), NoiseState::default()),
             gap: (Backlash::new(d).unwrap(), BacklashState::at(50.0)),
             load: 0.0,
-            told: Backward::default(),
+            back: Backward::default(),
             quality: 0,
         }
     }
@@ -76,7 +76,7 @@ impl Rig {
     fn scan(&mut self) -> f64 {
         let (pv, zero) = (self.pv(), Forward::from(0.0));
         let u = self.pid.forward(&mut self.s, pv, zero, zero, zero, H).value;
-        self.pid.backward(&mut self.s, self.told);
+        self.pid.backward(&mut self.s, self.back);
         self.follow(u);
         u
     }
@@ -157,7 +157,7 @@ fn a_controller_is_offered_and_taken_over_without_a_bump() {
     }
     assert_eq!(reasons[Reason::Gap as usize], 1, "{reasons:?}");
     assert!(reasons.iter().sum::<i32>() > 100, "{reasons:?}");
-    // With the new K and Ti.
+    // Settings with the new K and Ti.
     let last = rig.s.detection.last.unwrap();
     let slope = last.parts.delta_u / (last.half.delta_y * last.half.delta_t);
     assert!((slope / (offered.k / offered.ti) - 1.0).abs() < 1e-12);
@@ -193,7 +193,7 @@ fn the_kp_that_was_found_is_the_detectors_unless_one_is_given() {
         let found = rig.s.tuner.experiment.found.unwrap().kp.unwrap();
         assert!(rig.s.kp == Some(found) && (found - 0.8).abs() < 0.08, "{found}");
         assert!((part(&mut rig) / given.unwrap_or(found) - 1.0).abs() < 1e-12);
-        // It outlives an experiment that is broken off, and detections that are forgotten.
+        // The setting outlives an experiment that is broken off, and detections that are forgotten.
         rig.s.tuner.run = true;
         rig.scan();
         rig.s.tuner.run = false;
@@ -259,8 +259,8 @@ fn whatever_ends_it_the_output_is_where_it_was_and_the_controller_goes_on_from_t
         (|rig| rig.s.tuner.run = false, Stop::NotAuto),
         (|rig| rig.s.pid.mode = Mode::Manual, Stop::NotAuto),
         (|rig| rig.quality = BAD, Stop::BadQuality),
-        (|rig| rig.told.flags = AT_HIGH, Stop::OpLimit),
-        (|rig| rig.told.flags = NOT_AUTO, Stop::NotAuto),
+        (|rig| rig.back.flags = AT_HIGH, Stop::OpLimit),
+        (|rig| rig.back.flags = NOT_AUTO, Stop::NotAuto),
     ];
     for (change, stop) in ends {
         let mut rig = Rig::new(advanced(), 0.0);
@@ -272,17 +272,17 @@ fn whatever_ends_it_the_output_is_where_it_was_and_the_controller_goes_on_from_t
         assert_eq!(rig.s.tuner.experiment.phase, Phase::Balanced);
         assert!((rig.s.tuner.experiment.output - 50.0).abs() > 3.0);
         change(&mut rig);
-        rig.told.tracking = rig.s.tuner.experiment.start;
-        // What comes back is known in the scan after.
-        if rig.told.flags != 0 {
+        rig.back.tracking = rig.s.tuner.experiment.start;
+        // The backward signal is known in the scan after.
+        if rig.back.flags != 0 {
             rig.scan();
         }
         let (back, start) = (rig.scan(), rig.s.tuner.experiment.start);
         assert_eq!((rig.s.tuner.experiment.phase, rig.s.tuner.experiment.stop), (Phase::Aborted, stop));
         assert_eq!(back, start);
         assert!((start - 50.0).abs() < 0.2);
-        (rig.told, rig.quality) = (Backward::default(), 0);
-        // It tracks for a scan more, and goes on.
+        (rig.back, rig.quality) = (Backward::default(), 0);
+        // The output tracks for a scan more, and goes on.
         for _ in 0..3 {
             let u = rig.scan();
             // PV is off SP by what the experiment left.

@@ -1,6 +1,6 @@
-//! What must hold for the detector on any signal.
+//! Properties of the detector on any signal.
 
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO};
 use glapp_core::{
     Columns, Detector, DetectorState, HalfPeriodResult, LANES, Lanes, MedianMean, Real, Reason, SafetyNet, Sample,
     SecondOrderFilter, Span, Width,
@@ -394,7 +394,7 @@ proptest! {
             prop_assert_eq!(record.reason(), Reason::first(record.mask));
             prop_assert_eq!(record.mask == 0, record.reason() == Reason::Accepted);
             let bit_of = |flag, reason: Reason| (record.half.flags & flag != 0) == (record.mask & reason.bit() != 0);
-            prop_assert!(bit_of(GAP, Reason::Gap) && bit_of(BAD, Reason::BadQuality) && bit_of(NOT_AUTO, Reason::NotAuto));
+            prop_assert!(bit_of(DATA_GAP, Reason::Gap) && bit_of(BAD, Reason::BadQuality) && bit_of(NOT_AUTO, Reason::NotAuto));
         }
         if let Some(shown) = end.estimate() {
             prop_assert!(shown.value.is_finite() && shown.kept <= shown.count);

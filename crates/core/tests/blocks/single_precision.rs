@@ -1,4 +1,4 @@
-//! What a PLC's REAL makes of long sums: `f32` beside `f64` on the same samples, which both can hold exactly.
+//! Long sums in a PLC's REAL: `f32` beside `f64` on the same samples, which both can hold exactly.
 //!
 //! While the sums of `f32` were plain, what a sample adds was less than half of the last digit, and lost. What came of it then is
 //! noted in each test.

@@ -14,13 +14,13 @@ use std::sync::Arc;
 pub(crate) struct Strip {
     pub(crate) y: Arc<[f64]>,
     u: Arc<[f64]>,
-    /// When the load changed [cells].
+    /// Times of changes of the load [cells].
     pub(crate) changes: Vec<f64>,
     /// A load that is known, a mean for each cell [OP unit]; empty for none.
     load: Vec<f64>,
     /// Cells before it, from the beginning of the record.
     pub(crate) since: f64,
-    /// Which of the parts that were given.
+    /// Index of its part among those given.
     pub(crate) part: usize,
 }
 
@@ -136,7 +136,7 @@ impl Cells {
         self.stretches.iter().zip(&lost.start).map(at).collect()
     }
 
-    /// How far OP moves from each step to the next [OP unit].
+    /// Moves of OP from each step to the next [OP unit].
     fn moves(&self) -> impl Iterator<Item = f64> + '_ {
         self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs()))
     }
@@ -150,7 +150,7 @@ impl Cells {
         moves.get(moves.len() / 2).map_or(0.0, |m| m / 2.0)
     }
 
-    /// How far OP goes up and down in a step, in the mean [OP unit].
+    /// Mean travel of OP in a step, up and down [OP unit].
     pub(crate) fn travel(&self) -> f64 {
         self.moves().sum::<f64>() / self.stretches.iter().map(|s| s.u.len()).sum::<usize>() as f64
     }
@@ -162,7 +162,7 @@ impl Cells {
         kp.abs() * op / pv.max(1e-300)
     }
 
-    /// How far the valve moves at most within a stretch [OP unit].
+    /// Largest travel of the valve within a stretch [OP unit].
     pub(crate) fn reach(&self, lost: &BacklashModel) -> f64 {
         self.positions(lost).iter().map(|v| span(v)).fold(0.0, f64::max)
     }
@@ -187,7 +187,7 @@ impl Cells {
 }
 
 impl Strip {
-    /// The same for the first `cells` of one stretch, whose start in the gap is `start`.
+    /// Positions of the valve in the first `cells` of one stretch, whose start in the gap is `start`.
     pub(crate) fn positions(&self, lost: &BacklashModel, start: f64, cell: usize, cells: usize) -> Vec<f64> {
         let (d, jump) = (lost.d, lost.jump());
         // The start is told by where the lower end of the gap lies.
@@ -215,7 +215,7 @@ impl Strip {
         means
     }
 
-    /// The same from any eight starts at once.
+    /// Positions of the valve from any eight starts at once.
     pub(crate) fn positions_from(
         &self,
         lost: &BacklashModel,
@@ -269,7 +269,7 @@ impl Strip {
         moved.unwrap_or(self.u.len()) / cell
     }
 
-    /// How far OP moved from one cell to another [OP unit].
+    /// Move of OP from one cell to another [OP unit].
     pub(crate) fn moved(&self, from: usize, to: usize, cell: usize) -> f64 {
         self.u[to * cell] - self.u[from * cell]
     }

@@ -14,7 +14,7 @@ const LEAST_ROWS: usize = 200;
 /// Rows of a history.
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'a> {
-    /// What the fit sees of them.
+    /// Samples as the fit sees them.
     pub samples: Samples<'a>,
     /// Position of the valve, NaN where missing [its unit]; None where it was not recorded.
     pub position: Option<&'a [f64]>,
@@ -84,8 +84,8 @@ impl Windows {
         self.scored().map(|(_, rows)| rows)
     }
 
-    /// The same, each with what it may tell, by which windows of several histories of one valve can be chosen: OP's travel in
-    /// a coarse look times the share of rows that can be used [OP unit].
+    /// Windows with a score each, by which windows of several histories of one valve can be chosen: OP's travel in a
+    /// coarse look times the share of rows that can be used [OP unit].
     pub fn scored(&mut self) -> impl Iterator<Item = &(f64, Rows)> {
         self.end();
         self.epochs.iter().flatten().filter(|(score, _)| *score > 0.0)
@@ -154,7 +154,7 @@ impl Rows {
         join(&mut self.position, *position, before, rows, f64::NAN);
     }
 
-    /// How much the window may tell.
+    /// Score of the window: an estimate of its information.
     fn score(&self) -> f64 {
         let Some(op) = &self.op else { return 0.0 };
         let good = |k: usize| self.flags.as_ref().is_none_or(|flags| flags[k] & (BAD | AT_LIMIT) == 0);
@@ -188,7 +188,8 @@ fn join<T: Copy>(
 mod tests {
     use super::*;
 
-    /// So many rows a second apart; OP turns by steps that a coarse look still sees, more at some times than at others.
+    /// The given number of rows, a second apart; OP turns by steps that a coarse look still sees, more at some times
+    /// than at others.
     fn rows(n: usize) -> (Vec<f64>, Vec<f64>) {
         let t = (0..n).map(|k| k as f64).collect();
         let op = (0..n).map(|k| if k / 7 % 2 == 1 { 41.0 + (k / 1000 * 37 % 11) as f64 } else { 40.0 }).collect();
@@ -245,7 +246,7 @@ mod tests {
         let (t, op) = rows(24_000);
         let mut windows = fed(1000, f64::INFINITY, &t, &op, 24_000);
         let best: Vec<usize> = windows.best().map(|w| w.t[0] as usize / 1000).collect();
-        // Of windows 0 to 23, two an epoch.
+        // Windows 0 to 23, two an epoch.
         let better = |e: &usize| (2 * e..2 * e + 2).max_by_key(|w| (w * 37 % 11, std::cmp::Reverse(*w))).unwrap();
         assert_eq!(best, (0..12).collect::<Vec<_>>().iter().map(better).collect::<Vec<_>>());
     }

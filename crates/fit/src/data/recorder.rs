@@ -1,8 +1,8 @@
-//! How a position was recorded, which can look like a gap by itself.
+//! Recorder of a position: a recorder can look like a gap by itself.
 
-use crate::data::segment::Signals;
+use crate::data::segment::OpAndPv;
 
-/// How the position was recorded.
+/// Kind of recorder of the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Recorder {
     /// Every row as it was.
@@ -13,7 +13,7 @@ pub enum Recorder {
     Kept(f64),
 }
 
-/// How a signal moves from row to row.
+/// Moves of a signal from row to row.
 pub(crate) struct Moves {
     /// The least move, but for one in two hundred.
     pub(crate) least: f64,
@@ -29,7 +29,7 @@ pub(crate) struct Moves {
 /// Fewest new values of a signal that is kept until it has moved by a band.
 pub(crate) const FEWEST_NEW: usize = 12;
 
-/// How many times more moves than below it there must be between an edge and twice that; without an edge there are as many.
+/// Ratio of moves above an edge (up to twice the edge) to moves below it; without an edge there are as many.
 const SHARP: f64 = 8.0;
 
 impl Moves {
@@ -75,7 +75,7 @@ impl Moves {
         Self { least, band, median, few, step: if on_steps { least } else { 0.0 } }
     }
 
-    /// How the position was recorded; `by_op` is the least move that OP makes of it.
+    /// Recorder of the position; `by_op` is the least move that OP makes of it.
     pub(crate) fn recorder(&self, by_op: f64, span: f64) -> Recorder {
         if self.least < 1e-5 * span && self.band < 1e-5 * span {
             Recorder::Plain
@@ -103,7 +103,7 @@ pub(crate) fn only_new(z: &mut [f64]) {
     }
 }
 
-/// How far each row lies off the middle one of itself and its neighbours.
+/// Distance of each row from the median of itself and its neighbours.
 fn off_neighbours(z: &[f64]) -> impl Iterator<Item = (usize, f64)> + '_ {
     z.windows(3).enumerate().filter(|(_, w)| w.iter().all(|z| !z.is_nan())).map(|(k, w)| {
         let middle = w[0].max(w[1]).min(w[0].min(w[1]).max(w[2]));
@@ -111,8 +111,8 @@ fn off_neighbours(z: &[f64]) -> impl Iterator<Item = (usize, f64)> + '_ {
     })
 }
 
-/// How far off its neighbours a row is no value of the valve's.
-pub(crate) fn spike_limit(parts: &[Signals]) -> f64 {
+/// Distance from its neighbours from which a row is no value of the valve's.
+pub(crate) fn spike_limit(parts: &[OpAndPv]) -> f64 {
     let mut off: Vec<f64> = parts.iter().flat_map(|(z, _)| off_neighbours(z).map(|(_, off)| off)).collect();
     let mut all: Vec<f64> = parts.iter().flat_map(|(z, _)| z.iter().copied()).filter(|z| !z.is_nan()).collect();
     if off.is_empty() || all.is_empty() {
@@ -126,6 +126,7 @@ pub(crate) fn spike_limit(parts: &[Signals]) -> f64 {
     noise.max(4.0 * step).max(0.02 * broad)
 }
 
+/// Rows farther than `limit` from their neighbours.
 pub(crate) fn spikes_in(z: &[f64], limit: f64) -> Vec<usize> {
     off_neighbours(z).filter(|(_, off)| *off > limit).map(|(k, _)| k).collect()
 }

@@ -2,11 +2,19 @@
 
 use crate::data::samples::Samples;
 use crate::decide::thresholds::{REPEATED_LEVELS, REPEATED_ROWS};
-use crate::problem::Recorded;
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// What of a recording counts.
+/// One recording of a valve: its rows, or those of its windows.
+#[derive(Clone, Debug)]
+pub struct Recorded<'a> {
+    /// Time 0 of the recording, on a clock that all recordings share [s]; NaN where that is not known.
+    pub since: f64,
+    /// Rows in one piece, or the windows that were kept of a long history.
+    pub samples: Vec<Samples<'a>>,
+}
+
+/// Rows of a recording that count, each once.
 pub(crate) struct Once {
     /// PV of each of its samples, NaN in rows that stand in an earlier recording.
     pub(crate) pv: Vec<Vec<f64>>,
@@ -14,7 +22,7 @@ pub(crate) struct Once {
     pub(crate) repeated: f64,
 }
 
-/// The recordings, in the order of time, without what they repeat of those before them.
+/// The recordings, in the order of time, without the rows that repeat those before them.
 ///
 /// Rows in a row are the same where PV and OP are, to the last digit, and PV takes some values among them: noise does not come
 /// back so.
@@ -44,7 +52,8 @@ pub(crate) fn once(recordings: &[Recorded]) -> Vec<Once> {
     all
 }
 
-/// What tells the rows from each row on from others; None where they are too few, one is missing, or PV hardly moves.
+/// Keys that distinguish the rows from each row on from others; None where they are too few, one is missing, or PV
+/// hardly moves.
 fn marks(samples: &Samples) -> Vec<Option<u64>> {
     let Some(op) = samples.op else { return Vec::new() };
     let of = |(pv, op): (&[f64], &[f64])| {

@@ -33,9 +33,9 @@ pub struct Samples<'a> {
 /// Why samples cannot be fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unfit {
-    /// There is no OP.
+    /// No OP.
     NoOp,
-    /// So many rows are too few.
+    /// Too few rows: this many.
     FewRows(usize),
     /// OP is missing in nearly all rows.
     OpMissing,
@@ -72,7 +72,7 @@ impl Unfit {
         }
     }
 
-    /// Its number, 0 where it has none.
+    /// Number of the reason, 0 where it has none.
     pub const fn number(self) -> f64 {
         match self {
             Self::FewRows(n) | Self::Coarse(n) => n as f64,
@@ -171,7 +171,7 @@ fn stands(mut values: impl Iterator<Item = f64>) -> Option<f64> {
     values.all(|x| x == first).then_some(first)
 }
 
-/// How many values there are, counted up to [`LEVELS`].
+/// Number of different values, counted up to [`LEVELS`].
 fn few_levels(values: impl Iterator<Item = f64>) -> usize {
     let mut levels: Vec<f64> = Vec::with_capacity(LEVELS);
     for x in values {
@@ -233,7 +233,7 @@ mod tests {
         let mut back = t.clone();
         back[100..].iter_mut().for_each(|t| *t -= 7.0);
         assert_eq!(lengths(&record(&back, &pv, &op).unwrap()), [100, 100]);
-        // What is shorter than 20 rows is left out.
+        // A part shorter than 20 rows is left out.
         let mut torn = op.clone();
         torn[10..20].fill(f64::NAN);
         let torn = record(&t, &pv, &torn).unwrap();
@@ -249,12 +249,12 @@ mod tests {
         let missing: Vec<usize> = (0..N).filter(|k| bad.stretches[0].pv[*k].is_nan()).collect();
         assert_eq!(missing, (30..40).collect::<Vec<_>>());
         // A row a little early or late stands at its step.
-        let shaken: Vec<f64> = t
+        let jittered: Vec<f64> = t
             .iter()
             .enumerate()
             .map(|(k, t)| t + [0.1, 0.0, -0.1][k % 10 % 3] * f64::from(u8::from(k % 10 < 3)))
             .collect();
-        let even = record(&shaken, &pv, &op).unwrap();
+        let even = record(&jittered, &pv, &op).unwrap();
         assert_eq!(lengths(&even), [N]);
         assert!(even.stretches[0].pv.iter().zip(&pv).all(|(a, b)| a == b));
     }

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 /// One unbroken stretch at even steps; NaN in PV is a sample that is missing, OP is without NaN.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Stretch<'a> {
-    /// When it starts [s].
+    /// Start time [s].
     pub start: f64,
     /// Setpoint, as many as of `pv` or, where it was not recorded, none [PV unit].
     pub sp: Cow<'a, [f64]>,
@@ -22,16 +22,16 @@ pub struct Stretch<'a> {
 pub struct Segment<'a> {
     /// Time between two steps [s].
     pub h: f64,
-    /// Its stretches in the order of time.
+    /// Stretches in the order of time.
     pub stretches: Vec<Stretch<'a>>,
 }
 
 /// PV and OP of a stretch.
-pub(crate) type Signals<'a> = (&'a [f64], &'a [f64]);
+pub(crate) type OpAndPv<'a> = (&'a [f64], &'a [f64]);
 
 impl Segment<'_> {
     /// PV and OP of each stretch.
-    pub(crate) fn signals(&self) -> Vec<Signals<'_>> {
+    pub(crate) fn signals(&self) -> Vec<OpAndPv<'_>> {
         self.stretches.iter().map(|s| (&*s.pv, &*s.op)).collect()
     }
 
@@ -46,13 +46,13 @@ impl Segment<'_> {
         spread(sp) > LED * spread(pv)
     }
 
-    /// When it begins and when its last step is [s].
+    /// Times of the first row and the last step [s].
     pub(crate) fn span(&self) -> (f64, f64) {
         let (first, last) = (&self.stretches[0], &self.stretches[self.stretches.len() - 1]);
         (first.start, last.start + self.h * (last.pv.len() - 1) as f64)
     }
 
-    /// When each stretch starts [s].
+    /// Start times of the stretches [s].
     pub(crate) fn starts(&self) -> Vec<f64> {
         self.stretches.iter().map(|s| s.start).collect()
     }
@@ -123,19 +123,19 @@ pub(crate) fn spread(values: impl Iterator<Item = f64> + Clone) -> f64 {
     (values.map(|x| (x - mean) * (x - mean)).sum::<f64>() / n).sqrt()
 }
 
-/// By how many times as many steps as a window holds a record is still fitted as one.
+/// Length up to which a record is still fitted as one, in lengths of a window.
 const UNCUT: f64 = 1.5;
 /// Windows of one record that are fitted.
 const MOST_WINDOWS: usize = 6;
 /// Steps in which a window's OP is looked at for how far it turns.
 pub(crate) const COARSE_STEPS: usize = 60;
 
-/// How far OP goes up and down in all, counted in steps that are large for it [OP unit].
+/// Total travel of OP up and down, counted in steps that are large for it [OP unit].
 pub(crate) fn turns(op: &[f64]) -> f64 {
     travel(op.iter().copied(), op.len().div_ceil(COARSE_STEPS).max(1))
 }
 
-/// How far a signal goes up and down in all, looked at once in `every` samples.
+/// Total travel of a signal up and down, sampled once in `every` samples.
 pub(crate) fn travel(signal: impl Iterator<Item = f64>, every: usize) -> f64 {
     let mut last = f64::NAN;
     let moves = signal.step_by(every).filter_map(|x| {

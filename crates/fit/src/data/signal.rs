@@ -1,8 +1,8 @@
-//! What is done to a signal before it is fitted: its scale, its spikes and shifts, and whether it was drawn as lines.
+//! Preparation of a signal for the fit: its scale, its spikes and shifts, and whether it was drawn as lines.
 
 use crate::decide::thresholds::CORNERS;
 
-/// Where the numbers of a signal lie: value = zero + size·(what the fit sees).
+/// Scale of a signal: value = zero + size·(number in the fit).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Unit {
     pub(crate) zero: f64,
@@ -21,7 +21,7 @@ impl Unit {
         Self { zero: low, size: if high > low { high - low } else { 1.0 } }
     }
 
-    /// The signal from 0 to 1: what is found does not hang on units.
+    /// The signal from 0 to 1: the results do not depend on units.
     pub(crate) fn scaled(self, signal: &[f64]) -> Vec<f64> {
         signal.iter().map(|x| ((x - self.zero) / self.size * GRID).round() / GRID).collect()
     }
@@ -110,11 +110,10 @@ pub(crate) fn without_spikes(mut pv: Vec<f64>) -> Vec<f64> {
     pv
 }
 
-/// How far PV bends between the points that a historian kept and drew lines between, in the mean (median); 0 where it kept
-/// every sample.
+/// Median bend of PV between the points that a historian kept and drew lines between; 0 where it kept every sample.
 pub(crate) fn bow(pv: &[f64]) -> f64 {
     let bend = |w: &[f64]| w[2] - 2.0 * w[1] + w[0];
-    // Where PV stands still nothing is drawn.
+    // A still PV holds no drawn lines.
     let moving = |w: &&[f64]| (w[2] - w[1]).abs() + (w[1] - w[0]).abs() > 8.0 / GRID;
     let corner = |w: &[f64]| bend(w).abs() > 8.0 / GRID;
     let all = pv.windows(3).filter(moving).count();

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 pub(crate) struct Best<'r> {
     pub(crate) search: Search<'r>,
     pub(crate) point: Point,
-    /// What a valve that sticks costs where it is as likely [−2·ln L].
+    /// Cost of a valve that sticks where it is as likely [−2·ln L].
     as_likely: f64,
     /// Likelihood ratio of J = 0 against the best J: what a slip jump explains beyond a gap.
     pub(crate) lr_no_jump: f64,
@@ -26,7 +26,7 @@ pub(crate) struct Best<'r> {
 }
 
 impl<'r> Best<'r> {
-    /// Of the best family of a gap, and the nearest valve that sticks.
+    /// Made of the best family with a gap, and the nearest valve that sticks.
     pub(crate) fn new(record: &'r Cells, sign: f64, gap: &Profile, stuck: Option<&Profile>) -> Self {
         let lr_no_jump = stuck.map_or(0.0, |stuck| (gap.penalised() - stuck.penalised()).max(0.0));
         let profile = stuck.filter(|_| lr_no_jump > JUMP_PRICE).unwrap_or(gap);
@@ -47,10 +47,10 @@ impl<'r> Best<'r> {
 
     /// Whether the valve slips.
     pub(crate) fn slips(&self) -> bool {
-        self.lr_no_jump > JUMP
+        self.lr_no_jump > LR_JUMP
     }
 
-    /// What PV takes to answer [steps].
+    /// Settling time of PV [steps].
     pub(crate) fn settles(&self) -> f64 {
         self.search.structure.settles(&self.point.theta) * self.search.record.cell as f64
     }
@@ -66,7 +66,7 @@ impl<'r> Best<'r> {
         lr_asked_of_changes(self.traversals, self.search.record.changes())
     }
 
-    /// How many times as far as a likelihood that tells all may rise within an interval.
+    /// Ratio of the allowed rise within an interval to that of a likelihood with full information.
     pub(crate) fn widened(&self) -> f64 {
         let beside_changes = self.asked_of_changes() > 0.0;
         (if beside_changes { RISE_BESIDE_CHANGES } else { 1.0 }) / self.information_ratio
@@ -79,10 +79,10 @@ pub(crate) struct NoGap {
     /// that repeats itself.
     pub(crate) lr: f64,
     pub(crate) lr_aperiodic: f64,
-    /// What it must exceed, and the same before the bootstrap.
+    /// Ratio that a gap needs, and the same before the bootstrap.
     pub(crate) needed: f64,
     pub(crate) asked: f64,
-    /// What the loads that were looked for leave of the ratio.
+    /// Likelihood ratio that remains after the loads that were looked for.
     pub(crate) lr_of_loads: f64,
     /// Whether a load that repeats itself was looked for, and whether it leaves less than others do.
     pub(crate) cycle_known: bool,
@@ -94,9 +94,9 @@ impl NoGap {
     pub(crate) fn new(best: &Best, profiles: &[Profile], costs: [f64; 2], bootstrap: usize) -> Self {
         let ([without, with], ratio, gap) = (costs, best.information_ratio, &profiles[0]);
         let Search { record, structure, sign } = best.search;
-        // What a gap explains beyond nothing is at least what a slip jump explains beyond a gap.
-        let of_families =
-            profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (best.lr_no_jump - JUMP).max(0.0);
+        // The gain of a gap over nothing is at least the gain of a slip jump over a gap.
+        let of_families = profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min)
+            + (best.lr_no_jump - LR_JUMP).max(0.0);
         let asked = lr_asked(best.traversals).max(best.asked_of_changes());
         let of_aperiodic_loads = without - with;
         let lr_aperiodic = of_families.min(of_aperiodic_loads) * ratio;
@@ -109,7 +109,7 @@ impl NoGap {
         }
         let lr = of_families.min(lr_of_loads) * ratio;
         let mut needed = asked;
-        if bootstrap > 0 && lr > asked && lr < GAP_IF_CLEAR {
+        if bootstrap > 0 && lr > asked && lr < LR_IF_CLEAR {
             // Drawn innovations are alike everywhere: their ratio is to be held against the one before the information ratio.
             let threshold = bootstrap_threshold(&best.of(gap.structure), &gap.points[0], lr / ratio, bootstrap);
             needed = asked.max(threshold * ratio);
@@ -131,7 +131,7 @@ pub(crate) struct WidthLimits {
 }
 
 impl WidthLimits {
-    /// Of all believed models; their profiles get the widths that were looked at.
+    /// Made of all believed models; their profiles get the widths that were looked at.
     pub(crate) fn new(best: &Best, profiles: &mut [Profile], sticking: &mut [Profile]) -> Self {
         let (record, wider) = (best.search.record, best.widened());
         let fine = 0.001 * record.range;
@@ -172,7 +172,7 @@ pub(crate) struct Filtered {
     /// Variance of what the model does not foresee of PV, a cell ahead [PV unit²], and standard deviation of the white noise [PV unit].
     pub(crate) variance: f64,
     pub(crate) noise: f64,
-    /// By how much the answer to OP lessens the sum of squares.
+    /// Decrease of the sum of squares by the answer to OP.
     answered: f64,
 }
 
@@ -214,7 +214,7 @@ pub(crate) struct ProcessLimits {
     pub(crate) kp: (f64, f64),
     pub(crate) dead_time: (f64, f64),
     pub(crate) lag: (f64, f64),
-    /// Those of gain and lags as the likelihood has them.
+    /// Limits of gain and lags by the likelihood.
     pub(crate) kp_near: (f64, f64),
     pub(crate) lag_near: (f64, f64),
 }
@@ -247,7 +247,7 @@ impl Process {
     /// The limits of gain, dead time and lags. `found`: whether a gap is.
     pub(crate) fn limits(&self, best: &Best, profiles: &[Profile], sticking: &[Profile], found: bool) -> ProcessLimits {
         let (h, rise) = (self.h, RISE_OF_PROCESS * best.widened());
-        // Where the likelihood stays near its best, with another width or in another family.
+        // Widths or families where the likelihood stays near its best.
         let of_gap = profiles.iter().map(|p| (p, p.least()));
         let of_sticking = sticking.iter().map(|p| (p, best.as_likely));
         let alike = |p: &&Profile| p.structure.integrating == best.search.structure.integrating;
@@ -286,8 +286,8 @@ impl Process {
         }
     }
 
-    /// How many times greater the gain may be before a load would have to undo more of what the valve does than any does, and with it the lags:
-    /// their ratio is known better than either.
+    /// Largest ratio by which the gain may be greater before a load would have to undo more of the valve's effect than
+    /// any does, and with it the lags: their ratio is known better than either.
     fn may_be_greater(&self, best: &Best) -> f64 {
         let cancels = best.search.record.cancels(best.point.kp);
         if best.search.structure.integrating || cancels <= 0.0 { 1.0 } else { (CANCELS / cancels).max(1.0) }

@@ -1,4 +1,4 @@
-//! How large the likelihood ratio of no gap gets by chance.
+//! Distribution of the likelihood ratio of no gap by chance.
 
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Theta};
@@ -6,7 +6,7 @@ use crate::search::likelihood::{Point, Search};
 use crate::search::linear::{dot, solve};
 use rayon::prelude::*;
 
-/// Where the numbers by chance begin: the same record gets the same answer, in any unit.
+/// Seed of the random numbers: the same record gets the same answer, in any unit.
 const SEED: u64 = 1;
 /// Draws at first, and at each further turn.
 const INVENTED: usize = 100;
@@ -54,7 +54,7 @@ struct Score {
 }
 
 impl Score {
-    /// With the innovations of the record under the model `without` a gap.
+    /// Drawn from the innovations of the record under the model `without` a gap.
     fn new(search: &Search, without: &Point) -> (Vec<f64>, Self) {
         let positions = search.record.positions(&without.lost);
         let (innovations, slopes) = search.slopes(&without.theta, &positions);
@@ -74,7 +74,8 @@ impl Score {
     }
 }
 
-/// A width beside the model without a gap: what it leaves unexplained, and an orthonormal basis of what another process can explain.
+/// A width beside the model without a gap: its residual, and an orthonormal basis of the part that another process can
+/// explain.
 struct Tangent {
     /// D less its part in the basis, and the sum of its squares.
     left: Vec<f64>,
@@ -145,9 +146,10 @@ fn project(column: &mut [f64], basis: &[Vec<f64>]) {
     }
 }
 
-/// What one in a hundred of `ratios` exceeds, and its standard error; their order is lost. Few lie so high: so the fifth
-/// of them that is largest, or all above 0 where these are fewer, is taken for the beginning of an exponential tail, as that of a
-/// chi-square is. Nor is it less than what a scaled half of a chi-square with the same mean has there.
+/// Ratio that one in a hundred of `ratios` exceeds, and its standard error; their order is lost. Few lie so high: so
+/// the fifth of them that is largest, or all above 0 where these are fewer, is taken for the beginning of an
+/// exponential tail, as that of a chi-square is. Nor is it less than what a scaled half of a chi-square with the same
+/// mean has there.
 fn upper_percentile(ratios: &mut [f64]) -> (f64, f64) {
     ratios.sort_by(|a, b| b.total_cmp(a));
     let n = ratios.len() as f64;
@@ -212,10 +214,10 @@ mod tests {
         let lost = BacklashModel::gap(0.0, 1);
         let mut truth = made.descend(theta, &lost, 0, 0.1, f64::INFINITY);
         (truth.theta, truth.kp) = (theta, 1.0);
-        let foreseen = made.predicted(&truth, &silent.positions(&lost));
+        let predicted = made.predicted(&truth, &silent.positions(&lost));
         let mut off = Vec::new();
         for _ in 0..6 {
-            let y: Vec<f64> = foreseen[0].iter().map(|y| y + 0.3 * draws.normal()).collect();
+            let y: Vec<f64> = predicted[0].iter().map(|y| y + 0.3 * draws.normal()).collect();
             let record = silent.with(vec![y]);
             let search = Search { record: &record, structure, sign: 1.0 };
             let at = |part: f64| BacklashModel::gap(part * record.range, 1);

@@ -2,10 +2,10 @@
 
 use crate::decide::verdict::Verdict;
 
-/// What a record says, as much as the whole needs.
+/// Facts of a record that the whole needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reading {
-    /// Its verdict.
+    /// Verdict of the record.
     pub(crate) verdict: Verdict,
     /// Most likely width [OP unit].
     pub(crate) d: f64,
@@ -20,14 +20,14 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// That of a width with two limits [OP unit]: a quarter of its interval.
+    /// Standard error of a width with two limits [OP unit]: a quarter of its interval.
     pub(crate) fn standard_error(&self) -> Option<f64> {
         let width = matches!(self.verdict, Verdict::Backlash | Verdict::Stiction | Verdict::Both);
         self.high.filter(|_| width).map(|high| ((high - self.low) / 3.92).max(1e-9 * self.d))
     }
 }
 
-/// What the records say together.
+/// Joint result of the records.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Combined {
     /// The verdict.

@@ -153,12 +153,17 @@ impl Curve {
         sticking.first().map_or(0.0, |p| profiles[0].penalised() - p.penalised())
     }
 
-    /// How much each of the [`Curve::costs`] counts, its parameters' price, and its least.
+    /// How much each of the [`Curve::costs`] counts, its parameters' price, and the cost from which it rises: the least; of a valve that
+    /// sticks the one at which it is as likely as a gap, as for the record's own limits.
     fn weights(&self) -> Vec<(f64, f64, f64)> {
         let Fitted { profiles, sticking, sticks_in, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
-        let sticks = 2.0 * sticks_in.parameters() as f64 + JUMP_PRICE;
-        gaps.chain(sticking.iter().map(|p| (RISE / RISE_OF_STICKING, sticks, p.least()))).collect()
+        let free = 2.0 * sticks_in.parameters() as f64;
+        let as_likely = match sticking.first() {
+            Some(stuck) if self.jumps() > JUMP_PRICE => stuck.least(),
+            _ => profiles[0].penalised() - free,
+        };
+        gaps.chain(sticking.iter().map(|_| (RISE / RISE_OF_STICKING, free + JUMP_PRICE, as_likely))).collect()
     }
 
     /// The least of costs with the parameters' price.
@@ -174,10 +179,15 @@ impl Curve {
         known.map(|((from, to), (weight, ..))| weight * (to - from)).fold(f64::INFINITY, f64::min)
     }
 
-    /// How far costs lie above the best of their own family, in that where they do least.
+    /// How far costs lie above those from which each family rises, in that where they do least.
     pub(crate) fn off(&self, costs: &[f64]) -> f64 {
         let above = costs.iter().zip(self.weights()).map(|(cost, (weight, _, least))| weight * (cost - least));
         above.fold(f64::INFINITY, f64::min).max(0.0)
+    }
+
+    /// The same in units of which the record's own limits allow [`RISE`].
+    pub(crate) fn off_within_limits(&self, costs: &[f64]) -> f64 {
+        RISE / self.fitted.answer.rise * self.off(costs)
     }
 }
 
@@ -356,7 +366,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let mut lr_aperiodic = 0.0;
     for (curve, lr) in curves.iter().zip(&mut against) {
         let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
-        let jumps = (answer.lr_no_jump - JUMP).max(0.0);
+        let jumps = (answer.lr_no_jump - LR_JUMP).max(0.0);
         *lr += curve.worth * jumps;
         lr_aperiodic += lr.min(curve.worth / answer.information_ratio * answer.evidence.lr_aperiodic);
         *lr = lr.min(curve.worth * lr_of_loads);
@@ -371,8 +381,8 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let many =
         |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.answer.evidence)).count() > curves.len();
     let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
-    let asked = GAP_JOINT.max(lr_asked(traversals)).max(lr_asked_of_changes(traversals, marks));
-    let lr_needed = (dispersion * asked).max(most + dispersion * GAP);
+    let asked = LR_JOINT.max(lr_asked(traversals)).max(lr_asked_of_changes(traversals, marks));
+    let lr_needed = (dispersion * asked).max(most + dispersion * LR_MIN);
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
@@ -398,7 +408,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         at_once: many(|e| e.at_once),
         noisy_below: median(|e| e.noisy_below),
         misfit_at_turns: many(|e| e.misfit_at_turns),
-        slips: lr_no_jump > JUMP && 2 * jumping > curves.len(),
+        slips: lr_no_jump > LR_JUMP && 2 * jumping > curves.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: many(|e| e.even_swing),

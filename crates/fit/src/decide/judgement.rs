@@ -1,15 +1,15 @@
-//! The ladder: what is said of a valve, in fields that do not mix questions.
+//! The ladder: the judgement on a valve, in fields that do not mix questions.
 
 use crate::decide::verdict::Verdict;
 use serde::{Deserialize, Serialize};
 
-/// How sure it is that there is a gap, or none.
+/// Confidence that there is a gap, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Confidence {
-    /// There is a gap: among records without one at most one in a hundred is told so.
+    /// A gap is certain: at most one in a hundred records without one gets this.
     Found,
-    /// There probably is a gap: a step test should confirm it.
+    /// A gap is probable: a step test should confirm it.
     Likely,
     /// The record does not tell.
     CannotTell,
@@ -17,7 +17,7 @@ pub enum Confidence {
     NoneSeen,
 }
 
-/// What makes the lost motion.
+/// Cause of the lost motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -25,13 +25,13 @@ pub enum Cause {
     Backlash,
     /// A valve that sticks and jumps, no gap beside it.
     Stiction,
-    /// Both.
+    /// Backlash and stiction.
     Both,
     /// OP must move by so much after a reversal before PV answers, without a jump that shows: packing or play. PV does not tell them apart.
     DeadBand,
 }
 
-/// What is told of the width.
+/// Kind of the width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WidthKind {
@@ -43,26 +43,26 @@ pub enum WidthKind {
     Unsure,
 }
 
-/// What is said of a valve.
+/// Judgement on a valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Judgement {
-    /// How sure it is.
+    /// Confidence that there is a gap.
     pub confidence: Confidence,
-    /// What makes the lost motion; None where none is found or likely.
+    /// Cause of the lost motion; None where none is found or likely.
     pub cause: Option<Cause>,
-    /// What is told of its width; the same.
+    /// Kind of the width; none where there is no width.
     pub width_kind: Option<WidthKind>,
     /// Whether OP swings to and fro in almost even time, whatever makes it.
     pub oscillates: bool,
 }
 
 impl Judgement {
-    /// Nothing is said of a gap.
+    /// Judgement without a gap.
     pub(crate) const fn without(confidence: Confidence, oscillates: bool) -> Self {
         Self { confidence, cause: None, width_kind: None, oscillates }
     }
 
-    /// The verdict: it claims what is found, and nothing that is only likely. `low`: the lower limit of the width.
+    /// The verdict: it claims a found gap, and no likely one. `low`: the lower limit of the width.
     pub fn verdict(&self, low: f64) -> Verdict {
         match (self.confidence, self.width_kind, self.cause) {
             (Confidence::NoneSeen, ..) => Verdict::Sound,
@@ -80,7 +80,7 @@ impl Judgement {
         matches!(self.confidence, Confidence::Found | Confidence::Likely)
     }
 
-    /// What a verdict of a valve's own position says: play and sticking are told apart there.
+    /// Judgement by a verdict on a valve's own position, which distinguishes play from sticking.
     pub fn at_valve(verdict: Verdict) -> Self {
         let (confidence, cause, width_kind) = match verdict {
             Verdict::Backlash => (Confidence::Found, Some(Cause::Backlash), Some(WidthKind::Interval)),

@@ -1,4 +1,4 @@
-//! What one record says: width, interval, and whether there is a gap at all.
+//! Result of one record: width, interval, and whether there is a gap at all.
 
 use crate::data::cells::{Cells, Positions};
 use crate::data::segment::Segment;
@@ -12,7 +12,6 @@ use crate::decide::witness::plateau::plateau;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Structure, Theta};
-use crate::problem::Window;
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::dot;
 use crate::search::profile::Profile;
@@ -48,12 +47,12 @@ pub struct Prediction {
     pub position: f64,
 }
 
-/// What the fit finds in one segment.
+/// Fit of one segment.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SegmentFit {
-    /// What the record says.
+    /// Judgement on the record.
     pub judgement: Judgement,
-    /// The same in one word, which claims only what is found.
+    /// Verdict in one word, which claims only a found gap.
     pub verdict: Verdict,
     /// Most likely total width [OP unit].
     pub d: f64,
@@ -65,7 +64,7 @@ pub struct SegmentFit {
     pub jump: f64,
     /// Likelihood ratio of no gap: the least over all families that predict PV nearly as well as the best, times `information_ratio`.
     pub lr_no_gap: f64,
-    /// What `lr_no_gap` must exceed for a gap, 1 % of records without one do.
+    /// Ratio that `lr_no_gap` must exceed for a gap, 1 % of records without one do.
     pub lr_needed: f64,
     /// Likelihood ratio of J = 0 against the best J.
     pub lr_no_jump: f64,
@@ -73,34 +72,34 @@ pub struct SegmentFit {
     pub lr_no_answer: f64,
     /// Share of the likelihood's own information on d that the innovations support, 0 to 1.
     pub information_ratio: f64,
-    /// How far −2·ln L may rise within the interval.
+    /// Allowed rise of −2·ln L within the interval.
     pub rise: f64,
     /// Times that OP goes through the whole width up and down.
     pub traversals: [usize; 2],
     /// Static gain [PV unit/OP unit]; velocity gain [PV unit/(OP unit·s)] of an integrating process.
     pub kp: f64,
-    /// The same with its 95 % limits.
+    /// 95 % limits of Kp.
     pub kp_limits: (f64, f64),
-    /// Its 95 % limits by the likelihood alone, as if the model were right.
+    /// 95 % limits of Kp by the likelihood alone, as if the model were right.
     pub kp_near: (f64, f64),
     /// Dead time [s].
     pub dead_time: f64,
-    /// The same with its 95 % limits.
+    /// 95 % limits of the dead time.
     pub dead_time_limits: (f64, f64),
     /// Lags together: the first-order coefficient of the denominator, behind an integrator if there is one [s].
     pub lag: f64,
-    /// The same with its 95 % limits.
+    /// 95 % limits of the lag.
     pub lag_limits: (f64, f64),
-    /// Its 95 % limits by the likelihood alone [s].
+    /// 95 % limits of the lag by the likelihood alone [s].
     pub lag_near: (f64, f64),
     /// Whether the process integrates.
     pub integrating: bool,
     /// Coefficients of 1, s, s², s³ in the denominator of the process [1, s, s², s³]; behind an integrator the first is 0, the
     /// second 1, and the units are [s⁻¹, 1, s, s²].
     pub denominator: [f64; 4],
-    /// What PV takes to answer OP: the lags; behind an integrator with the dead time [s].
+    /// Settling time of PV after a move of OP: the lags; behind an integrator with the dead time [s].
     pub settles: f64,
-    /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
+    /// Standard deviation of the model's prediction error of PV, a cell ahead [PV unit].
     pub sigma: f64,
     /// Correlation of that with the same a cell before: far from 0 where the model is not of this record.
     pub autocorrelation: f64,
@@ -114,11 +113,11 @@ pub struct SegmentFit {
     pub load_steps: usize,
     /// The families, best first.
     pub candidates: Vec<Candidate>,
-    /// What the best model made of each cell of PV.
+    /// Predictions of PV by the best model, for each cell.
     pub predictions: Vec<Prediction>,
-    /// What all that rests on.
+    /// Evidence of the judgement.
     pub evidence: Evidence,
-    /// Why the verdict is what it is, a word that `glapp` turns into a sentence; not handed over, for the evidence tells it.
+    /// Reason of the verdict, a word that `glapp` turns into a sentence; not handed over, for the evidence gives it.
     #[serde(skip)]
     pub reason: &'static str,
 }
@@ -129,7 +128,7 @@ impl SegmentFit {
         !matches!(self.reason, "misfit" | "no_answer")
     }
 
-    /// The same where OP's and PV's units were `op` and `pv`, and their zeros lay elsewhere.
+    /// Converts to units where OP's and PV's units were `op` and `pv`, and their zeros lay elsewhere.
     pub(crate) fn in_units(&mut self, op: Unit, pv: Unit) {
         for width in [&mut self.d, &mut self.low, &mut self.jump, &mut self.range] {
             *width *= op.size;
@@ -153,7 +152,7 @@ impl SegmentFit {
     }
 }
 
-/// What one window says, with all that is needed to ask it about another width.
+/// Fit of one window, with all that is needed to evaluate another width.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Fitted {
     pub(crate) answer: SegmentFit,
@@ -162,7 +161,7 @@ pub(crate) struct Fitted {
     pub(crate) profiles: Vec<Profile>,
     pub(crate) sticking: Vec<Profile>,
     pub(crate) sticks_in: Structure,
-    /// What the loads that were looked for leave of the likelihood ratio of no gap.
+    /// Likelihood ratio of no gap that remains after the loads that were looked for.
     pub(crate) lr_of_loads: f64,
     /// The least that was found to cost without a gap [−2·ln L], and whether a load that repeats itself was looked for.
     pub(crate) without: f64,
@@ -171,21 +170,28 @@ pub(crate) struct Fitted {
     pub(crate) lag: f64,
     /// Whether an even swing of OP is explained: PV stands still while OP goes through the gap, or the setpoint leads PV.
     pub(crate) explained: bool,
-    /// By how much more than 1 the ratios of records without a gap scatter.
+    /// Excess over 1 of the scatter of the ratios of records without a gap.
     pub(crate) by_chance: f64,
 }
 
 /// Share of a window's fit that goes into its hypotheses of the load; the rest into the interval and what else is known.
 const OF_LOADS: f64 = 0.8;
 
-/// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit]; `done` takes the share that is done.
-pub(crate) fn fit_segment(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window, done: &dyn Fn(f64)) -> Fitted {
-    let Window { record: rows, sign, bootstrap, .. } = window;
-    let (hypothesis, without) = hypotheses(cells, seeds, *sign, &|share| done(OF_LOADS * share));
-    let lr_no_answer = hypothesis.answers(*sign);
+/// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit]. `window` has its rows, the sign of
+/// the process gain and the number of simulations for the bootstrap; `done` takes the share that is done.
+pub(crate) fn fit_segment(
+    cells: &Cells,
+    seeds: &[Theta],
+    bow: f64,
+    window: (&Segment<'static>, f64, usize),
+    done: &dyn Fn(f64),
+) -> Fitted {
+    let (rows, sign, bootstrap) = window;
+    let (hypothesis, without) = hypotheses(cells, seeds, sign, &|share| done(OF_LOADS * share));
+    let lr_no_answer = hypothesis.answers(sign);
     let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = hypothesis;
-    let best = Best::new(&record, *sign, &profiles[0], sticking.first());
-    let no_gap = NoGap::new(&best, &profiles, [without, cost], *bootstrap);
+    let best = Best::new(&record, sign, &profiles[0], sticking.first());
+    let no_gap = NoGap::new(&best, &profiles, [without, cost], bootstrap);
     let limits = WidthLimits::new(&best, &mut profiles, &mut sticking);
     let filtered = Filtered::new(&best);
     let process = Process::new(&best, &filtered, rows.h * record.cell as f64);
@@ -239,7 +245,7 @@ impl View<'_> {
         let wide = 2.0 * self.best.point.lost.d;
         // No load follows OP so closely, unless most of each swing is lost.
         let dwells =
-            self.fast() && self.slowly() && self.no_gap.lr > GAP_IF_SELDOM && wide < self.best.search.record.range;
+            self.fast() && self.slowly() && self.no_gap.lr > LR_IF_SELDOM && wide < self.best.search.record.range;
         dwells || self.rows.is_led()
     }
 
@@ -258,7 +264,7 @@ impl View<'_> {
         stuck.and_then(|p| of(p.structure, &p.points[p.best])).filter(Cycle::is_own).or(own)
     }
 
-    /// What the judgement rests on; `bow` as in [`fit_segment`].
+    /// Evidence of the judgement; `bow` as in [`fit_segment`].
     fn evidence(&self, lr_no_answer: f64, dissent: bool, bow: f64) -> Evidence {
         let Self { best, no_gap, limits, filtered, .. } = self;
         let (Search { record, structure, .. }, point) = (&best.search, &best.point);
@@ -292,7 +298,7 @@ impl View<'_> {
             misfit_at_turns: best.information_ratio < MISFIT_AT_TURNS,
             dissent: dissent || !limits.certain,
             periodic_load: no_gap.periodic_load,
-            even_swing: no_gap.lr < GAP_IF_EVEN_SWING && !self.explained() && even(),
+            even_swing: no_gap.lr < LR_IF_EVEN_SWING && !self.explained() && even(),
             hidden: hidden(settles, lag, record.count as f64, best.traversals, changes),
             unsampled_below,
             lined_below: LINED_BELOW * bow / kp,
@@ -310,7 +316,7 @@ impl View<'_> {
         }
     }
 
-    /// What is told of it.
+    /// Answer of the window.
     fn answer(self, evidence: Evidence) -> SegmentFit {
         let Self { best, no_gap, limits, filtered, process, profiles, sticking, .. } = self;
         let (Search { record, structure, .. }, point) = (best.search, &best.point);
@@ -375,7 +381,7 @@ pub(crate) fn swings_evenly(record: &Cells, d: f64, lag: f64) -> bool {
         && record.swing(d).is_some_and(|(mean, spread)| spread < EVEN_SWING && (known || lag < mean))
 }
 
-/// The cells of PV with what the model left of each.
+/// The cells of PV with the model's residual of each.
 fn predictions(record: &Cells, positions: &Positions, residual: &[f64]) -> Vec<Prediction> {
     let cells = record.stretches.iter().zip(positions).flat_map(|(stretch, v)| {
         let there = stretch.y.iter().zip(v).enumerate().filter(|(_, (y, _))| !y.is_nan());

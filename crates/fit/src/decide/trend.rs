@@ -1,4 +1,4 @@
-//! How a width changes in time, and whether that is plain. Nothing else in glapp decides that.
+//! Trend of a width in time, and whether it is plain. Nothing else in glapp decides that.
 
 use crate::decide::combine::Reading;
 use crate::decide::thresholds::{TREND_ERRORS, TREND_WIDTHS};
@@ -9,11 +9,11 @@ const INTERVAL: f64 = 1.96;
 /// A width at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Width {
-    /// When \[s\].
+    /// Time \[s\].
     pub t: f64,
     /// Total width [OP unit].
     pub d: f64,
-    /// Its standard error [OP unit], where it is known: a quarter of a 95 % interval.
+    /// Standard error of the width [OP unit], where it is known: a quarter of a 95 % interval.
     pub error: Option<f64>,
 }
 
@@ -22,7 +22,7 @@ pub struct Width {
 pub struct Trend {
     /// Change of the width [OP unit/s].
     pub slope: f64,
-    /// Its standard error [OP unit/s].
+    /// Standard error of the slope [OP unit/s].
     pub error: f64,
     /// Widths that it stands on.
     pub widths: usize,
@@ -71,7 +71,7 @@ impl Trend {
         Some(Self { slope, error: (birge / spread).sqrt(), widths: widths.len(), t, d, freedom })
     }
 
-    /// The same through the readings that give a width with two limits.
+    /// Trend through the readings that give a width with two limits.
     pub(crate) fn of_readings(readings: &[Reading]) -> Option<Self> {
         let sided = |r: &Reading| r.standard_error().map(|error| Width { t: r.t, d: r.d, error: Some(error) });
         Self::of(&readings.iter().filter_map(sided).collect::<Vec<_>>())
@@ -93,8 +93,8 @@ impl Trend {
         self.errors(INTERVAL) * self.error
     }
 
-    /// So many standard errors of a normal error in those of this one: Student's distribution by Wallace's approximation, to 7 % of
-    /// 3 with three degrees of freedom, 2 % with five, always the larger.
+    /// Number of standard errors of this distribution for a number of a normal one: Student's distribution by Wallace's
+    /// approximation, to 7 % of 3 with three degrees of freedom, 2 % with five, always the larger.
     fn errors(&self, normal: f64) -> f64 {
         if self.freedom.is_infinite() {
             return normal;
@@ -188,7 +188,8 @@ mod tests {
         assert!((found.error - (0.075f64 / 3.0 / 10.0).sqrt()).abs() < 1e-12, "{}", found.error);
     }
 
-    /// Share of series without a change that are said to change: each width of a normal error, `scatter` times what it says.
+    /// Share of series without a change that are called changed: each width with a normal error of `scatter` times its
+    /// stated one.
     fn false_alarms(n: usize, known: bool, scatter: f64) -> f64 {
         let mut state = n as u64;
         let mut uniform = || {
@@ -212,7 +213,7 @@ mod tests {
                 assert!((0.001..0.0042).contains(&share), "{n} widths, errors known {known}: {share}");
             }
         }
-        // Where intervals are half as wide as they should be, Birge's ratio leaves these.
+        // False alarms that Birge's ratio leaves where intervals are half as wide as they should be.
         assert!(false_alarms(5, true, 2.0) < 0.045 && false_alarms(20, true, 2.0) < 0.013);
     }
 }

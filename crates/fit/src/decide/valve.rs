@@ -24,7 +24,7 @@ use std::cmp::Ordering;
 /// One answer of all recordings of a valve.
 #[derive(Clone, Debug)]
 pub struct ValveAnswer {
-    /// What all say.
+    /// Result of all recordings.
     pub whole: Together,
     /// The recordings, in the order given.
     pub recordings: Vec<RecordingAnswer>,
@@ -34,10 +34,10 @@ pub struct ValveAnswer {
     pub shared: bool,
 }
 
-/// What one recording says, and what it adds to the whole.
+/// Result of one recording, and its contribution to the whole.
 #[derive(Clone, Debug)]
 pub struct RecordingAnswer {
-    /// What it says alone; why it cannot be fitted.
+    /// Result of the recording alone; the reason where it cannot be fitted.
     pub own: Result<JointAnswer, Unfit>,
     /// Share of its rows that stand in an earlier recording; their PV counts there.
     pub repeated: f64,
@@ -51,7 +51,7 @@ pub struct RecordingAnswer {
 pub(crate) struct Recording {
     own: Result<JointAnswer, Unfit>,
     repeated: f64,
-    /// When its time is 0 [s].
+    /// Time 0 of the recording [s].
     since: f64,
     curves: Vec<Curve>,
     /// A width of its curves is so much [OP unit].
@@ -76,10 +76,12 @@ impl Recording {
         }
     }
 
+    /// Curves of the windows whose fit can be believed.
     fn usable(&self) -> impl Iterator<Item = &Curve> {
         self.curves.iter().filter(|curve| curve.fitted.answer.usable())
     }
 
+    /// The width with its limits and its time, for the trend.
     fn reading(&self) -> Option<Reading> {
         let own = self.own.as_ref().ok()?;
         let (first, last) = (own.records.first()?, own.records.last()?);
@@ -94,16 +96,17 @@ struct Member<'a> {
     curve: &'a mut Curve,
     size: f64,
     recording: usize,
-    /// What a unit of its likelihood is worth.
+    /// Weight of a unit of its likelihood.
     worth: f64,
 }
 
 impl Member<'_> {
+    /// Cost of the width `d` in each family.
     fn costs(&mut self, d: f64) -> Vec<f64> {
         self.curve.costs(d / self.size)
     }
 
-    /// The same from the widths that were looked at.
+    /// Cost at a width, on a line between the computed widths.
     fn interpolated_cost(&self, d: f64) -> Vec<f64> {
         self.curve.interpolated_cost(d / self.size)
     }
@@ -119,7 +122,7 @@ impl Member<'_> {
         let lost = &fitted.profiles[0].near(d).lost;
         if coarse && !agreed {
             Some("coarse")
-        } else if lr_no_gap < GAP_IF_EVEN_SWING && !fitted.explained && swings_evenly(&fitted.record, d, fitted.lag) {
+        } else if lr_no_gap < LR_IF_EVEN_SWING && !fitted.explained && swings_evenly(&fitted.record, d, fitted.lag) {
             Some("swings")
         } else if d < lined_below {
             Some("lined")
@@ -144,9 +147,21 @@ fn total_cost(members: &[Member], costs: &[Vec<f64>]) -> f64 {
     members.iter().zip(costs).map(|(member, costs)| member.worth * member.curve.least(costs)).sum()
 }
 
-/// How far the likelihood rises in each from costs to others.
+/// Rise of the likelihood in each from costs to others.
 fn rises(members: &[Member], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
     members.iter().zip(from).zip(to).map(|((member, from), to)| member.worth * member.curve.rise(from, to)).collect()
+}
+
+/// What all records together make of how far the likelihood rises in each.
+///
+/// The models of all days lack the same, so part of the error of their widths is common to them ([`SHARED_ERROR`], ρ). The variance
+/// of the mean of n such widths is that of one times (1 + (n - 1)·ρ)/n (Kish's design effect), n = (Σ|r|)²/Σr² the number of records
+/// that rise by as much. A record that says nothing does not count.
+fn total_rise(each: &[f64]) -> f64 {
+    let size: f64 = each.iter().map(|rise| rise.abs()).sum();
+    let squares: f64 = each.iter().map(|rise| rise * rise).sum();
+    let records = if squares > 0.0 { size * size / squares } else { 1.0 };
+    each.iter().sum::<f64>() / (1.0 + SHARED_ERROR * (records - 1.0))
 }
 
 /// Every width that was looked at in one of them, in rising order [OP unit].
@@ -162,8 +177,8 @@ fn widths(members: &[Member]) -> Vec<f64> {
 fn most_likely(members: &mut [Member]) -> (f64, Vec<Vec<f64>>) {
     let range = range(members);
     let least = |members: &[Member]| {
-        let foreseen = widths(members).into_iter().map(|d| (total_cost(members, &interpolated_costs(members, d)), d));
-        foreseen.min_by(|a, b| a.0.total_cmp(&b.0)).expect("0 at least").1
+        let predicted = widths(members).into_iter().map(|d| (total_cost(members, &interpolated_costs(members, d)), d));
+        predicted.min_by(|a, b| a.0.total_cmp(&b.0)).expect("0 at least").1
     };
     let exactly = |members: &mut [Member], d: f64| {
         let costs = costs_at(members, d);
@@ -193,7 +208,7 @@ fn most_likely(members: &mut [Member]) -> (f64, Vec<Vec<f64>>) {
     (best.1, best.2)
 }
 
-/// How many have that width by themselves.
+/// Number of members whose own width is that.
 fn agreeing(members: &[Member], d: f64) -> usize {
     members.iter().filter(|m| (m.curve.fitted.answer.d * m.size - d).abs() <= AGREES_WITH * d).count()
 }
@@ -207,9 +222,9 @@ fn range(members: &[Member]) -> f64 {
 const DISAGREES: &str = "recordings_disagree";
 /// Widths that are looked at because they promise more.
 const LOOKS: usize = 8;
-/// How near the most likely width is found, part of itself.
+/// Relative accuracy of the most likely width.
 const NEAR: f64 = 0.01;
-/// How near the rise at a limit of the interval is to what it should be, part of it.
+/// Relative accuracy of the rise at a limit of the interval.
 const NEAR_LIMIT: f64 = 0.03;
 
 /// One answer from the recordings; the error is why the first of them cannot be fitted, where none can.
@@ -226,7 +241,7 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     let shared = (counted >= FEWEST_RECORDINGS).then(|| shared_width(&mut members, d, &here, &mut adds));
     let each: Vec<Reading> = readings.iter().map(|(_, reading)| *reading).collect();
     let trend = if each.iter().all(|r| r.t.is_finite()) { Trend::of_readings(&each) } else { None };
-    // Where the width changes plainly, the newest is today's.
+    // A width that plainly changes: the newest is today's.
     let silent = |whole: &Together| whole.verdict == Verdict::CannotTell && whole.reason != DISAGREES;
     let alone = match (newest(trend, &each), &shared) {
         (Some(newest), _) => Some((readings[newest].0, false)),
@@ -254,8 +269,8 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     Ok(ValveAnswer { whole, recordings, shown, shared: alone.is_none() })
 }
 
-/// The records that may speak for a gap, the most likely width of all and what it costs in each. Who may speak hangs on the width,
-/// and the width on who speaks. `left_out` is told of recordings of which none may.
+/// Records that count for a gap, the most likely width of all, and its cost in each. The choice of records depends on the width,
+/// and the width on the choice: both are repeated until they agree. `left_out` gets the reason of recordings without one.
 fn who_counts<'a>(
     recordings: &'a mut [Recording],
     left_out: &mut [Option<&'static str>],
@@ -300,21 +315,27 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         let record = &member.curve.fitted.record;
         let asked = lr_asked_of_changes(record.traversals(d / member.size), record.changes());
         if asked > 0.0 {
-            member.worth /= (asked / GAP).max(RISE_BESIDE_CHANGES);
+            member.worth /= (asked / LR_MIN).max(RISE_BESIDE_CHANGES);
         }
     }
-    // A record that is not believed to exclude that there is none is not believed to exclude this width either.
-    let off = |member: &Member, costs: &[f64]| {
-        let off = member.worth * member.curve.off(costs);
-        if member.curve.fitted.answer.verdict == Verdict::CannotTell { off.min(GAP) } else { off }
+    // How far each lies above its own best, as for its own limits.
+    let above = |members: &[Member], costs: &[Vec<f64>]| -> Vec<f64> {
+        members.iter().zip(costs).map(|(member, costs)| member.curve.off_within_limits(costs)).collect()
     };
-    let off: f64 = members.iter().zip(here).map(|(member, costs)| off(member, costs)).sum();
-    let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
+    let least = above(members, here);
+    // A record that is not believed to exclude that there is none is not believed to exclude this width either.
+    let off = members.iter().zip(&least).map(|(member, off)| {
+        if member.curve.fitted.answer.verdict == Verdict::CannotTell { off.min(LR_MIN) } else { *off }
+    });
+    let dispersion = (off.sum::<f64>() / (n - 1.0) / AGREES).max(1.0);
     let limit = RISE * dispersion;
-    let rise = |members: &[Member], costs: &[Vec<f64>]| rises(members, here, costs).iter().sum::<f64>();
-    let foreseen = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
+    let rise = |members: &[Member], costs: &[Vec<f64>]| {
+        let each: Vec<f64> = above(members, costs).iter().zip(&least).map(|(there, here)| there - here).collect();
+        total_rise(&each)
+    };
+    let predicted = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
     let widths: Vec<f64> = widths(members);
-    let inside: Vec<bool> = widths.iter().map(|w| *w == d || foreseen(members, *w) <= limit).collect();
+    let inside: Vec<bool> = widths.iter().map(|w| *w == d || predicted(members, *w) <= limit).collect();
     let (first, last) = (inside.iter().position(|i| *i), inside.iter().rposition(|i| *i));
     let (first, last) = (first.expect("the best is inside"), last.expect("the best is inside"));
     let mut border = |mut within: f64, mut beyond: f64| {
@@ -322,7 +343,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
             let (mut low, mut high) = (within, beyond);
             for _ in 0..20 {
                 let middle = 0.5 * (low + high);
-                *(if foreseen(members, middle) <= limit { &mut low } else { &mut high }) = middle;
+                *(if predicted(members, middle) <= limit { &mut low } else { &mut high }) = middle;
             }
             let middle = 0.5 * (low + high);
             let costs = costs_at(members, middle);
@@ -337,12 +358,13 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let low = if first == 0 { 0.0 } else { border(widths[first], widths[first - 1]) };
     let high = (last + 1 < widths.len()).then(|| border(widths[last], widths[last + 1]));
     let resolution = members.iter().map(|m| m.curve.fitted.record.resolution() * m.size).sum::<f64>() / n;
-    let low = (low - resolution).max(0.0);
     let against = against(members, d, here, dispersion);
     for (member, lr) in members.iter().zip(&against) {
         gives[member.recording] += lr;
     }
     let lr_no_gap: f64 = gives.iter().sum();
+    // No gap is heard in the family that believes least: where that does not exclude it, neither does the interval.
+    let low = if lr_no_gap > limit { (low - resolution).max(0.0) } else { 0.0 };
     let most = gives.iter().copied().fold(0.0, f64::max);
     let times = |d: f64| {
         let each = members.iter().map(|m| m.curve.fitted.record.traversals(d / m.size));
@@ -367,7 +389,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         d,
         lr_no_gap,
         lr_aperiodic: lr_no_gap,
-        lr_needed: (dispersion * GAP_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * GAP),
+        lr_needed: (dispersion * LR_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * LR_MIN),
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,
         high,
@@ -379,7 +401,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         at_once: many(|e| e.at_once),
         noisy_below: median(|e| e.noisy_below),
         misfit_at_turns: many(|e| e.misfit_at_turns),
-        slips: lr_no_jump > JUMP && 2 * jumping > members.len(),
+        slips: lr_no_jump > LR_JUMP && 2 * jumping > members.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: false,
@@ -405,18 +427,18 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     Together::judged(evidence)
 }
 
-/// What each member leaves of the likelihood ratio of no gap, the loads that were looked for counted in. Where all of it would
-/// show a gap, a load that repeats itself is looked for as well.
+/// Likelihood ratio of no gap that each member leaves, with the loads that were looked for. Where all of it would show
+/// a gap, a load that repeats itself is looked for as well.
 fn against(members: &mut [Member], d: f64, here: &[Vec<f64>], dispersion: f64) -> Vec<f64> {
     let none = interpolated_costs(members, 0.0);
     let mut against = rises(members, here, &none);
     for (member, lr) in members.iter().zip(&mut against) {
         let fitted = &member.curve.fitted;
-        let jumps = (fitted.answer.lr_no_jump - JUMP).max(0.0);
+        let jumps = (fitted.answer.lr_no_jump - LR_JUMP).max(0.0);
         // A load without a gap takes from what a gap brings; what a gap would bring beside that load is not known.
         *lr = (*lr + member.worth * jumps).min(member.worth * fitted.lr_of_loads.max(0.0));
     }
-    if against.iter().sum::<f64>() > dispersion * GAP_JOINT {
+    if against.iter().sum::<f64>() > dispersion * LR_JOINT {
         against.par_iter_mut().zip(members).for_each(|(lr, member)| {
             let fitted = &member.curve.fitted;
             if fitted.cycle_known || *lr <= 0.0 {
@@ -439,7 +461,7 @@ fn own_claim(recording: &Recording) -> bool {
     recording.own.as_ref().is_ok_and(found)
 }
 
-/// Where all together show no width: that which tells most alone, and whether another excludes what it says.
+/// The most informative recording, where all together show no width, and whether another excludes its result.
 fn best_alone(
     recordings: &[Recording],
     readings: &[(usize, Reading)],
@@ -470,4 +492,22 @@ fn best_alone(
     };
     let others = recordings.iter().enumerate().filter(|(i, _)| *i != best && left_out[*i].is_none());
     (best, others.into_iter().any(|(_, recording)| off(recording) > RISE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_records_tell_more_but_share_an_error() {
+        // One record counts whole, and so it does beside seven that say nothing.
+        assert_eq!(total_rise(&[3.0]), 3.0);
+        assert!((total_rise(&[3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) - 3.0).abs() < 1e-12);
+        // Eight alike tell less than eight times as much, and no number more than one over the shared part.
+        assert!((total_rise(&[1.0; 8]) - 8.0 / (1.0 + 7.0 * SHARED_ERROR)).abs() < 1e-12);
+        assert!(total_rise(&[1.0; 10_000]) < 1.0 / SHARED_ERROR);
+        // What one takes another gives back.
+        assert_eq!(total_rise(&[2.0, -2.0]), 0.0);
+        assert_eq!(total_rise(&[0.0; 3]), 0.0);
+    }
 }

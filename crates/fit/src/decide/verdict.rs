@@ -8,14 +8,14 @@ use crate::decide::witness::cycle::Cycle;
 use crate::decide::witness::plateau::Plateau;
 use serde::{Deserialize, Serialize};
 
-/// What the record says about the valve.
+/// Verdict of the record on the valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Verdict {
     /// A gap.
     Backlash,
     /// A valve that sticks and jumps, no gap beside it.
     Stiction,
-    /// Both.
+    /// Backlash and stiction.
     Both,
     /// No gap wider than the upper limit.
     Sound,
@@ -32,13 +32,13 @@ impl Verdict {
     }
 }
 
-/// What may hide a gap.
+/// Reason why a gap may be hidden.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hidden {
     /// The process settles in too few samples.
     Samples,
-    /// It lags by more than the record is long.
+    /// The process lags by more than the record is long.
     Lag,
     /// The load changes as often as OP goes through the gap.
     Changes,
@@ -55,7 +55,7 @@ impl Hidden {
     }
 }
 
-/// What the judgement rests on. It says enough to judge again without a fit.
+/// Evidence of the judgement. It says enough to judge again without a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Evidence {
     pub(crate) autocorrelation: f64,
@@ -78,7 +78,7 @@ pub struct Evidence {
     pub(crate) coarse: bool,
     /// Whether the process settles within a sample, so that a load that ramps leaves PV as a gap does.
     pub(crate) at_once: bool,
-    /// Width below which PV's noise hides what a gap makes.
+    /// Width below which PV's noise hides the effect of a gap.
     pub(crate) noisy_below: f64,
     /// Whether PV strays from the model where d matters, as where the valve turns.
     pub(crate) misfit_at_turns: bool,
@@ -99,48 +99,49 @@ pub struct Evidence {
     pub(crate) hidden: Option<Hidden>,
     /// Times that OP goes through the most likely width, up and down.
     pub(crate) passes: [usize; 2],
-    /// The same through the upper limit of a valve in which no gap is seen.
+    /// Passes through the upper limit of a valve in which no gap is seen.
     pub(crate) passes_high: [usize; 2],
     /// Whether OP swings to and fro in almost even time.
     pub(crate) oscillates: bool,
-    /// What the fitted loop does without a load; None where there is nothing to compare with.
+    /// Swing of the fitted loop without a load; None where there is nothing to compare with.
     pub(crate) cycle: Option<Cycle>,
-    /// How PV answers within the gap and behind it.
+    /// Response of PV within the gap and behind it.
     pub(crate) plateau: Plateau,
-    /// Standard deviation of Kp·OP, part of that of PV: far above 1 where the load of the model undoes what the valve does. 0 behind an
-    /// integrator.
+    /// Standard deviation of Kp·OP as a fraction of that of PV: far above 1 where the load of the model undoes the
+    /// valve's effect. 0 behind an integrator.
     pub(crate) cancels: f64,
     /// Standard error of the lags, part of them.
     pub(crate) lag_error: f64,
-    /// What PV takes to answer [samples].
+    /// Settling time of PV [samples].
     pub(crate) settles: f64,
     /// Records whose own width is that of all, and records.
     pub(crate) agree: [usize; 2],
-    /// By how much the records differ more than their intervals allow, 1 where they do not.
+    /// Ratio of the records' differences to their intervals, 1 where the intervals allow them.
     pub(crate) dispersion: f64,
     /// Windows of one recording in which a gap shows, of those in `agree`; None where that does not matter.
     pub(crate) shows: Option<usize>,
 }
 
 impl Evidence {
-    /// What is said of it, and the word for why not more.
+    /// Judgement on the valve, and a code of the reason why it says no more.
     pub fn judged(&self) -> (Judgement, &'static str) {
         judge(self)
     }
 
+    /// Whether noise may hide a gap of the most likely width.
     fn noisy(&self) -> bool {
         self.d < self.noisy_below
     }
 
-    /// Whether no width with two limits is told, whatever the likelihood ratio is.
+    /// Whether only a bound is given, whatever the likelihood ratio is.
     fn bound(&self) -> bool {
         self.high.is_none() || !self.traversed || self.noisy()
     }
 
-    /// What the likelihood ratio of no gap must exceed for a gap to be found: more for an even swing. Some loads that swing, triangles above
+    /// Likelihood ratio of no gap that a found gap must exceed: more for an even swing. Some loads that swing, triangles above
     /// all, look like a gap whose cycle is the loop's own.
     pub(crate) fn needed(&self) -> f64 {
-        self.lr_needed.max(if self.even_swing { GAP_IF_EVEN_SWING } else { 0.0 })
+        self.lr_needed.max(if self.even_swing { LR_IF_EVEN_SWING } else { 0.0 })
     }
 
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
@@ -151,7 +152,7 @@ impl Evidence {
     /// Whether OP swings, or the load repeats itself, as the loop of process, gap and controller does by itself, and the gap explains clearly
     /// more than any load: of some loads that swing the fitted loop makes the same period and swing.
     fn own_swing(&self) -> bool {
-        let clear = self.lr_no_gap > self.lr_needed.max(GAP_IF_CLEAR) && self.low_is_near();
+        let clear = self.lr_no_gap > self.lr_needed.max(LR_IF_CLEAR) && self.low_is_near();
         self.cycles() && self.swings() && self.crossed_twice() && clear && self.veto().is_none()
     }
 
@@ -176,7 +177,7 @@ impl Evidence {
     fn may_be_likely(&self) -> bool {
         let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
         let sided = !self.swings() || self.width_kind() != WidthKind::Unsure;
-        let asked = if self.even_swing { GAP_IF_EVEN_SWING } else { GAP };
+        let asked = if self.even_swing { LR_IF_EVEN_SWING } else { LR_MIN };
         self.lr_no_gap > asked && self.low > 0.0 && shows && sided
     }
 
@@ -191,10 +192,10 @@ impl Evidence {
     /// which what the model lacks brings a little in every window.
     pub(crate) fn shows_alone(&self) -> bool {
         let shows = judge(self).0.tells() || self.crossed_twice() && self.veto().is_none() && !self.swings();
-        shows && (self.cycles() || self.lr_no_gap > GAP.max(WINDOW_SHOWS * self.needed()))
+        shows && (self.cycles() || self.lr_no_gap > LR_MIN.max(WINDOW_SHOWS * self.needed()))
     }
 
-    /// What can be told of the width of a gap.
+    /// Kind of the width of a gap.
     fn width_kind(&self) -> WidthKind {
         let coarse = (self.coarse || self.at_once) && !self.all_agree();
         match () {
@@ -209,24 +210,17 @@ impl Evidence {
         self.weighed().map_or(0.0, |(factor, _)| probability(factor, USUAL_PRIOR))
     }
 
-    /// Whether several recordings share the width. What their models lack differs from day to day, and each is heard in the family that believes
-    /// least.
-    fn of_recordings(&self) -> bool {
-        self.shows.is_none() && self.agree[1] >= FEWEST_RECORDINGS
-    }
-
-    /// Both limits as they are told; `high`: the upper one with what the samples may hide.
+    /// Both limits for display; `high`: the upper one with what the samples may hide.
     pub(crate) fn limits(&self, judgement: &Judgement, high: Option<f64>) -> (f64, Option<f64>) {
-        let off = if self.of_recordings() { 1.0 } else { WIDTH_OFF };
         match (judgement.confidence, judgement.width_kind) {
-            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / off, None),
+            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / WIDTH_OFF, None),
             (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
-            (Confidence::Found | Confidence::Likely, _) => (self.low / off, high.map(|high| high * off)),
+            (Confidence::Found | Confidence::Likely, _) => (self.low / WIDTH_OFF, high.map(|high| high * WIDTH_OFF)),
             _ => (self.low, high),
         }
     }
 
-    /// The same where OP's unit was `op`.
+    /// Converts where OP's unit was `op`.
     pub(crate) fn in_units(&mut self, op: Unit) {
         let widths = [
             &mut self.d,
@@ -240,7 +234,7 @@ impl Evidence {
         self.high = self.high.map(|high| high * op.size);
     }
 
-    /// What is said of a valve whose gap is narrower than `below`.
+    /// Judgement on a valve whose gap is narrower than `below`.
     ///
     /// A record earns it: OP turns through the limit, the model's load does not undo what its valve does, and the lags are known.
     fn none(&self, below: f64) -> Option<(Confidence, &'static str)> {
@@ -256,14 +250,14 @@ impl Evidence {
         }
     }
 
-    /// How well the lags must be known for no gap to be seen. One swing tells of one frequency, and few turns tell little: the lags
-    /// hang together with the gap there.
+    /// Allowed relative error of the lags for a verdict of no gap. One swing tells of one frequency, and few turns tell
+    /// little: the lags hang together with the gap there.
     fn lag_may_err(&self) -> f64 {
         let few = self.passes_high.iter().any(|n| *n < CYCLES);
         if self.oscillates || few { LAG_KNOWN_IF_FEW } else { 1.0 }
     }
 
-    /// Why no gap is told although the likelihood ratio speaks for one: something else looks like it.
+    /// Reason why no gap is found although the likelihood ratio speaks for one: something else looks like it.
     fn veto(&self) -> Option<&'static str> {
         let vetoes = [
             (self.immobile, "still"),
@@ -289,6 +283,7 @@ impl Evidence {
         agree >= FEWEST_RECORDINGS && agree as f64 >= AGREE * all as f64
     }
 
+    /// Cause of a gap, by the slip jump.
     fn cause(&self) -> Cause {
         match (self.slips, self.slips_wholly) {
             (false, _) => Cause::DeadBand,
@@ -298,7 +293,7 @@ impl Evidence {
     }
 }
 
-/// What is said of the valve, and why not more, a word.
+/// Judgement on the valve, and a code of the reason why it says no more.
 ///
 /// The [`rules`] say which gap may be found, and which valve shows none. All evidence, weighed, must then make a gap more probable than
 /// [`PROBABLE`]: what the rules find is *found*, what they call likely or leave open is *likely*. Where the record is plain it is enough for
@@ -321,12 +316,12 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     }
 }
 
-/// What the rules make of the evidence before it is weighed, and why not more, a word: a gap is *likely* here only where the loop swings with
-/// it by itself.
+/// Judgement by the rules before the evidence is weighed, and a code of the reason why it says no more: a gap is
+/// *likely* here only where the loop swings with it by itself.
 pub(super) fn rules(e: &Evidence) -> (Confidence, &'static str) {
     let (together, why) = rules_together(e);
     let tells = matches!(together, Confidence::Found | Confidence::Likely);
-    // What the records cannot say by themselves is likely where they agree.
+    // Records that agree make likely what each alone cannot say.
     let likely = if tells && e.agrees() { Confidence::Likely } else { Confidence::CannotTell };
     let windows = e.shows.is_some();
     let too_few = e.shows.is_some_and(|shows| (shows as f64) < WINDOWS_THAT_SHOW * e.agree[1] as f64);
@@ -339,7 +334,7 @@ pub(super) fn rules(e: &Evidence) -> (Confidence, &'static str) {
     }
 }
 
-/// The same as if all were one record.
+/// Judgement by the rules as if all were one record.
 fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
     if e.autocorrelation.abs() > MAX_AUTOCORRELATION {
         return (Confidence::CannotTell, "misfit");
@@ -376,13 +371,13 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
 
 /// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
 pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
-    let least = if lr_no_gap > GAP_IF_CLEAR { CYCLES_IF_CLEAR } else { CYCLES };
+    let least = if lr_no_gap > LR_IF_CLEAR { CYCLES_IF_CLEAR } else { CYCLES };
     // At the most likely width the count may be one too many.
     low.iter().all(|n| *n >= least) && d.iter().all(|n| *n > least)
 }
 
-/// What may hide a gap from a process that settles in so many steps and lags by so many, in a record of `steps` in which OP went through
-/// the most likely width so often and so many steps or bends of the load are marked.
+/// Reason why a gap may be hidden, for a process that settles in so many steps and lags by so many, in a record of
+/// `steps` in which OP went through the most likely width so often and so many steps or bends of the load are marked.
 pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<Hidden> {
     if settles < SAMPLES_IN_LAG_IF_SOUND {
         Some(Hidden::Samples)
@@ -395,20 +390,20 @@ pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2],
     }
 }
 
-/// What OP's way through a width asks of the likelihood ratio of no gap.
+/// Likelihood ratio of no gap that OP's traversals of a width demand.
 pub(crate) fn lr_asked([up, down]: [usize; 2]) -> f64 {
-    if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(GAP) } else { GAP_IF_SELDOM }
+    if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(LR_MIN) } else { LR_IF_SELDOM }
 }
 
-/// What it asks where each pass brings a little.
+/// Likelihood ratio demanded where each pass adds a little.
 pub(crate) fn lr_asked_of_passes([up, down]: [usize; 2]) -> f64 {
-    GAP_EACH_PASS * (up + down) as f64
+    LR_EACH_PASS * (up + down) as f64
 }
 
-/// What steps and bends of the load ask of it that were marked where there are as many of them as OP went through the width, else
-/// 0: they lie where they suit the best width, and make the others look worse than they are.
+/// Likelihood ratio demanded by marked steps and bends of the load where there are as many of them as traversals of OP,
+/// else 0: they lie where they suit the best width, and make the others look worse than they are.
 pub(crate) fn lr_asked_of_changes([up, down]: [usize; 2], marks: usize) -> f64 {
-    if marks < up + down { 0.0 } else { GAP_EACH_CHANGE * marks as f64 }
+    if marks < up + down { 0.0 } else { LR_EACH_CHANGE * marks as f64 }
 }
 
 #[cfg(test)]
@@ -474,8 +469,8 @@ mod tests {
         let sound = Evidence { d: 0.0, lr_no_gap: 0.0, low: 0.0, unsampled_below: 1.5, ..plain() };
         assert_eq!(verdict(&sound), Verdict::Sound);
         assert_eq!(sound.limits(&judge(&sound).0, Some(1.1)), (0.0, Some(1.5)));
-        let shaken = Evidence { unsampled_below: 2.5, ..sound };
-        assert_eq!((verdict(&shaken), judge(&shaken).1), (Verdict::CannotTell, "may_be_a_gap"));
+        let unsampled = Evidence { unsampled_below: 2.5, ..sound };
+        assert_eq!((verdict(&unsampled), judge(&unsampled).1), (Verdict::CannotTell, "may_be_a_gap"));
     }
 
     fn said(e: &Evidence) -> (Confidence, Option<WidthKind>) {
@@ -489,8 +484,8 @@ mod tests {
         assert_eq!(said(&of(61.0)), (Confidence::Found, Some(WidthKind::Interval)));
         assert_eq!(said(&of(59.0)), (Confidence::Likely, Some(WidthKind::Interval)));
         assert_eq!(verdict(&of(59.0)), Verdict::CannotTell);
-        assert_eq!(said(&of(GAP)), (Confidence::CannotTell, None));
-        // What looks like a gap for another reason is not likely either.
+        assert_eq!(said(&of(LR_MIN)), (Confidence::CannotTell, None));
+        // A record that looks like a gap for another reason is not likely either.
         assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
         assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
     }
@@ -498,7 +493,7 @@ mod tests {
     #[test]
     fn in_a_plain_record_any_evidence_for_a_gap_makes_it_likely() {
         // OP went through it twice each way, and a load of which nothing is known may do that.
-        let twice = Evidence { passes: [2; 2], lr_no_gap: 30.0, lr_needed: GAP_IF_SELDOM, ..plain() };
+        let twice = Evidence { passes: [2; 2], lr_no_gap: 30.0, lr_needed: LR_IF_SELDOM, ..plain() };
         let weak = Evidence { noisy_below: 0.3, range: 4.0, ..twice };
         let p = weak.usual_probability();
         assert!(USUAL_PRIOR < p && p < PROBABLE, "{p}");
@@ -524,13 +519,13 @@ mod tests {
         }
         let of_four = Evidence { agree: [4, 4], ..plain() };
         assert_eq!(of_four.limits(&judge(&of_four).0, Some(1.1)), (0.9, Some(1.1)));
-        let silent = Evidence { lr_no_gap: GAP, low: 0.0, ..plain() };
+        let silent = Evidence { lr_no_gap: LR_MIN, low: 0.0, ..plain() };
         assert_eq!(silent.limits(&judge(&silent).0, Some(1.1)), (0.0, Some(1.1)));
     }
 
     #[test]
     fn what_speaks_against_a_gap_outweighs_a_ratio() {
-        // It would take nearly all of OP's range, OP went through it twice, and PV follows OP within it.
+        // The gap would take nearly all of OP's range, OP went through it twice, and PV follows OP within it.
         let against = Plateau { ways: [2; 2], within: 1.0, rows: 20.0, ..Plateau::default() };
         let wide = Evidence { d: 9.9, low: 9.8, high: Some(10.0), lr_no_gap: 16.0, lr_aperiodic: 16.0, ..plain() };
         let doubtful = Evidence { plateau: against, noisy_below: 9.0, passes: [5; 2], cancels: 20.0, ..wide };
@@ -545,16 +540,16 @@ mod tests {
         assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "repeats"));
         let plain_swings = Evidence { even_swing: true, oscillates: true, ..plain() };
         let of = |lr_no_gap| said(&Evidence { lr_no_gap, ..plain_swings.clone() }).0;
-        assert_eq!((of(GAP_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Found));
-        assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
+        assert_eq!((of(LR_IF_EVEN_SWING), of(501.0)), (Confidence::CannotTell, Confidence::Found));
+        assert_eq!(swings.needed(), LR_IF_EVEN_SWING);
         let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
         let beside = |lr_no_gap| judge(&Evidence { lr_no_gap, ..own.clone() }).0;
-        let clear = beside(GAP_IF_CLEAR + 1.0);
+        let clear = beside(LR_IF_CLEAR + 1.0);
         assert_eq!((clear.confidence, clear.oscillates), (Confidence::Likely, true));
         assert_eq!(judge(&Evidence { lr_no_gap: 200.0, low: 0.4, ..own.clone() }).0.confidence, Confidence::CannotTell);
         // A saw may make the fitted loop swing as it was recorded, but no gap is clearly likelier.
-        assert_eq!(beside(GAP_IF_CLEAR).confidence, Confidence::CannotTell);
-        // Of a load that repeats itself no width is shared by all families.
+        assert_eq!(beside(LR_IF_CLEAR).confidence, Confidence::CannotTell);
+        // For a load that repeats itself no width is shared by all families.
         let unsure = Evidence { periodic_load: true, lr_no_gap: 600.0, low: 0.1, ..plain() };
         assert_eq!(judge(&unsure).0.confidence, Confidence::CannotTell);
         assert_eq!(said(&Evidence { periodic_load: false, ..unsure }), (Confidence::Likely, Some(WidthKind::Unsure)));
@@ -611,8 +606,8 @@ mod tests {
     #[test]
     fn each_passage_asks_for_more_and_so_do_few() {
         assert_eq!(plain().needed(), 15.0);
-        assert_eq!(lr_asked([10, 10]), GAP);
-        assert_eq!(lr_asked([100, 100]), 200.0 * GAP_EACH_PASS);
-        assert_eq!(lr_asked([100, CYCLES - 1]), GAP_IF_SELDOM);
+        assert_eq!(lr_asked([10, 10]), LR_MIN);
+        assert_eq!(lr_asked([100, 100]), 200.0 * LR_EACH_PASS);
+        assert_eq!(lr_asked([100, CYCLES - 1]), LR_IF_SELDOM);
     }
 }

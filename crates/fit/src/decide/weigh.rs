@@ -28,24 +28,24 @@ pub const USUAL_PRIOR: f64 = 0.25;
 /// No probability that is shown is nearer to 0 or to 1 than this.
 pub const LEAST_DOUBT: f64 = 0.02;
 
-/// What each kind of evidence adds to the log-odds of a dead band: above 0 it speaks for one.
+/// Contribution of each kind of evidence to the log-odds of a dead band: above 0 it speaks for one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
-    /// How much of what OP explains of PV the gap explains: a model that is off looks like a gap by a small part of it.
+    /// The gap's part of what OP explains of PV: a model that is off looks like a gap by a small part of it.
     pub likelihood: f64,
-    /// How often OP went through the width.
+    /// Number of traversals of the width by OP.
     pub traversals: f64,
     /// The width against OP's range.
     pub width: f64,
-    /// How closely the upper limit lies above the width.
+    /// Nearness of the upper limit to the width.
     pub limit: f64,
-    /// What the gap makes of PV against PV's noise.
+    /// Effect of the gap on PV compared with PV's noise.
     pub noise: f64,
     /// Whether PV stands while OP goes through the gap.
     pub plateau: f64,
-    /// How far a load undoes what the valve does.
+    /// Part of the valve's effect that a load undoes.
     pub process: f64,
-    /// What the rules of the ladder make of the evidence.
+    /// Judgement by the rules of the ladder.
     pub rules: f64,
 }
 
@@ -54,7 +54,7 @@ pub struct Terms {
 pub struct Weighed {
     /// Logarithm of the Bayes factor: how many times likelier the evidence is with a dead band than without.
     pub log_bayes_factor: f64,
-    /// What each kind of evidence adds to it.
+    /// Contribution of each kind of evidence.
     pub terms: Terms,
     /// Widths [OP unit], and the probability that the dead band is wider, if there is one.
     pub wider: Vec<(f64, f64)>,
@@ -62,7 +62,7 @@ pub struct Weighed {
 
 /// A quantity of the evidence.
 pub(super) struct Quantity {
-    /// Its name in the table of weights.
+    /// Name in the table of weights.
     pub(super) name: &'static str,
     /// Whether a greater one speaks for a dead band.
     rises: bool,
@@ -90,7 +90,7 @@ quantities! {
     "rung" true rules: rung;
 }
 
-/// What is less is as much: logarithms stay finite.
+/// Lower limit of a number before its logarithm, which stays finite.
 const LEAST: f64 = 1e-3;
 
 /// Part of OP's range that a dead band mostly is where it shows: of a narrower one a model that is off may be the cause, of a wider one a slow

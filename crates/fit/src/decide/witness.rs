@@ -1,4 +1,4 @@
-//! What else speaks for a gap or against it, beside the likelihood of PV: numbers, no decisions.
+//! Further evidence for a gap or against it, beyond the likelihood of PV: numbers, no decisions.
 
 pub(crate) mod cycle;
 pub(crate) mod plateau;

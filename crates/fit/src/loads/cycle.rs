@@ -28,9 +28,9 @@ const CALM: f64 = -5.0;
 /// Turns of process and load.
 const TURNS: usize = 8;
 
-/// What a gap is worth beside a load that repeats itself [−2·ln L]; none where such a load, each harmonic at the price of its
-/// size and phase, explains the record no better than `without`, the least that it costs without a gap. `points`: families
-/// whose process is a beginning.
+/// Likelihood ratio of a gap beside a load that repeats itself [−2·ln L]; none where such a load, each harmonic at the
+/// price of its size and phase, explains the record no better than `without`, the least cost without a gap. `points`:
+/// families whose process is a beginning.
 pub(crate) fn lr_beside_cycle(
     record: &Cells,
     sign: f64,

@@ -1,7 +1,7 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
 use crate::data::cells::Cells;
-use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
+use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
 use crate::loads::changes::{Load, Marked, choose_family, detect_changes, marked_anew, with_large_steps};
 use crate::loads::plausible::{all_large, few, plausible};
 use crate::model::backlash_model::BacklashModel;
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// Kinds of sticking that are followed.
 const MOST_KINDS: usize = 3;
-/// What a record says of the valve, under one belief about the load.
+/// Model of a record under one belief about the load.
 pub(crate) struct Hypothesis {
     /// The record, with the steps of the load that are believed in.
     pub(crate) record: Cells,
@@ -27,14 +27,14 @@ pub(crate) struct Hypothesis {
     /// The likelihood over d for valves that stick, nearest first, and their family.
     pub(crate) sticking: Vec<Profile>,
     pub(crate) sticks_in: Structure,
-    /// What the best of all costs, and the best without a gap, with parameters and steps [−2·ln L].
+    /// Cost of the best of all, and of the best without a gap, with parameters and steps [−2·ln L].
     pub(crate) cost: f64,
     pub(crate) without: f64,
 }
 
 impl Hypothesis {
-    /// From a screening of the record; `whole`: the whole profile of its best look, where it is known; `clue` as in
-    /// [`sticking_profiles`].
+    /// Made from a screening of the record; `whole`: the whole profile of its best look, where it is known; `clue` as
+    /// in [`sticking_profiles`].
     fn new(
         record: Cells,
         mut looks: Vec<Profile>,
@@ -56,7 +56,7 @@ impl Hypothesis {
         };
         let mut profiles: Vec<Profile> = looks.par_iter().map(wholly).collect();
         profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
-        let dissent = profiles.iter().any(|p| p.lr_no_gap() > GAP_SEEN);
+        let dissent = profiles.iter().any(|p| p.lr_no_gap() > LR_SEEN);
         let least = profiles[0].penalised();
         profiles.retain(|p| p.penalised() < least + BELIEVED + 2.0 * AS_GOOD * record.freedom());
         let sticks_in = clue.map_or(profiles[0].structure, |(structure, _)| *structure);
@@ -69,7 +69,8 @@ impl Hypothesis {
         Self { record, dissent, sticking, sticks_in, cost, without: none + price, profiles }
     }
 
-    /// From marked steps and the family that goes with them; None where they are not those of a load, or cost more than `rival`.
+    /// Made from marked steps and the family that goes with them; None where they are not those of a load, or cost more
+    /// than `rival`.
     fn with_changes(
         with: Marked,
         structure: Structure,
@@ -91,7 +92,8 @@ impl Hypothesis {
         (marked.cost <= rival && plausible(&best, structure, sign)).then_some(marked)
     }
 
-    /// From so few marked steps that each must be larger than the gap, under a load that walks; None where one is not.
+    /// Made from so few marked steps that each must be larger than the gap, under a load that walks; None where one is
+    /// not.
     fn with_large_steps(with: Marked, structure: Structure, seeds: &[Theta], sign: f64, rival: f64) -> Option<Self> {
         if with.cost > rival + 10.0 || !all_large(&with, structure, sign) {
             return None;
@@ -164,7 +166,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
         let bends = || {
             let explained = least < believed.cost - 10.0;
             believed.profiles[0].structure.noise == Noise::Slope
-                || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > GAP_SEEN)
+                || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > LR_SEEN)
                 || believed.answers(sign) < ANSWERS
         };
         if load == Load::Lines && !bends() {
@@ -198,7 +200,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
     }
     done(0.9);
     // A width that was looked at early keeps the steps that make up for it.
-    while believed.record.changes() > 0 && without - believed.cost > GAP_SEEN {
+    while believed.record.changes() > 0 && without - believed.cost > LR_SEEN {
         let (structure, point) = believed.best();
         let load = Load::of(structure);
         let (with, structure) = marked_anew(&believed.record, structure, sign, point);

@@ -28,7 +28,7 @@ pub(super) fn too_many(record: &Cells) -> bool {
     record.changes() + record.stretches.len() >= MARKED_AT_MOST * record.count / CELLS_A_CHANGE
 }
 
-/// The same process under a load that hardly walks.
+/// The process under a load that hardly walks.
 pub(super) fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
     let mut calm = *theta;
     calm[structure.lags + 1] = Load::of(structure).walks()[0];
@@ -109,7 +109,7 @@ pub(super) fn prune(search: &Search, point: &Point) -> Cells {
             }
         }
         without.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // Those that do not pay and lie so far apart that one says nothing of the other, the worst alone if need be.
+        // Changes that do not pay and lie so far apart that they are independent, the worst alone if need be.
         let mut out: Vec<(usize, usize)> = Vec::new();
         for (there, i, j) in without {
             let time = |j: usize| record.stretches[i].changes[j];
@@ -165,8 +165,8 @@ pub(super) fn relocate(search: &Search, point: &Point) -> Cells {
     record
 }
 
-/// What the innovations tell of a step before each cell: the square of their product with the answer to it, which ends where
-/// the load is unknown again.
+/// Test statistic of a step before each cell: the square of the innovations' product with the answer to it, which ends
+/// where the load is unknown again.
 fn step_statistic(left: &[f64], changes: &[f64], answer: &[f64]) -> Vec<f64> {
     let mut ends: Vec<usize> = changes.iter().map(|j| j.ceil() as usize).chain([left.len()]).collect();
     ends.sort_unstable();

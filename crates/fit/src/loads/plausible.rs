@@ -41,17 +41,17 @@ fn along_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) 
     (after_op.clone().filter(|push| push.size * push.moved > 0.0).count(), after_op.count())
 }
 
-/// What a marked step does to PV that nothing else explains.
+/// Effect of a marked step on PV that nothing else explains.
 struct Push {
-    /// Its size, in the scale of the innovations.
+    /// Size in the scale of the innovations.
     size: f64,
     /// The squares of the answer to a step of 1.
     energy: f64,
-    /// What OP moved before it, times the process gain.
+    /// Move of OP before the step, times the process gain.
     moved: f64,
 }
 
-/// What each marked step does, the variance of the innovations and their scale [1/PV unit].
+/// Effect of each marked step, the variance of the innovations and their scale [1/PV unit].
 fn pushes(marked: &Marked, structure: Structure, sign: f64) -> (Vec<Push>, [f64; 2]) {
     let Marked { record, point, .. } = marked;
     let calm = Structure { noise: Load::of(structure).noises()[1], ..structure };

@@ -14,7 +14,7 @@ pub(crate) struct BacklashModel {
 }
 
 impl BacklashModel {
-    /// A gap that the valve stands in the middle of.
+    /// A gap in whose middle the valve stands.
     pub(crate) fn gap(d: f64, stretches: usize) -> Self {
         Self { d, share: 0.0, model: Model::Kano, start: vec![0.5; stretches] }
     }

@@ -27,7 +27,7 @@ pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const MORE: us
     pub(crate) pole: Wide<S, R>,
 }
 
-/// What the last state is, where there is one more.
+/// Number of a further last state, where there is one.
 pub(crate) const DRIFT: usize = 1;
 pub(crate) const SLOPE: usize = 2;
 /// A slope that changes where changes are marked, in the place of the load.
@@ -39,7 +39,7 @@ pub(crate) struct LoadChange {
     pub(crate) cell: usize,
     /// Variance of the change in each of the models.
     pub(crate) variance: Lanes,
-    /// How much earlier than the cell began [cells], below 1.
+    /// Time of the change before the cell's beginning [cells], below 1.
     pub(crate) before: Lanes,
 }
 
@@ -81,7 +81,7 @@ impl LoadChange {
     }
 }
 
-/// Variance that stands for "not known at all", at the start and for the load where it changes, in units of the white noise.
+/// Variance that means "not known at all", at the start and for the load where it changes, in units of the white noise.
 pub(crate) const UNKNOWN: f64 = 1e8;
 /// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
 /// that models with more states do not pay for a start that nobody asked about.
@@ -89,11 +89,11 @@ pub(crate) const START: usize = 6;
 
 /// The positions of the eight models, each `delay` cells before.
 pub(crate) enum Delayed<'d> {
-    /// Of each model its own.
+    /// Positions of each model.
     Each(&'d [Lanes]),
     /// Positions with a cell before the first, a part of a cell late: as many whole cells late in all models.
     Same { shifted: &'d [f64], part: Lanes },
-    /// Of each model its own, all as late: before their beginning what they were there, and at the end what they are there.
+    /// Positions of each model, all as late: the first ones hold before their beginning, the last ones after their end.
     Late { positions: &'d [Lanes], delay: f64 },
 }
 
@@ -117,7 +117,7 @@ impl Delayed<'_> {
     }
 }
 
-/// What a pass over a record leaves: innovations divided by their standard deviations, of PV and of the model's answer
+/// Results of a pass over a record: innovations divided by their standard deviations, of PV and of the model's answer
 /// with gain 1, and Σ ln S. Its room is kept from one pass to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Whitened {
@@ -127,8 +127,8 @@ pub(crate) struct Whitened {
     count: usize,
     pub(crate) log_s: Lanes,
     pub(crate) sums: Sums,
-    /// What the gains were, for the same models with another answer: for a cell in which they move, and for a run of cells in
-    /// which they stand still, what an innovation does to each of the states, and what it is worth.
+    /// Gains for the same models with another answer: for a cell in which they move, and for a run of cells in which
+    /// they stand still, the effect of an innovation on each of the states, and its weight.
     gains: Vec<Lanes>,
     gains_kept: usize,
     runs: Vec<Run>,
@@ -156,13 +156,13 @@ struct Run {
 enum Kind {
     /// The gain moves.
     Moves,
-    /// It stands still.
+    /// The gains stand still.
     Still,
     /// PV is missing.
     Missing,
 }
 
-/// Where a stretch begins among innovations, gains and runs.
+/// Beginning of a stretch among innovations, gains and runs.
 #[derive(Clone, Copy, Debug)]
 struct Checkpoint {
     count: usize,
@@ -217,7 +217,7 @@ impl Whitened {
         (&mut self.of_y[from..self.count], &mut self.of_v[from..self.count])
     }
 
-    /// Keeps what an innovation does to the states, and what it is worth.
+    /// Keeps the effect of an innovation on the states, and its weight.
     #[inline(always)]
     fn keep<S: Simd, const R: usize, const N: usize>(&mut self, l: &[Wide<S, R>; N], worth: Wide<S, R>) {
         let room = &mut self.gains[self.gains_kept..self.gains_kept + N + 1];
@@ -252,7 +252,7 @@ const GATHERED: u32 = 16;
 
 /// Variance of the next innovation and the Kalman gain, kept while they move and frozen once they stand still.
 struct Gain<S: Simd, const R: usize, const N: usize> {
-    /// Below its diagonal P is what it is above, and not kept there.
+    /// P is symmetric: the entries below its diagonal are not kept.
     p: [[Wide<S, R>; N]; N],
     /// F·P·Hᵀ/S: what an innovation does to the next states.
     l: [Wide<S, R>; N],
@@ -277,7 +277,7 @@ impl<S: Simd, const R: usize, const N: usize> Gain<S, R, N> {
         (self.frozen, self.since) = (false, 0);
     }
 
-    /// Whether S stands still, looked at after each step.
+    /// Checks after each step whether S stands still, so that the gains can be kept.
     #[inline(always)]
     fn look(&mut self) {
         self.since += 1;
@@ -462,6 +462,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         Simd::vectorize(self.simd, Answering::<_, R, N, MORE, ONE> { models: self, stretch, cells, v, white });
     }
 
+    /// A pass with another answer, by the gains of the last one.
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn answered<const ONE: bool>(&self, stretch: usize, cells: usize, v: &Delayed, white: &mut Whitened) {
@@ -546,7 +547,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         v.iter().map(step).collect()
     }
 
-    /// What the states `x` did not foresee of `y`.
+    /// Part of `y` that the states `x` did not predict.
     #[inline(always)]
     fn unforeseen(&self, x: &[Wide<S, R>; N], y: f64) -> Wide<S, R> {
         let rest = Wide::all(self.simd, y) - x[0];
@@ -622,8 +623,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         gain.scale = gain.part.sqrt();
     }
 
-    /// One step on, with what the innovation does to the states. The gain of a stretch without holes settles; from then on it is
-    /// not worked out again.
+    /// One step on, with the effect of the innovation on the states. The gain of a stretch without holes settles; from
+    /// then on it is not worked out again.
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn advance(&self, gain: &mut Gain<S, R, N>, missing: bool, change: Option<&LoadChange>) {
@@ -707,7 +708,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         gain.look();
     }
 
-    /// What of a change so long before a cell reaches the states within it; the last one follows at once, the others one after
+    /// Effect on the states of a change so long before a cell; the last state follows at once, the others one after
     /// another.
     #[inline(always)]
     fn reached(&self, before: Wide<S, R>) -> [Wide<S, R>; N] {

@@ -77,7 +77,7 @@ impl<S: Simd, const R: usize> Wide<S, R> {
         lanes
     }
 
-    /// The same function of every lane, one after another.
+    /// A function of every lane, one after another.
     #[inline(always)]
     pub(crate) fn each(self, of: impl Fn(f64) -> f64) -> Self {
         let lanes = self.lanes();
@@ -157,7 +157,7 @@ pub(crate) fn widest(work: impl Work) {
     }
 }
 
-/// The same, where only the first so many `lanes` count: in no more registers than they fill, but for the narrowest.
+/// Work where only the first so many `lanes` count: in no more registers than they fill, but for the narrowest.
 pub(crate) fn wide_enough(lanes: usize, work: impl Work) {
     match (Arch::new(), lanes) {
         #[cfg(target_arch = "x86_64")]

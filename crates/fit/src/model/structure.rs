@@ -6,7 +6,7 @@ use pulp::{Scalar, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::array;
 
-/// Where the disturbance comes from.
+/// Source of the disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Noise {
     /// A load at the input that stands still but for the steps that are marked, and white noise on PV.
@@ -17,16 +17,16 @@ pub enum Noise {
     Slope,
     /// A load at the input that goes along lines, whose slope changes where it is marked, and white noise on PV.
     Lines,
-    /// The same with a slope that walks between its marks.
+    /// Lines whose slope also walks between its marks.
     Bends,
     /// A drift of first order at the output, and white noise on PV.
     Output,
-    /// Both.
+    /// Output and input.
     Both,
 }
 
 impl Noise {
-    /// Its name for who reads an answer: marks at which a slope changes, or also walks between, are lines alike.
+    /// Name for a reader of an answer: marks at which a slope changes, or also walks between, are both called lines.
     pub fn name(self) -> &'static str {
         match self {
             Noise::Still => "still",
@@ -46,7 +46,7 @@ pub struct Structure {
     pub lags: usize,
     /// One integrator behind them.
     pub integrating: bool,
-    /// Where the disturbance enters.
+    /// Place where the disturbance enters.
     pub noise: Noise,
 }
 
@@ -68,10 +68,10 @@ macro_rules! by_states {
 
 /// Variance by which a load that stands still may yet walk in a cell: nothing, but for the rounding of the filter.
 const STILL: f64 = 1e-5;
-/// The same for a slope that stands still.
+/// Variance of the walk of a slope that stands still.
 const STRAIGHT: f64 = 1e-10;
 
-/// How many times as long as the lag beside it a lag is that stands for an integrator.
+/// Ratio of a lag to the lag beside it from which on it stands for an integrator.
 const LASTS: f64 = 50.0;
 
 /// Most parameters that a structure can have.
@@ -173,7 +173,7 @@ impl Structure {
         den
     }
 
-    /// The same in time, with cells of `h` seconds; behind an integrator, whose gain is a velocity, divided by `h`.
+    /// Denominator in time, with cells of `h` seconds; behind an integrator, whose gain is a velocity, divided by `h`.
     pub(crate) fn denominator_in(self, theta: &Theta, h: f64) -> [f64; 4] {
         let den = self.denominator(theta);
         let mut power = if self.integrating { 1.0 / h } else { 1.0 };
@@ -189,7 +189,7 @@ impl Structure {
         self.denominator(theta)[1 + usize::from(self.integrating)]
     }
 
-    /// What PV takes to answer [cells]: its lags; behind an integrator, which answers at once, with the dead time.
+    /// Settling time of PV [cells]: its lags; behind an integrator, which answers at once, with the dead time.
     pub(crate) fn settles(self, theta: &Theta) -> f64 {
         self.lag(theta) + if self.integrating { theta[self.dead_time_at()] } else { 0.0 }
     }

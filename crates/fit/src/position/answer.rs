@@ -1,8 +1,8 @@
-//! What the best motions allow to be said.
+//! Verdict and interval from the best motions.
 
 use crate::data::recorder::Recorder;
 use crate::decide::thresholds::{
-    CYCLES_IF_CLEAR, GAP, GAP_IF_SELDOM, JUMP, LEAST_LOW, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
+    CYCLES_IF_CLEAR, LEAST_LOW, LR_IF_SELDOM, LR_JUMP, LR_MIN, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
     RISE_OF_STICKING, SOUND_BELOW,
 };
 use crate::decide::verdict::Verdict;
@@ -58,7 +58,7 @@ impl Track {
             Recorder::Rounded(step) | Recorder::Kept(step) => step,
         };
         let per_op = gap.b.abs().max(1e-300);
-        let slips = lr_no_jump > JUMP && stuck.motion.d * stuck.motion.share > 2.0 * step / per_op;
+        let slips = lr_no_jump > LR_JUMP && stuck.motion.d * stuck.motion.share > 2.0 * step / per_op;
         let best = if slips { stuck } else { gap };
         let (information_ratio, traversals) = self.information_ratio(&best);
         let lr_no_gap = (none.cost - best.cost).max(0.0) * information_ratio;
@@ -78,7 +78,7 @@ impl Track {
                 hold(self.limits(&stuck, gap.cost.min(stuck.cost) + RISE / information_ratio));
             }
         }
-        // What the recorder hides, never more than what is left shows where rows do not fit.
+        // Width that the recorder hides, at most the residual where rows do not fit.
         let seen = 4.0 * sigma / per_op;
         let rounding = match self.recorder {
             Recorder::Rounded(step) => 0.5 * step / per_op,
@@ -91,7 +91,7 @@ impl Track {
         let high = high.map(|h| h + op + (1.5 * self.op_move).min(seen) + kept);
         // A position that stands still is explained by nothing.
         let explained = if best.b == 0.0 { 0.0 } else { 1.0 - best.left * self.rows as f64 / self.zz };
-        let lr_needed = if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { GAP } else { GAP_IF_SELDOM };
+        let lr_needed = if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { LR_MIN } else { LR_IF_SELDOM };
         let copy = none.b != 0.0 && none.left.sqrt() <= 1e-7 * self.range * none.b.abs() && none.motion.lag == 0.0;
         let (verdict, reason) = if copy {
             (Verdict::CannotTell, "copy")
@@ -142,7 +142,7 @@ impl Track {
         }
     }
 
-    /// At the width of `at`, with the lag (and share of jump) that is best from there on.
+    /// The best candidate with the width of `at`, and the lag (and share of jump) that is best from there on.
     fn beside(&self, best: &Tried, at: Tried) -> Tried {
         if best.motion.share > 0.0 {
             return self.descend(at, |m, i, j| Motion {
@@ -181,7 +181,7 @@ impl Track {
                 by *= 16.0;
                 continue;
             }
-            // What is outside with this lag may be inside with another.
+            // A width outside with this lag may be inside with another.
             let outer = self.beside(best, tried[inside]);
             if outer.cost <= limit {
                 inner = outer.motion;
@@ -208,6 +208,7 @@ impl Track {
         points.into_iter().map(|(d, cost)| (d, ((cost - best.cost) * information_ratio).max(0.0))).collect()
     }
 
+    /// Recorded and predicted positions of some rows, for display.
     fn shown(&self, best: &Tried) -> Vec<Shown> {
         let every = self.rows.div_ceil(SHOWN);
         let mut n = 0;

@@ -5,7 +5,8 @@ use crate::position::track::{LANES, Motion, Track, Tried};
 use glapp_core::Model;
 
 impl Track {
-    /// From `from` to the best of its eight neighbours, as long as there is a better one, in steps that become smaller:
+    /// Descends from `from` to the best of its eight neighbours, as long as there is a better one, in steps that become
+    /// smaller:
     /// `moved` gives the motion moved by so many steps of either of two parameters.
     pub(super) fn descend(&self, from: Tried, moved: impl Fn(Motion, f64, f64) -> Motion) -> Tried {
         const AROUND: [(f64, f64); LANES] =
@@ -19,7 +20,7 @@ impl Track {
                 size *= 1.5;
                 continue;
             }
-            // Where all the neighbours are as good, smaller steps tell no more.
+            // With all neighbours equally good, smaller steps tell no more.
             if around.iter().all(|t| t.cost < here.cost + 0.05) && size < 0.1 || size < 1e-7 {
                 break;
             }
@@ -154,7 +155,7 @@ impl Track {
         [if none.cost < gap.cost { none } else { gap }, none, stuck]
     }
 
-    /// The same on the rows that there are.
+    /// Search on the rows that there are.
     fn search_here(&mut self) -> [Tried; 3] {
         let (gaps, none) = self.look();
         self.line = (gaps[0].a, gaps[0].b);

@@ -1,7 +1,7 @@
-//! The rows that count, and what a lost motion is worth on them: eight motions in a pass.
+//! The rows that count, and the cost of a lost motion on them: eight motions in a pass.
 
 use crate::data::recorder::{FEWEST_NEW, Moves, Recorder, only_new, span, spike_limit, spikes_in};
-use crate::data::segment::Signals;
+use crate::data::segment::OpAndPv;
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Model};
 
 /// Fewest rows with a position that count.
@@ -11,7 +11,7 @@ pub(super) const LANES: usize = 8;
 /// Rows of the first look.
 const LOOK: usize = 20_000;
 
-/// What is tried: a lost motion, and what lies between the valve and its position.
+/// Candidate: a lost motion, and the relation of the valve to its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Motion {
     pub(super) d: f64,
@@ -27,14 +27,14 @@ impl Motion {
     }
 }
 
-/// A motion with what it is worth: −2·ln L but for a constant, and the line a + b·v.
+/// A motion with its cost: −2·ln L but for a constant, and the line a + b·v.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tried {
     pub(super) motion: Motion,
     pub(super) cost: f64,
     pub(super) a: f64,
     pub(super) b: f64,
-    /// Mean square of what is left [position unit²].
+    /// Mean square of the residual [position unit²].
     pub(super) left: f64,
 }
 
@@ -43,15 +43,16 @@ pub(super) struct Part {
     pub(super) place: usize,
     pub(super) z: Vec<f64>,
     pub(super) u: Vec<f64>,
-    /// Where the valve was recorded first.
+    /// First recorded position of the valve.
     pub(super) first: f64,
 }
 
-/// The record, and what is known of it before a motion is tried.
+/// The record, and the facts on it that no motion changes.
 pub(super) struct Track {
     pub(super) parts: Vec<Part>,
     pub(super) recorder: Recorder,
-    /// What OP may have done besides: its lower edge of moves where OP itself is kept, and its median move [OP unit].
+    /// Possible moves of OP between rows: its lower edge of moves where OP itself is kept, and its median move [OP
+    /// unit].
     pub(super) op_band: f64,
     pub(super) op_move: f64,
     pub(super) range: f64,
@@ -63,14 +64,14 @@ pub(super) struct Track {
     pub(super) spikes: usize,
     /// Variance that no model can do without: the recorder's rounding, and the computer's.
     pub(super) floor: f64,
-    /// Where the line lay last, by which the start in the gap is told.
+    /// Last place of the line, which gives the start in the gap.
     pub(super) line: (f64, f64),
-    /// How far the first step of a descent goes: less where a good beginning is known.
+    /// First step of a descent: shorter where a good beginning is known.
     pub(super) stride: f64,
 }
 
 impl Track {
-    pub(super) fn new(parts: &[Signals]) -> Self {
+    pub(super) fn new(parts: &[OpAndPv]) -> Self {
         let mut spikes = 0;
         let mut kept: Vec<Part> = Vec::new();
         let limit = spike_limit(parts);
@@ -90,7 +91,7 @@ impl Track {
         let z_moves = Moves::of(&z);
         let range = kept.iter().map(|p| span(&p.u)).fold(0.0, f64::max);
         let z_span = kept.iter().map(|p| span(&p.z)).fold(0.0, f64::max);
-        // How much of OP's move reaches the position, roughly.
+        // Approximate move of the position by a move of OP.
         let per_op = if range > 0.0 { z_span / range } else { 1.0 };
         let recorder = z_moves.recorder(op_moves.least * per_op, z_span);
         if let Recorder::Kept(_) = recorder {
@@ -119,6 +120,7 @@ impl Track {
         track
     }
 
+    /// Number of rows that count.
     pub(super) fn count(&self) -> usize {
         match self.recorder {
             // Few new values, but every one of them is true.
@@ -127,7 +129,7 @@ impl Track {
         }
     }
 
-    /// What does not hang on the motion.
+    /// Sums that do not depend on the motion.
     pub(super) fn sum(&mut self) {
         let z = || self.parts.iter().flat_map(|p| &p.z).copied().filter(|z| !z.is_nan());
         let u = || self.parts.iter().flat_map(|p| &p.u).copied();
@@ -138,7 +140,7 @@ impl Track {
         (self.rows, self.z_mean, self.u_mean, self.zz) = (rows, z_mean, u_mean, zz);
     }
 
-    /// The same for the `LOOK` rows or so in which OP moves most.
+    /// The `LOOK` rows or so in which OP moves most.
     pub(super) fn busiest(&self) -> Option<Self> {
         let total: usize = self.parts.iter().map(|p| p.u.len()).sum();
         if total <= 2 * LOOK {
@@ -160,7 +162,7 @@ impl Track {
         self.rows as f64 * (left + self.floor).ln()
     }
 
-    /// Where the valve stands at the beginning of a part.
+    /// Position of the valve at the beginning of a part.
     pub(super) fn start(&self, part: &Part, d: f64) -> f64 {
         let (a, b) = self.line;
         let seen = if b == 0.0 { part.u[0] } else { (part.first - a) / b };
@@ -196,11 +198,12 @@ impl Track {
         })
     }
 
+    /// Cost of a motion.
     pub(super) fn at(&self, motion: Motion) -> Tried {
         self.weigh(&[motion; LANES])[0]
     }
 
-    /// What the model leaves of each row that counts.
+    /// Residuals of the model at each row that counts.
     pub(super) fn residuals(&self, of: &Tried, mut each: impl FnMut(usize, usize, &State, f64)) {
         for (i, part) in self.parts.iter().enumerate() {
             let motions = [of.motion; LANES];

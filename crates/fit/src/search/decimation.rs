@@ -1,7 +1,7 @@
-//! How many steps a cell may hold for the process to be seen, and where a search begins.
+//! Number of steps in a cell for which the process can be seen, and the beginning of a search.
 
 use crate::data::cells::Cells;
-use crate::data::segment::{Segment, Signals, turns};
+use crate::data::segment::{OpAndPv, Segment, turns};
 use crate::model::structure::Theta;
 use crate::search::screen::{Pilot, pilot};
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ pub(crate) fn window(record: &Segment, sign: f64) -> Option<usize> {
 
 /// Good beginnings for a window, and the steps of the cells in which they were found: few, unless the process is not seen in
 /// them.
-pub(crate) fn look(parts: &[Signals], sign: f64) -> Option<(Vec<Theta>, usize)> {
+pub(crate) fn look(parts: &[OpAndPv], sign: f64) -> Option<(Vec<Theta>, usize)> {
     let mut cell = steps(parts).div_ceil(LOOK_CELLS).max(1);
     loop {
         let record = Cells::new(parts, cell);
@@ -46,7 +46,7 @@ pub(crate) fn look(parts: &[Signals], sign: f64) -> Option<(Vec<Theta>, usize)> 
 
 /// Steps in a cell that is fine enough for the process. From the finest on: coarse cells take steps of the load for the
 /// process.
-pub(crate) fn cell(parts: &[Signals], sign: f64) -> Option<usize> {
+pub(crate) fn cell(parts: &[OpAndPv], sign: f64) -> Option<usize> {
     let all = steps(parts);
     if all <= MOST_CELLS {
         return Some(1);
@@ -54,13 +54,13 @@ pub(crate) fn cell(parts: &[Signals], sign: f64) -> Option<usize> {
     let mut cell = 1;
     loop {
         let last = LOOK_CELLS * cell >= all;
-        let mut pieces: Vec<Vec<Signals>> = vec![parts.to_vec()];
+        let mut pieces: Vec<Vec<OpAndPv>> = vec![parts.to_vec()];
         if last {
             cell = all.div_ceil(LOOK_CELLS).max(1);
         } else {
             let chunk = LOOK_CELLS * cell;
             let chunks = parts.iter().flat_map(|(y, u)| y.chunks(chunk).zip(u.chunks(chunk)));
-            let mut chunks: Vec<Signals> = chunks.collect();
+            let mut chunks: Vec<OpAndPv> = chunks.collect();
             chunks.sort_by(|a, b| turns(b.1).total_cmp(&turns(a.1)));
             pieces = chunks.into_iter().take(PIECES).map(|chunk| vec![chunk]).collect();
         }
@@ -76,7 +76,7 @@ pub(crate) fn cell(parts: &[Signals], sign: f64) -> Option<usize> {
     }
 }
 
-fn steps(parts: &[Signals]) -> usize {
+fn steps(parts: &[OpAndPv]) -> usize {
     parts.iter().map(|(y, _)| y.len()).sum()
 }
 

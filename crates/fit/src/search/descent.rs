@@ -170,7 +170,7 @@ impl Search<'_> {
             if open < 3 {
                 continue;
             }
-            // From there on the start shows no longer.
+            // The start no longer matters from there on.
             let cells = (2 * open + SETTLED).min(stretch.y.len());
             let positions = stretch.positions_from(lost, self.record.cell, cells);
             let tried = |places: Lanes| self.beginnings(point, i, &positions(&places));
@@ -181,7 +181,7 @@ impl Search<'_> {
                 };
                 (0..LANES).max_by(|a, b| bought(*a).total_cmp(&bought(*b))).expect("eight lanes")
             };
-            // As it stands, and seven places over all of the gap; then eight around the best.
+            // The present place, and seven places over all of the gap; then eight around the best.
             let places = Lanes::each(|l| if l == 0 { lost.start[i] } else { (l as f64 - 1.0) / 6.0 });
             let first = tried(places);
             let rest = (yv - first.yv[0], vv - first.vv[0]);

@@ -16,7 +16,7 @@ pub(crate) struct Elsewhere<'s> {
     /// The changes of each stretch as they stand.
     changes: Vec<Vec<f64>>,
     sides: Vec<Sides>,
-    /// Of each stretch as its changes stand, where there are several.
+    /// Totals of each stretch with its present changes, where there are several.
     totals: Vec<Totals>,
 }
 
@@ -58,7 +58,7 @@ impl<'s> Elsewhere<'s> {
         }
     }
 
-    /// With its changes as they stand, or with those that are tried.
+    /// Cost with the present changes, or with those that are tried.
     fn of_stretch(&mut self, stretch: usize, tried: Option<&[&[f64]]>) -> Totals {
         let own = self.changes[stretch].as_slice();
         let as_it_stands = [own];
@@ -147,7 +147,7 @@ mod tests {
                 let mut marks = marks.clone();
                 let mut elsewhere = Elsewhere::new(&search, &theta, &positions);
                 near(elsewhere.as_it_stands(), of_pass(&marks));
-                // Of each stretch in turn: moved, moved nearer, left out; then as it stands, from other places.
+                // For each stretch in turn: moved, moved nearer, left out; then the present one from other places.
                 for (i, moved) in [
                     (0, [5.0, 5.5, 6.0, 12.0, 100.0, 117.5, 240.25, 244.9]),
                     (1, [5.0, 5.5, 60.0, 61.0, 76.0, 100.0, 140.0, 144.0]),

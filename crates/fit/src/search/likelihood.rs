@@ -35,7 +35,8 @@ pub(crate) struct Point {
     pub(super) products: (f64, f64),
 }
 
-/// What the likelihood is made of: `residual` = innovation/√S·exp(Σ ln S/2n), whose sum of squares is to be least.
+/// Innovations that the likelihood is made of: `residual` = innovation/√S·exp(Σ ln S/2n), whose sum of squares is to be
+/// least.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Innovations {
     pub(crate) residual: Vec<Lanes>,
@@ -129,7 +130,7 @@ impl Search<'_> {
                 found.residual.push(r.lanes());
             }),
             Wanted::Products => {
-                // As many rows as there are parameters to move, and the residuals themselves.
+                // One row for each parameter to move, and the residuals themselves.
                 macro_rules! rows {
                     ($($rows:literal)*) => {
                         match self.structure.parameters() + 1 {
@@ -167,13 +168,13 @@ impl Search<'_> {
         freedom * ((sum.max(1e-300) / freedom).ln() + 1.0 + (2.0 * PI).ln())
     }
 
-    /// What the changes of the load that are marked cost at `point`, which was found with them [−2·ln L]: each may lie at any cell, and
-    /// be as large as OP's range, that of a slope as large as that in a hundred cells.
+    /// Price of the marked changes of the load at `point`, which was found with them [−2·ln L]: each may lie at any
+    /// cell, and be as large as OP's range, that of a slope as large as that in a hundred cells.
     pub(crate) fn price_of_changes(&self, point: &Point) -> f64 {
         self.price(point.kp, || point.noise)
     }
 
-    /// The same with the changes of this record at a point of another.
+    /// Price of the changes of this record at a point of another.
     pub(crate) fn price_at(&self, point: &Point) -> f64 {
         let noise = || {
             let positions = self.record.positions(&point.lost);
@@ -182,7 +183,7 @@ impl Search<'_> {
         self.price(point.kp, noise)
     }
 
-    /// What this record costs at a point of another, with the price of its changes [−2·ln L].
+    /// Cost of this record at a point of another, with the price of its changes [−2·ln L].
     pub(crate) fn cost_at(&self, point: &Point, positions: &Positions) -> f64 {
         self.innovations(&[point.theta; LANES], 1, positions, Wanted::Least, |found| {
             self.cost(found.sum[0]) + self.price(point.kp, || self.noise(found))
@@ -199,14 +200,14 @@ impl Search<'_> {
         if self.record.changes() == 0 {
             return 0.0;
         }
-        // What OP could do, or what PV did: a process that hardly answers OP pays no less for its changes.
+        // The range of OP's possible effect, or of PV: a process that hardly answers OP pays no less for its changes.
         let seen = if self.structure.integrating { 0.0 } else { self.record.span };
         let mut size = (kp * self.record.range).abs().max(seen).powi(2) / noise();
         if matches!(self.structure.noise, Noise::Lines | Noise::Bends) {
             size /= LONG * LONG;
         }
         let (changes, cells) = (self.record.changes(), self.record.count);
-        // They may come in any order: ln of the binomial coefficient.
+        // Any order of the changes is possible: ln of the binomial coefficient.
         let places: f64 = (0..changes).map(|j| ((cells - j) as f64 / (j + 1) as f64).ln()).sum();
         changes as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
     }

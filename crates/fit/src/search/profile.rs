@@ -17,7 +17,7 @@ pub(crate) struct Profile {
     pub(crate) best: usize,
 }
 
-/// How near the likelihood at a limit of the interval is to what it should be.
+/// Relative accuracy of the likelihood at a limit of the interval.
 const NEAR: f64 = 0.1;
 
 /// Rise of −2·ln L from one width to the next above which widths are looked at so many times nearer to each other.
@@ -57,7 +57,7 @@ impl Profile {
         Self::of(search.structure, points)
     }
 
-    /// From points in rising order of d.
+    /// Made from points in rising order of d.
     fn of(structure: Structure, points: Vec<Point>) -> Self {
         let mut profile = Self { structure, points, best: 0 };
         profile.find();
@@ -156,7 +156,7 @@ impl Profile {
         if polished.cost < best.cost {
             self.points[self.best] = polished;
         }
-        // Its neighbours may do better from there.
+        // The neighbours may do better from there.
         for i in [0, self.best.saturating_sub(1), (self.best + 1).min(self.points.len() - 1)] {
             let Point { lost, cost, .. } = self.points[i].clone();
             let again = search.from(&[(self.points[self.best].theta, lost)], 12, 1e-3, cost);
@@ -175,7 +175,7 @@ impl Profile {
         let room = |beside: Option<(f64, f64)>| beside.map_or(0.0, |b| (b.0 - d).abs());
         let wide = if room(left) > room(right) { -room(left) } else { room(right) };
         let rises = |beside: Option<(f64, f64)>| beside.is_some_and(|b| b.1 - cost > STEEP);
-        // Where the likelihood is that sharp its bottom may lie between.
+        // A likelihood as sharp as that may have its bottom between.
         let fine = if wide.abs() <= 1.001 * fine && (rises(left) || rises(right)) { fine / FINER } else { fine };
         if wide.abs() <= 1.001 * fine {
             return None;
@@ -211,7 +211,7 @@ impl Profile {
         Some((low, high))
     }
 
-    /// Where the cost crosses `limit` between a width and its cost inside and others outside.
+    /// Width at which the cost crosses `limit`, between a width and its cost inside and others outside.
     fn border(
         &mut self,
         search: &Search,
@@ -240,9 +240,9 @@ impl Profile {
     }
 }
 
-/// How much less the record tells of d than the likelihood believes, 0 to 1: the variance of the slope of ln L by d that
-/// equally spread, uncorrelated innovations would give, over the one seen (Bartlett's window of 5 cells). Below 1 where
-/// the innovations are larger just where d matters, as at the reversals of a valve that the model does not quite fit.
+/// Information ratio of the width, 0 to 1: the variance of the slope of ln L by d that equally spread, uncorrelated
+/// innovations would give, over the one seen (Bartlett's window of 5 cells). Below 1 where the innovations are larger
+/// just where d matters, as at the reversals of a valve that the model does not quite fit.
 pub(crate) fn information_ratio(search: &Search, point: &Point, step: f64) -> f64 {
     let record: &Cells = search.record;
     let positions = record.positions(&point.lost);

@@ -8,7 +8,7 @@ use crate::search::likelihood::{Point, Search};
 use crate::search::profile::Profile;
 use rayon::prelude::*;
 
-/// How much larger the innovations may be after a coarse look, which may sit beside a narrow valley.
+/// Relative excess of the innovations allowed after a coarse look, which may miss a narrow valley.
 const NEARLY_AS_GOOD: f64 = 0.05;
 
 pub(crate) const PILOT: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
@@ -16,7 +16,7 @@ pub(crate) const PILOT: Structure = Structure { lags: 2, integrating: false, noi
 /// Less than this gained by a step ends a descent of a coarse look, of a whole profile [−2·ln L].
 const COARSE_TOLERANCE: f64 = 0.3;
 pub(crate) const FINE_TOLERANCE: f64 = 0.03;
-/// How near a coarse look comes to the best width, part of OP's range.
+/// Accuracy of a coarse look's best width, as a fraction of OP's range.
 const NARROW: f64 = 0.003;
 /// Families of which more widths are tried around the best.
 const FOLLOWED: usize = 4;
@@ -27,7 +27,7 @@ const WIDE: f64 = 0.6;
 /// Beginnings that are followed.
 const MOST_SEEDS: usize = 4;
 
-/// What the first look at a record shows.
+/// Results of the first look at a record.
 pub(crate) struct Pilot {
     /// Good beginnings of [`PILOT`], best first.
     pub(crate) seeds: Vec<Theta>,
@@ -94,7 +94,7 @@ pub(crate) fn rescaled(theta: &Theta, finer: f64) -> Theta {
 /// A beginning for `structure` from the pilot's parameters.
 pub(crate) fn theta_for(structure: Structure, pilot: &Theta) -> Theta {
     let (t, zeta, dead, q) = (pilot[0].exp(), pilot[1].exp(), pilot[2], pilot[3]);
-    // Of two lags the integrator takes the place of the longer one.
+    // The integrator takes the place of the longer of two lags.
     let shorter = t * (zeta - (zeta * zeta - 1.0).max(0.0).sqrt());
     let lags = if structure.integrating { shorter } else { 2.0 * t * zeta };
     let mut theta = structure.beginning(lags.max(0.1), dead);
@@ -188,7 +188,7 @@ pub(crate) fn screen(record: &Cells, seeds: &[Theta], sign: f64, near: f64, load
             let structure = Structure { noise: Noise::Both, ..p.structure };
             let both =
                 Profile::over(&of(structure), &coarse, &gap, &[theta_for_both(structure, p)], 3, COARSE_TOLERANCE);
-            // Where the second disturbance is worth nothing it is the same family once more.
+            // A second disturbance without effect gives the same family once more.
             (both.penalised() < p.penalised()).then_some(both)
         })
         .collect();
@@ -232,7 +232,7 @@ pub(crate) fn full_profile(search: &Search, look: &Profile) -> Profile {
     profile
 }
 
-/// How far a family may lie behind the best after a coarse look [−2·ln L].
+/// Allowed distance of a family behind the best after a coarse look [−2·ln L].
 pub(crate) fn screening_margin(count: usize) -> f64 {
     2.0 * (NEARLY_AS_GOOD * count as f64).min(100.0) + 20.0
 }

@@ -78,12 +78,14 @@ fn settings(m: &Module, context: Context) -> Result<BacklashDetectionSettings<f6
     Ok(BacklashDetectionSettings { detector, compensation: compensation::settings(m)? })
 }
 
+/// Settings of the detection beside another maker's controller.
 fn foreign(m: &Module, context: Context) -> Result<ForeignDetectionSettings<f64>, ParameterError> {
     let usual = ForeignDetectionSettings::new(settings(m, context)?);
     let delay = m.whole("ff_delay")?;
     Ok(ForeignDetectionSettings { delay, tolerance: m.known("ff_tolerance"), longest: m.known("ff_longest"), ..usual })
 }
 
+/// Value of a variable, or of the compensation's.
 fn named(block: &modules::BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     match name {
         "error" => Some(state.error().into()),

@@ -1,10 +1,10 @@
-//! What the two kinds with a detector have in common: the compensation, and what the detector shows.
+//! Parts shared by the two kinds with a detector: the compensation, and the detector's outputs.
 
 use super::{Is, Module, Parameter, Unknown, switch};
 use glapp_core::modules::{self, BacklashDetection, BacklashDetectionState};
 use glapp_core::{CompensationSettings, ParameterError, Source, Way};
 
-/// Those of [`CompensationSettings`]; neither a source nor a size: there is none.
+/// Parameters of [`CompensationSettings`]; without source and size there is no compensation.
 pub(super) const PARAMETERS: &[Parameter] = &[
     ("comp_size", Is(0.0)),
     ("comp_fitted", Unknown),
@@ -43,7 +43,7 @@ pub(super) fn settings(m: &Module) -> Result<Option<CompensationSettings<f64>>, 
     settings_by(m, m.value("k"), m.value("ti"))
 }
 
-/// With the defaults of a controller with gain `k` and integral time `ti` \[s\].
+/// Settings with the defaults of a controller with gain `k` and integral time `ti` \[s\].
 pub(super) fn settings_by(m: &Module, k: f64, ti: f64) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
     let (typed, fitted) = (m.value("comp_size"), m.known("comp_fitted"));
     let sources = Source::ALL.map(|source| (f64::from(source as u8), source));
@@ -71,7 +71,7 @@ pub(super) fn settings_by(m: &Module, k: f64, ti: f64) -> Result<Option<Compensa
     Ok(Some(CompensationSettings {
         source,
         // A fit that found no gap.
-        struck: fitted == Some(0.0),
+        contradicted: fitted == Some(0.0),
         limit: or("comp_limit", usual.limit),
         band: or("comp_band", usual.band),
         tf: m.value("comp_tf"),
@@ -96,12 +96,13 @@ pub(super) fn not_taken_away(to: &Module, state: &BacklashDetectionState<f64>) -
     Ok(())
 }
 
-/// What is shown, an inner variable, or a setting that has a default, as it is in force.
+/// An output, an inner variable, or a setting with a default, as in force.
 pub(super) fn read(block: &BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     let in_force = || block.settings().compensation.and_then(|settings| in_force(&settings, name));
     named(block, state, name).or_else(|| block.read(state, name)).or_else(in_force)
 }
 
+/// Value of a setting of the compensation in force.
 fn in_force(settings: &CompensationSettings<f64>, name: &str) -> Option<f64> {
     match name {
         "comp_limit" => Some(settings.limit),
@@ -138,6 +139,7 @@ fn named(block: &BacklashDetection<f64>, state: &BacklashDetectionState<f64>, na
     }
 }
 
+/// Enables (1) or disables (0) the compensation.
 pub(super) fn compensate(state: &mut BacklashDetectionState<f64>, value: f64) -> Result<(), ParameterError> {
     state.compensate = switch("compensate", value, "0 (off) or 1 (on)")?;
     Ok(())

@@ -22,7 +22,7 @@ pub(super) static KIND: Kind = Kind {
     })
 };
 
-/// By data, or by its parts.
+/// Friction by a data-driven model, or by its parts.
 struct Friction {
     block: glapp_core::Friction<f64>,
     /// None until its first input.

@@ -36,7 +36,7 @@ impl Work for Output {
     }
 
     fn command(&mut self, name: &str, value: f64) -> Result<(), ParameterError> {
-        // Whatever a plant tells: what makes no sense is the controller's to find out.
+        // A plant may report anything: the controller must find out what makes no sense.
         match name {
             "low" => self.says.low = value,
             "high" => self.says.high = value,

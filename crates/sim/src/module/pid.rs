@@ -22,7 +22,7 @@ pub(super) static KIND: Kind = Kind {
     })
 };
 
-/// Those of every controller.
+/// Parameters common to all controllers.
 pub(super) const PARAMETERS: &[Parameter] = &[
     ("k", Required),
     ("ti", Required),
@@ -45,7 +45,7 @@ struct Pid {
     state: PidState<f64>,
 }
 
-/// Where a setpoint is connected, it begins with that.
+/// The mode at the start: a connected setpoint is followed.
 pub(super) fn mode(context: Context) -> Mode {
     if context.connected[1] { Mode::External } else { Mode::Auto }
 }
@@ -64,6 +64,7 @@ pub(super) fn settings(m: &Module) -> PidSettings<f64> {
     }
 }
 
+/// Value of a variable of the controller.
 pub(super) fn named(state: &PidState<f64>, name: &str) -> Option<f64> {
     match name {
         "mode" => Some(f64::from(state.mode as u8)),
@@ -77,6 +78,7 @@ pub(super) fn named(state: &PidState<f64>, name: &str) -> Option<f64> {
     }
 }
 
+/// Sets mode, output or setpoint by an operator.
 pub(super) fn commanded(state: &mut PidState<f64>, name: &str, value: f64) -> Result<(), ParameterError> {
     let number = |name| {
         if value.is_finite() { Ok(value) } else { Err(ParameterError { name, value, bound: "a number" }) }

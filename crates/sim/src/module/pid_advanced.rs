@@ -45,7 +45,7 @@ pub(super) static KIND: Kind = Kind {
     })
 };
 
-/// Those of the autotuner; an amplitude of 0: there is none.
+/// Parameters of the autotuner; an amplitude of 0: there is none.
 const TUNER: &[Parameter] = &[
     ("tune_amplitude", Is(0.0)),
     ("tune_wait", Unknown),
@@ -72,7 +72,7 @@ fn tuner(m: &Module) -> Option<AutoTunerSettings<f64>> {
     })
 }
 
-/// What the autotuner's parameters are called here.
+/// An error with the name that the autotuner's parameter has here.
 fn named(error: ParameterError) -> ParameterError {
     const OURS: [(&str, &str); 7] = [
         ("amplitude", "tune_amplitude"),
@@ -95,7 +95,7 @@ struct PidAdvanced {
 }
 
 fn block(m: &Module) -> Result<modules::PidAdvanced<f64>, ParameterError> {
-    // Nothing else in it has a parameter of one of those names.
+    // No other part of it has a parameter of one of those names.
     modules::PidAdvanced::new(settings(m)?).map_err(named)
 }
 

@@ -22,7 +22,7 @@ struct Plant {
     process: Box<dyn Process>,
     /// Process value of the coming scan.
     y: f64,
-    /// Its input, which a bad one leaves in effect.
+    /// Input; a bad one leaves the last good one in effect.
     held: f64,
 }
 

@@ -4,7 +4,7 @@ use super::{BackwardSignals, Context, Inputs, Is, Kind, MOST_INPUTS, Module, Req
 use crate::SimError;
 use glapp_core::{Backward, Forward, modules};
 
-/// What it remembers.
+/// Length of its memory.
 const MEMORY: usize = 1024;
 
 pub(super) static KIND: Kind = Kind {

@@ -5,25 +5,25 @@ use crate::SimError;
 use glapp_core::{Backward, Forward, RateLimitState};
 
 pub(super) static KIND: Kind = Kind {
-    parameters: &[&[("rate", Required), ("told", Is(1.0)), ("start", Unknown)]],
+    parameters: &[&[("rate", Required), ("reports", Is(1.0)), ("start", Unknown)]],
     beginnings: &["start"],
     ..Kind::plain("RateLimit", |m, _| {
         let state = m.known("start").map(RateLimitState::at).unwrap_or_default();
-        let (block, told) = block(m)?;
-        Ok(Box::new(RateLimit { block, told, state, last: f64::NAN }))
+        let (block, reports) = block(m)?;
+        Ok(Box::new(RateLimit { block, reports, state, last: f64::NAN }))
     })
 };
 
 struct RateLimit {
     block: glapp_core::RateLimit<f64>,
-    told: bool,
+    reports: bool,
     state: RateLimitState<f64>,
     last: f64,
 }
 
 fn block(m: &Module) -> Result<(glapp_core::RateLimit<f64>, bool), SimError> {
-    let told = switch("told", m.value("told"), "1 (those before are told) or 0 (they are not)")?;
-    Ok((glapp_core::RateLimit::new(m.value("rate"))?, told))
+    let reports = switch("reports", m.value("reports"), "1 (reported to the modules before it) or 0 (not reported)")?;
+    Ok((glapp_core::RateLimit::new(m.value("rate"))?, reports))
 }
 
 impl Work for RateLimit {
@@ -33,14 +33,14 @@ impl Work for RateLimit {
     }
 
     fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        if !self.told {
+        if !self.reports {
             return passed(back);
         }
         [self.block.backward(&self.state, self.last, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
     fn change(&mut self, to: &Module, _context: Context) -> Result<(), SimError> {
-        (self.block, self.told) = block(to)?;
+        (self.block, self.reports) = block(to)?;
         Ok(())
     }
 }

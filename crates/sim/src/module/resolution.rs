@@ -14,6 +14,7 @@ struct Resolution {
     step: f64,
 }
 
+/// Size of a step, checked to be above 0.
 fn step(m: &Module) -> Result<f64, SimError> {
     let step = m.value("step");
     Ok(require("step", step, step >= 0.0, "0 or greater")?)

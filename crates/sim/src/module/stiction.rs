@@ -39,7 +39,7 @@ struct Stiction {
     block: glapp_core::Stiction<f64>,
     state: StictionState<f64>,
     enable: bool,
-    /// Of this scan: the control error, whether it is bad, and the time before it \[s\].
+    /// Control error of this scan, whether it is bad, and the time before it \[s\].
     e: f64,
     flags: Status,
     h: f64,

@@ -17,12 +17,12 @@ impl Work for Sum {
         Forward::new(x.value + plus.value, x.flags | plus.flags)
     }
 
-    /// Each is told what is left to it beside the other.
+    /// Each input gets the range that the other one leaves.
     fn backward(&mut self, back: Option<Backward<f64>>) -> BackwardSignals {
-        let told = back.unwrap_or_default();
+        let followers = back.unwrap_or_default();
         let beside = |other: f64| {
             let other = if other.is_finite() { other } else { 0.0 };
-            let Backward { low, high, flags, tracking } = told;
+            let Backward { low, high, flags, tracking } = followers;
             Backward { low: low - other, high: high - other, flags, tracking: tracking - other }
         };
         [beside(self.last[1]), beside(self.last[0]), open(), open(), open()]

@@ -60,14 +60,14 @@ fn of_case(case: &Case) -> Row {
 }
 
 /// Mode and manual output where they are given, and what is told backward.
-fn told(pins: &mut Row, mode: f64, manual: f64, flags: f64) {
+fn backward(pins: &mut Row, mode: f64, manual: f64, flags: f64) {
     pins.set("Mode", if mode.is_nan() { -1.0 } else { mode });
     pins.option("ManualOutput", Some(manual).filter(|manual| !manual.is_nan()));
     let bits = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
     pins.set_all(&bits.map(|(pin, bit)| (pin, flag(flags, bit))));
 }
 
-/// What the vectors have of a detection.
+/// Fields that the vectors have of a detection.
 fn of_detection(block: &Block) -> Vec<f64> {
     let mut row = vec![block.get("UFf"), block.given("HasShown", "Estimate.Value")];
     row.push(if block.on("HasShown") { block.get("Estimate.Count") } else { 0.0 });
@@ -86,13 +86,13 @@ fn vectors<R: Number>() {
             for (i, (h, x)) in case.input.iter().enumerate() {
                 pins.set_all(&[("H", *h), ("Pv", x[0]), ("Sp", x[1])]);
                 if name == "pid_settings" {
-                    told(&mut pins, if i == 0 { 2.0 } else { f64::NAN }, f64::NAN, 0.0);
+                    backward(&mut pins, if i == 0 { 2.0 } else { f64::NAN }, f64::NAN, 0.0);
                     pins.option("SpRate", Some(x[2]));
                     // 0 on the pin is no limit: of the numbers that are wrong it holds another.
                     pins.option("Rate", Some(if x[3] == 0.0 { -1.0 } else { x[3] }));
                 } else if name == "pid_tuner" {
                     let &[_, _, mode, flags, tune, take] = &x[..] else { panic!("six inputs") };
-                    told(&mut pins, mode, f64::NAN, flags);
+                    backward(&mut pins, mode, f64::NAN, flags);
                     if !tune.is_nan() {
                         pins.set("Execute", tune);
                     }
@@ -105,7 +105,7 @@ fn vectors<R: Number>() {
                     }
                 } else {
                     let &[_, _, by, mode, manual, flags, enable] = &x[..] else { panic!("seven inputs") };
-                    told(&mut pins, mode, manual, flags);
+                    backward(&mut pins, mode, manual, flags);
                     pins.set_all(&[("ScheduleBy", by), ("Compensate", enable)]);
                 }
                 let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
@@ -289,7 +289,7 @@ impl Loop {
         }
     }
 
-    /// What the pins hold in the next scan, from what was shown in the last.
+    /// Pins of the next scan, given the outputs of the last.
     fn next(&mut self, block: &Block, d: &mut Draw) -> Row {
         self.scans += 1;
         let rare = if self.process.is_some() { 0.1 * self.wrong } else { self.wrong };
@@ -499,7 +499,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     }
     let rows = ROWS.into_iter().flatten();
     let rest = ["RampTime", "Travel", "Reversals", "Watch", "Longest"];
-    let mut told = std::collections::BTreeSet::new();
+    let mut backward = std::collections::BTreeSet::new();
     for pin in SETTINGS.into_iter().chain(rows).chain(rest) {
         // Bounds themselves among them, some by what the others are.
         let bounds = [-2.0, -1.0, 0.0, 1.0, 1.125, 1.875, 2.0, 4.0, 9.0, 10.0, 1e33, -1e33, 1e37, -1e37];
@@ -512,7 +512,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
                 pins.set(pin, if spoilt { *value } else { usual.get(pin) });
                 let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
                 assert!(agree(&expected, &got), "{pin} {value}: {}", difference(&expected.row, &got.row, &pins, 0, 0));
-                told.insert(block.get("ErrorID") as i16);
+                backward.insert(block.get("ErrorID") as i16);
             }
             cover.collect(&block);
         }
@@ -520,7 +520,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     // All there are but H, those of other blocks, and limits that the controller's own stand for.
     let others = [9, 10, 12, 33, 34, 38, 39, 40, 41, 42, 43];
     let all: Vec<i16> = (1..=78).filter(|number| !others.contains(number)).collect();
-    assert_eq!(told.into_iter().filter(|number| *number != 0).collect::<Vec<_>>(), all);
+    assert_eq!(backward.into_iter().filter(|number| *number != 0).collect::<Vec<_>>(), all);
 }
 
 /// Rows whose difference loses the smaller Ti: nothing is divided by 0.
@@ -536,7 +536,7 @@ fn far_apart<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
-/// Both beside each other in a scan.
+/// One scan of reference and block.
 fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Row, seed: u64, i: usize) {
     let (expected, got) = (reference.scan(pins), scan(block, pins));
     assert!(agree(&expected, &got), "{}", difference(&expected.row, &got.row, pins, seed, i));
@@ -556,12 +556,13 @@ fn large<R: Number>(cover: &mut Cover) {
                 pins.set("Pv", 0.1 * i as f64);
                 if i == 0 || i == 4 || i == 5 {
                     let mode = [("Mode", if pin == "OwnSp" { 1.0 } else { 2.0 }), ("Mode", 0.0)];
-                    let told = [("HasBackLimits", 1.0), ("BackLow", -9.0), ("BackHigh", 9.0), ("HasManualOutput", 1.0)];
+                    let backward =
+                        [("HasBackLimits", 1.0), ("BackLow", -9.0), ("BackHigh", 9.0), ("HasManualOutput", 1.0)];
                     pins.set_all(&[
                         mode[usize::from(pin == "ManualOutput")],
                         ("BackNotAuto", f64::from(pin == "BackTracking")),
                     ]);
-                    pins.set_all(&told);
+                    pins.set_all(&backward);
                     pins.set(pin, value);
                 }
                 beside(&mut reference, &block, &pins, 0, i);
@@ -604,8 +605,8 @@ fn coarse<R: Number>(cover: &mut Cover) {
             let h = if d.chance(0.05) { d.of(&[longest, 1e9, 1.5e9]) } else { pins.get("H") };
             pins.set("H", if still > 0 { 0.0 } else { h });
             for pin in ["BackAtLow", "BackAtHigh", "BackNotAuto"] {
-                let told = d.chance(0.02);
-                pins.set(pin, f64::from(told || pins.on(pin)));
+                let backward = d.chance(0.02);
+                pins.set(pin, f64::from(backward || pins.on(pin)));
             }
             beside(&mut reference, &block, &pins, seed, i);
             if i % 4 == 3 && !block.on("Error") {
@@ -684,7 +685,7 @@ fn relay_and_gain<R: Number>(cover: &mut Cover) {
             let before = process.x[2];
             let pv = process.step(block.get("Output"), 0.2, &mut draw);
             if integrates {
-                // Its last lag integrates.
+                // The last lag integrates.
                 process.x[2] = before + 0.2 * process.x[1];
             }
             pins.set_all(&[("Pv", pv), ("Execute", f64::from(i > 2))]);
@@ -738,7 +739,7 @@ fn by_a_kp_that_was_found<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
-/// What is not the same, by its pin.
+/// Differences by pin.
 fn difference(expected: &[f64], got: &[f64], row: &Row, seed: u64, i: usize) -> String {
     let pins = PID_ADVANCED.shown;
     let name =

@@ -1,4 +1,4 @@
-//! What sequences do not get to: the functions, at their bounds and to both sides.
+//! Functions at their bounds and to both sides, which random sequences do not reach.
 
 use crate::common::{Block, Number};
 use glapp_plc_check::Build;

@@ -6,18 +6,17 @@ use glapp_core::modules::{Mode, Unfit};
 use glapp_core::{Doubt, Push, Reason, Source, Standing, Way};
 use std::fmt::Debug;
 
-fn told(name: &str) -> Vec<(String, u16)> {
+fn listed(name: &str) -> Vec<(String, u16)> {
     let text = std::fs::read_to_string(home().join(format!("{name}.st"))).unwrap();
     let rows = text.lines().filter_map(|line| line.trim().split_once(" : INT := "));
     rows.map(|(name, rest)| (name.to_owned(), rest.split(';').next().unwrap().parse().unwrap())).collect()
 }
 
-/// In order; the first one may stand for nothing to tell.
+/// Compares all values in order; the first one may stand for no value.
 fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u16) {
     let known: Vec<(String, u16)> = all.iter().map(|one| (format!("{one:?}"), number(*one))).collect();
     // Plainer, or taken by the library of a maker.
     let here = |name: String| match (file, &*name) {
-        (_, "Struck") => "Contradicted".into(),
         (_, "Manual") => "ByHand".into(),
         ("Ways", _) => format!("By{name}"),
         ("Pushes", "Knocker") => "ByPulses".into(),
@@ -26,7 +25,7 @@ fn held<T: Debug + Copy>(file: &str, all: &[T], number: impl Fn(T) -> u16) {
     };
     let known = known.into_iter().filter(|(name, _)| name != "None").map(|(name, number)| (here(name), number));
     let known: Vec<(String, u16)> = known.collect();
-    assert_eq!(told(file), known, "{file}");
+    assert_eq!(listed(file), known, "{file}");
     shown::<f64>(file, &known);
     shown::<f32>(file, &known);
 }

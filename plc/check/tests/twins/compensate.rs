@@ -229,7 +229,7 @@ fn relays<R: Number>(cover: &mut Cover) {
         };
         beside(0);
         warned[few] += usize::from(block.on("Relay"));
-        // As new after Clear, whatever was told and seen before.
+        // After Clear the block is as new, whatever it received before.
         block.set_all(&[("Clear", 1.0), ("Take", 0.0)]);
         block.call();
         assert_eq!(block.all(&["Equal", "Relay"]), [0.0; 2]);
@@ -432,7 +432,8 @@ fn still<R: Number>() {
     assert!(withdrawn > 0);
 }
 
-/// What only a block that has it inside asks for: settings already checked, going on from a u_FF that is there, none at all.
+/// Cases that only a block around it can set: settings already checked, going on from a u_FF that is there, none at
+/// all.
 fn inside<R: Number>(cover: &mut Cover) {
     for there in [0.8, -0.8] {
         let block = Block::new::<R>("GlappCompensation");
@@ -462,7 +463,7 @@ fn inside<R: Number>(cover: &mut Cover) {
             block.set("GoesOn", 0.0);
             block.call();
         }
-        // As after power-up it waits for a reversal, also where it was in force and may come in at once.
+        // After power-up it waits for a reversal, also where it was in force and may come in at once.
         block.set_all(&[("Used.Size", 1.0), ("Used.Share", 1.0), ("Used.MaxWidth", 9.0), ("Used.Travel", 1e37)]);
         block.set_all(&[("Used.Reversals", 1e37), ("Used.Low", -100.0), ("SeenOff", 1.0), ("Compensate", 1.0)]);
         for (u, restart, standing) in [(0.0, 0.0, 10.0), (2.0, 0.0, 10.0), (-2.0, 0.0, 0.0), (-2.0, 1.0, 10.0)] {

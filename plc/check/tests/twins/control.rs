@@ -129,7 +129,7 @@ fn tuner_settings(row: &mut Row, case: &Case, within: &str) {
     row.set(&format!("{within}HasRelayHysteresis"), f64::from(case.param("relay_hysteresis").is_some()));
 }
 
-/// What the vectors have of what is shown.
+/// Outputs as columns of the vectors.
 fn as_vector(twin: &Twin, shown: &[f64]) -> Vec<f64> {
     let at = |pin: &str| shown[twin.shown.iter().position(|one| one.ends_with(pin)).unwrap()];
     match twin.name {
@@ -318,7 +318,7 @@ impl Signals {
             signals.wrong = d.of(&[0.0, 0.0, 0.01]);
             let usual = [("HasRelayHysteresis", 0.0), ("Longest", 250.0), ("PvHigh", 9.0)];
             signals.usual.set_all(&usual);
-            // As near to the limits as it may begin.
+            // A start as near to the limits as is allowed.
             let any = d.between(2.0, 4.0);
             let most = d.of(&[3.0, any]);
             signals.usual.set_all(&[("Amplitude", most * gain), ("OpLow", 5.0 - most), ("OpHigh", 5.0 + most)]);
@@ -367,7 +367,7 @@ impl Signals {
         self.or_none(d, x)
     }
 
-    /// What the pins hold in the next scan.
+    /// Pins of the next scan.
     fn next(&mut self, last: &[f64], d: &mut Draw) -> Row {
         self.scans += 1;
         let pins = self.row.pins;
@@ -478,7 +478,8 @@ impl Signals {
     }
 }
 
-/// What a controller lets overflow: numbers at the ends of what is one. Nothing stops; the library calls too large what is beyond 1E37.
+/// Inputs at which a controller overflows: numbers at the ends of the range. Nothing stops; the library calls too large
+/// what is beyond 1E37.
 fn extreme(row: &mut Row, d: &mut Draw) {
     let pins = [
         "X", "Load", "Pv", "Sp", "Ff", "OwnSp", "ManualOutput", "K", "Ti", "Td", "Rate", "MaxH", "H", "Gain", "Lead",
@@ -549,7 +550,7 @@ fn random<R: Number>() {
     no_offer::<R>(&mut cover);
     rules::<R>(&mut cover);
     another_version::<R>(&mut cover);
-    // What only the block around it uses is taken there.
+    // Branches that only the block around it takes are taken there.
     let inside = |line: &str| INSIDE.iter().any(|begin| line.starts_with(begin));
     cover.holds_but(&POUS, |way, line| inside(line) || (line.contains("2147483647") && way.branch == 1));
 }
@@ -668,8 +669,8 @@ fn two_at_the_ends<R: Number>(cover: &mut Cover) {
     }
 }
 
-/// What would be beyond 1E37, which is no number here: the law holds its output, and a setpoint adds no derivative. The widest gap that an
-/// experiment may know of.
+/// Results beyond 1E37 are no numbers here: the law holds its output, and a setpoint adds no derivative. The widest gap
+/// that an experiment may know of.
 fn beyond_numbers<R: Number>() {
     let law = Block::new::<R>("GlappPidLaw");
     law.set_all(&[("K", 1.0), ("Ti", 1.0), ("B", 1.0), ("H", 1.0)]);
@@ -730,9 +731,9 @@ fn begins_beyond_numbers<R: Number>() {
     }
 }
 
-/// What an autotuner was told while no settings were good, or before it began anew, is not what an experiment starts with.
+/// Settings received before any were good, or before a new start, do not begin an experiment.
 fn told_before_it_is_good<R: Number>() {
-    for told in ["BackNotAuto", "BackAtLow", "BackAtHigh"] {
+    for pin in ["BackNotAuto", "BackAtLow", "BackAtHigh"] {
         let mut both = Beside::new::<R>(&AUTO_TUNER);
         let usual = [("Enable", 1.0), ("Amplitude", 3.0), ("WaitTime", 2.0), ("Longest", 99.0), ("MaxH", 1.0)];
         let limits = [("PvLow", -9.0), ("PvHigh", 9.0), ("OpHigh", 10.0), ("X", 5.0), ("H", 0.2), ("Rule", 1.0)];
@@ -747,13 +748,13 @@ fn told_before_it_is_good<R: Number>() {
             (true, false, false, true),
             (true, false, false, true),
         ];
-        for (i, (good, is_told, reset, run)) in scans.into_iter().enumerate() {
+        for (i, (good, is_set, reset, run)) in scans.into_iter().enumerate() {
             let mut row = usual.clone();
-            row.set_all(&[(told, f64::from(is_told)), ("Reset", f64::from(reset)), ("Execute", f64::from(run))]);
+            row.set_all(&[(pin, f64::from(is_set)), ("Reset", f64::from(reset)), ("Execute", f64::from(run))]);
             if !good {
                 row.set("MaxH", -1.0);
             }
-            both.scan(&row, format_args!("{told}, scan {i}"));
+            both.scan(&row, format_args!("{pin}, scan {i}"));
             assert_eq!(both.block.on("Busy"), run);
         }
     }
@@ -855,7 +856,7 @@ fn waves<R: Number>(cover: &mut Cover) {
         let (mut turn, mut size, mut long, mut level, mut biased) = (0.0, 1.0, period, 0.0, 0.0);
         for i in 0..350 {
             let phase = one.block.get("Phase");
-            // What comes back is a wave behind the relay: it turns on its own, and its mean goes with the bias.
+            // The response is a wave behind the relay: it turns on its own, and its mean goes with the bias.
             turn += h / long;
             if turn >= 1.0 {
                 turn -= 1.0;
@@ -892,7 +893,8 @@ fn waves<R: Number>(cover: &mut Cover) {
     println!("phases {phases:?}, stops {stops:?}");
 }
 
-/// Nothing is offered by a rule that has no answer: of a process that is nearly all dead time, or whose static gain did not show.
+/// A rule without an answer offers nothing: for a process that is nearly all dead time, or whose static gain did not
+/// show.
 fn no_offer<R: Number>(cover: &mut Cover) {
     for (rule, delay) in [(1.0, 8), (1.0, 0), (2.0, 0), (3.0, 0)] {
         let mut both = Beside::new::<R>(&AUTO_TUNER);
@@ -909,7 +911,7 @@ fn no_offer<R: Number>(cover: &mut Cover) {
             let pv = process.step(if i == 0 { 5.0 } else { block.get("Y") }, 0.2, &mut draw);
             row.set_all(&[("Pv", pv), ("Execute", f64::from(i > 2))]);
             both.scan(&row, format_args!("{rule}, {delay}, scan {i}"));
-            // What the bias brings, a load takes off.
+            // A load removes the effect of the bias.
             process.load = if delay == 0 && block.get("Phase") == 3.0 { -block.get("Bias") } else { 0.0 };
             if block.get("Phase") >= 4.0 {
                 break;
@@ -927,7 +929,7 @@ fn no_offer<R: Number>(cover: &mut Cover) {
     }
 }
 
-/// What an autotuner offers.
+/// Offers of an autotuner.
 fn rules<R: Number>(cover: &mut Cover) {
     use glapp_core::tuning::{Gains, Kind, amigo_frequency, point_placement};
     let (placement, amigo) = (Block::new::<R>("GlappPointPlacement"), Block::new::<R>("GlappAmigoFrequency"));
@@ -967,7 +969,7 @@ fn rules<R: Number>(cover: &mut Cover) {
     placement.set_all(&[("Ku", 1.0), ("Tu", 1e37)]);
     placement.call();
     assert_eq!(shown(&placement), [0.0; 4]);
-    // Of the vectors those two rules.
+    // The cases of the vectors with those two rules.
     for case in cases("tuning").iter().filter(|case| [6.0, 9.0].contains(&case.given("rule"))) {
         for (_, x) in &case.input {
             check(x[4], x[5], if x[6].is_nan() { 0.0 } else { x[6] }, case.given("pid") == 1.0);

@@ -22,7 +22,7 @@ const POUS: [&str; 6] = [
     "GlappForeignDetection",
 ];
 
-/// Of the swing the cases in which OP is read: from anything else the library makes no corrected width.
+/// Whether OP is read in the case: without it the library makes no corrected width.
 fn read(case: &Case) -> bool {
     case.input.iter().all(|(_, x)| !x[2].is_nan())
 }
@@ -77,7 +77,7 @@ fn pins(case: &Case, max_h: f64, td: f64) -> Pins {
     }
 }
 
-/// What the vectors have of a detection.
+/// Fields that the vectors have of a detection.
 fn row(block: &Block) -> Vec<f64> {
     let mut row = vec![block.get("UFf"), block.given("HasShown", "Estimate.Value")];
     row.push(if block.on("HasShown") { block.get("Estimate.Count") } else { 0.0 });
@@ -114,7 +114,7 @@ fn own<R: Number>() {
         let mut pins = pins(&case, settings.max_h.as_f64(), td);
         let (block, mut reference) = (Block::new::<R>("GlappBacklashDetection"), Reference::<R>::default());
         for (i, (h, x)) in case.input.iter().enumerate() {
-            let &[pv, sp, mode, manual, told, enable] = &x[..] else { panic!("six inputs") };
+            let &[pv, sp, mode, manual, flags, enable] = &x[..] else { panic!("six inputs") };
             if !mode.is_nan() {
                 state.mode = [Mode::Manual, Mode::Auto, Mode::External][mode as usize];
             }
@@ -123,15 +123,15 @@ fn own<R: Number>() {
             }
             let u_ff = r(block.get("UFf"));
             let u = pid.forward(&mut state, r(pv).into(), r(sp).into(), u_ff.into(), r(*h)).value;
-            let (_, ff) = pid.backward(&mut state, Backward { flags: told as u16, ..Backward::default() });
+            let (_, ff) = pid.backward(&mut state, Backward { flags: flags as u16, ..Backward::default() });
             pins.compensate = enable != 0.0;
             pins.detector =
                 detector::Pins { h: *h, sp, pv, op: Some(ff.tracking.as_f64()), flags: ff.flags & 13, ..pins.detector };
             let (expected_now, got) = (reference.scan(&pins), scan(&block, &pins));
             assert!(agree(&expected_now, &got), "{}, scan {i}:\n{got:?} instead of\n{expected_now:?}", case.name);
             if with_vectors {
-                let (told, shown) = (expected(&case, i, 0), [&[u.as_f64()][..], &row(&block)].concat());
-                assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                let (wanted, shown) = (expected(&case, i, 0), [&[u.as_f64()][..], &row(&block)].concat());
+                assert!(same(&wanted, &shown), "{}, scan {i}: {shown:?} instead of {wanted:?}", case.name);
             }
         }
     }
@@ -149,16 +149,16 @@ fn beside_another<R: Number>() {
         };
         let (block, mut reference) = (Block::new::<R>("GlappForeignDetection"), Reference::<R>::default());
         for (i, (h, x)) in case.input.iter().enumerate() {
-            let &[pv, sp, op, told, back, enable] = &x[..] else { panic!("six inputs") };
+            let &[pv, sp, op, flags, back, enable] = &x[..] else { panic!("six inputs") };
             foreign.back = (case.given("read_back") == 1.0).then_some(back);
             pins.foreign = Some(foreign.clone());
             pins.compensate = enable != 0.0;
-            pins.detector = detector::Pins { h: *h, sp, pv, op: Some(op), flags: told as u16, ..pins.detector };
+            pins.detector = detector::Pins { h: *h, sp, pv, op: Some(op), flags: flags as u16, ..pins.detector };
             let (expected_now, got) = (reference.scan(&pins), scan(&block, &pins));
             assert!(agree(&expected_now, &got), "{}, scan {i}:\n{got:?} instead of\n{expected_now:?}", case.name);
             if with_vectors {
-                let (told, shown) = (expected(&case, i, 0), [&row(&block)[..], &[block.get("Delta")]].concat());
-                assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+                let (wanted, shown) = (expected(&case, i, 0), [&row(&block)[..], &[block.get("Delta")]].concat());
+                assert!(same(&wanted, &shown), "{}, scan {i}: {shown:?} instead of {wanted:?}", case.name);
             }
         }
     }
@@ -236,7 +236,7 @@ fn extremes<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
-/// The same of settings and signals of a detection, alone and beside another maker's controller.
+/// Endless settings and signals of a detection, alone and beside another maker's controller.
 fn endless<R: Number>(cover: &mut Cover) {
     let ends = [1.0, 1.0, 1e30, 1e-30, 9e36];
     for seed in 0..sequences() {
@@ -423,7 +423,7 @@ fn coarse<R: Number>(cover: &mut Cover) {
                 }
             }
             if let Some(foreign) = &mut pins.foreign {
-                // What was handed over, mostly; for a while something else.
+                // The value handed over, mostly; for a while something else.
                 let there = handed[handed.len() - foreign.delay as usize];
                 foreign.back = Some(if i % 17 < 10 { there } else { there + d.of(&[0.0, 0.15, 0.25, 0.5, f64::NAN]) });
             }
@@ -453,7 +453,8 @@ fn coarse<R: Number>(cover: &mut Cover) {
     }
 }
 
-/// What was found, warned of and smoothed before is gone after Reset, or Restart, as far as that goes; a warning needs what was before, or more.
+/// Results, warnings and filters from before are gone after Reset, or Restart, as far as that goes; a new warning needs
+/// new half-periods.
 fn begins_anew<R: Number>(cover: &mut Cover) {
     let mut warned = [false; 2];
     for (foreign, reset, at) in [(false, true, 230), (false, false, 230), (true, true, 233), (true, false, 233)] {
@@ -544,7 +545,7 @@ fn wrong_signs<R: Number>(cover: &mut Cover) {
         }
     }
     assert!(found[0] >= 4 && found[1] >= 4, "{found:?}");
-    // What was found is gone once it begins anew.
+    // Results are gone after a new start.
     for (foreign, reset) in [(false, false), (false, true), (true, false), (true, true)] {
         let foreign = foreign.then_some(Foreign { delay: 1, tolerance: None, longest: None, back: None });
         let limits = Some((-2.0, 2.0));
@@ -564,7 +565,8 @@ fn wrong_signs<R: Number>(cover: &mut Cover) {
     }
 }
 
-/// What is read back is off while nothing is compensated, is not read for a while, and is enabled meanwhile; by each way its longest delay.
+/// The value read back is off while nothing is compensated, is not read for a while, and is enabled meanwhile; by each
+/// way its longest delay.
 fn read_back<R: Number>(cover: &mut Cover) {
     let mut standings = std::collections::BTreeSet::new();
     let usual = [(1, 1), (2, 1), (3, 2), (3, 3)].map(|(way, source)| (way, source, 10.0));
@@ -694,7 +696,7 @@ fn pairs<R: Number>(cover: &mut Cover) {
     scattered.set_all(&[("Take", 0.0), ("Conclude", 1.0)]);
     scattered.call();
     assert_eq!(scattered.all(&["HasWidth", "Doubt"]), [0.0, 4.0]);
-    // With a Kp that is known there is no range of it.
+    // A known Kp has no range.
     pairs.set_all(&[("HasKp", 1.0), ("Kp", -2.0)]);
     pairs.call();
     let range = ["HasWidth", "Width.HasKpRange", "Width.Kp", "Width.KpLow", "Width.KpHigh"];
@@ -825,7 +827,7 @@ fn lines<R: Number>(cover: &mut Cover) {
         let (width, slope, off) =
             (d.of(&[2.0, 4.0, 1.0, 0.0, -1.0]), d.of(&[0.5, 1.0, 2.0, 0.0]), d.of(&[0.0, 0.125, 0.5]));
         let ways = d.of(&[[1.0, 1.5, 2.0, 3.0], [2.0, 2.0, 3.0, 3.0], [1.0, 1.0, 1.0, 1.0], [0.0, 0.5, 1.0, -1.0]]);
-        // Of ways above 0 none fits.
+        // No way above 0 fits.
         let least = if ways[0] > 0.0 { 1e-38 } else { 0.5 };
         let mut pairs: Vec<Pair<R>> = (0..d.of(&[2, 3, 4, 4, 5, 6, 8, 9]))
             .map(|_| {
@@ -982,7 +984,7 @@ fn another_version<R: Number>(cover: &mut Cover) {
     scan(&block, &reset);
     assert!(!block.on("Dropped"));
     cover.collect(&block);
-    // Those of a block that it has inside.
+    // Errors of a block that it has inside.
     let foreign = Foreign { delay: 1, tolerance: None, longest: None, back: None };
     let beside = Pins { foreign: Some(foreign), ..pins.clone() };
     for (pins, version) in [

@@ -17,7 +17,7 @@ fn section<'p>(page: &'p str, name: &str) -> &'p str {
     rest.split("\n## ").next().unwrap()
 }
 
-/// What a source file is called in the library, its text, and its pins or members.
+/// Names in the library, texts, and pins or members of the source files.
 fn units() -> Vec<(String, String, Vec<Pin>)> {
     let files = sources(&folder(), Build::Lreal).unwrap();
     let with_pins = |(file, text): (String, String)| {
@@ -123,8 +123,8 @@ fn examples_give_what_they_say() {
                 }
                 for claim in result.trim_end_matches("*)").split(", ").filter(|claim| !claim.trim().is_empty()) {
                     let (pin, value) = claim.trim().split_once(" = ").unwrap_or_else(|| panic!("{line}"));
-                    let (got, told) = (one.get(pin).unwrap(), literal(value).unwrap());
-                    assert!((got - told).abs() <= 1e-6 * told.abs(), "{name}, {line}: {pin} is {got}");
+                    let (got, stated) = (one.get(pin).unwrap(), literal(value).unwrap());
+                    assert!((got - stated).abs() <= 1e-6 * stated.abs(), "{name}, {line}: {pin} is {got}");
                     shown += 1;
                 }
             }

@@ -80,7 +80,7 @@ fn no_rule_is_without_a_sample() {
     for (at, _) in source.match_indices("fault(") {
         let rest = source[at + "fault(".len()..].trim_start().trim_start_matches("format!(").trim_start();
         let Some(text) = rest.strip_prefix('"').and_then(|rest| rest.split('"').next()) else { continue };
-        // What one of the parsers refuses before the linter sees it.
+        // Samples that one of the parsers refuses before the linter sees them.
         let unreached = ["a minus before", "an array with a beginning", "an exponent has a point"]
             .iter()
             .any(|part| text.contains(part));

@@ -1,10 +1,10 @@
-//! What the library has to show beside equal bits: REAL is as good as LREAL where sums are long, and a power cut loses nothing but the
-//! half-period that it falls into and the compensation, which a person enables anew.
+//! Promises of the library beyond equal bits: REAL is as good as LREAL where sums are long, and a power cut loses
+//! nothing but the half-period that it falls into and the compensation, which a person enables anew.
 
 use crate::common::detector::{Pins, Reference, scan};
 use crate::common::{Block, Draw, Number, compensate, detection, same};
 
-/// What REAL may be off, as a share of LREAL.
+/// Allowed error of REAL, as a share of LREAL.
 const SHARE: f64 = 1e-4;
 
 fn near(real: f64, lreal: f64, what: &str) {
@@ -18,7 +18,7 @@ fn a_filter_ten_thousand_times_slower_than_its_scans() {
         let filter = Block::new::<R>("GlappSecondOrderFilter");
         filter.set_all(&[("Tf", 1e3), ("H", 0.1), ("X", 50.0)]);
         filter.call();
-        // In REAL the step itself is rounded to 4e-6 at 50; both builds are given that one.
+        // The step itself is rounded to 4e-6 at 50 in REAL; both builds get the rounded one.
         filter.set("X", f64::from(50.1_f32));
         let mut shown = vec![];
         for i in 1..=50_000 {
@@ -42,7 +42,7 @@ fn a_filter_ten_thousand_times_slower_than_its_scans() {
 fn an_integral_that_each_scan_moves_by_less_than_a_digit() {
     fn moved<R: Number>() -> Vec<f64> {
         let pid = Block::new::<R>("GlappPid");
-        // In REAL the error itself is rounded to 4e-6 at 50; both builds are given that one.
+        // The error itself is rounded to 4e-6 at 50 in REAL; both builds get the rounded one.
         let (sp, pv) = (50.0, f64::from(49.95_f32));
         pid.set_all(&[("Enable", 1.0), ("Start", 50.0), ("H", 0.01), ("K", 1.0), ("Ti", 1e3), ("HasOwnSp", 1.0)]);
         pid.set_all(&[("OwnSp", sp), ("Pv", pv)]);
@@ -192,7 +192,7 @@ fn cut_while_compensating<R: Number>(foreign: Option<detection::Foreign>) {
             assert!(block.on("HasShown") && block.on("HasWholeShown") && !block.on("Dropped") && !got.ended);
         }
         if i != cut {
-            // By its rate, 0.2/s, whatever else happens.
+            // The change stays within its rate, 0.2/s, in all cases.
             assert!((u_ff - held).abs() <= 0.2 * h + 1e-6, "scan {i}: from {held} to {u_ff}");
         }
         held = u_ff;
@@ -200,7 +200,7 @@ fn cut_while_compensating<R: Number>(foreign: Option<detection::Foreign>) {
     }
     let whole = 0.5 * (0.4 - 0.4 / 5.0);
     assert!(shown[on + 60..cut].iter().any(|(u_ff, standing)| (u_ff - whole).abs() < 1e-6 && *standing == 0.0));
-    // It was there when the power went; it is taken away within 3 s where it still is there.
+    // The u_FF at the power cut; it is removed within 3 s where it is still there.
     let after = &shown[cut..off];
     if reads_back {
         let there = shown[cut - 1].0;
@@ -209,7 +209,7 @@ fn cut_while_compensating<R: Number>(foreign: Option<detection::Foreign>) {
     } else {
         assert_eq!(after[0].0, 0.0);
     }
-    // Nothing comes in while Compensate has been on since before the cut.
+    // No compensation starts while Compensate has been on since before the cut.
     assert!(after[13..].iter().all(|(u_ff, standing)| *u_ff == 0.0 && *standing == 1.0), "{after:?}");
     assert!(shown[on_again + 60..].iter().any(|(u_ff, standing)| (u_ff - whole).abs() < 1e-6 && *standing == 0.0));
     assert!(block.get("Accepted") > before[0] + 5.0);

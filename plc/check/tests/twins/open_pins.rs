@@ -24,7 +24,7 @@ const OTHERS: [(&str, &str); 9] = [
     ("GlappMedianMean", "n"),
 ];
 
-/// What stands for a number that is not given, or not known.
+/// Values that mean not given, or not known.
 const NOTHING: [(&str, &[&str], f64); 18] = [
     ("GlappDetector", &["Settings.Tf", "Inner.Used.Td", "NoiseFloor"], -1.0),
     ("GlappDetector", &["Record.PreviousDeltaY", "Record.NoiseFloor", "Record.Sigma"], -1.0),
@@ -105,7 +105,8 @@ fn open<R: Number>() {
             assert_eq!(block.get(&pin), value, "{name}.{pin}");
         }
     }
-    // Nothing known: no detection to compensate by, no pairs for a corrected width (numbers of the catalogue).
+    // With nothing known there is no detection to compensate by, and there are no pairs for a corrected width (numbers
+    // of the catalogue).
     for name in ["GlappBacklashDetection", "GlappForeignDetection", "GlappPidAdvanced"] {
         assert_eq!(Block::new::<R>(name).all(&["Unsuited", "Doubt"]), [1.0, 9.0], "{name}");
     }

@@ -115,8 +115,8 @@ fn all<R: Number>() {
     at_their_bounds::<R>();
     two_wrong::<R>();
     another_version::<R>(&mut cover);
-    // What no sequence gets to: the ends of counters of 32 bits; a noise floor without end, which has a test of its own; and what only
-    // a block that has the detector inside asks for.
+    // Branches that no sequence reaches: the ends of counters of 32 bits; a noise floor without end, which has a test
+    // of its own; and those that only a block around the detector uses.
     let inside = |line: &str| line.starts_with("IF Inner.Checked") || line.contains("GlappIsOpen(Inner.Raw)");
     cover.holds_but(&OF_DETECTOR, |way, line| {
         inside(line) || (way.branch == 1 && (line.contains("2147483647") || way.pou == "GlappNoiseFloor"))
@@ -140,7 +140,7 @@ fn too_large<R: Number>(cover: &mut Cover) {
             }
             for (_, row) in &mut case.input {
                 for (at, x) in row.iter_mut().enumerate().skip(1) {
-                    // Of the safety net DeltaY comes with what it is compared with.
+                    // DeltaY of the safety net comes with the value it is compared with.
                     if !x.is_nan() && (name == "width" || at == 1 || at == 2 || at == 7) {
                         *x = far(&mut draw, x.signum(), 0.4);
                     }
@@ -259,7 +259,7 @@ fn at_their_bounds<R: Number>() {
     assert_eq!(shown, [[1.0, 3.0, 4.0, 2.0, 0.0, 1.0]; 2]);
 }
 
-/// Of two settings out of bounds the first is named, in the order of the core.
+/// The first of two settings out of bounds is named, in the order of the core.
 fn two_wrong<R: Number>() {
     let wrong: [fn(&mut Pins); 6] = [
         |pins| pins.td = Some(-2.0),
@@ -281,7 +281,7 @@ fn two_wrong<R: Number>() {
     }
 }
 
-/// Both beside each other in a scan.
+/// One scan of reference and block.
 fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Pins, told: &str) {
     let (expected, got) = (reference.scan(pins), scan(block, pins));
     let agree = same(&expected.0, &got.0)
@@ -329,7 +329,7 @@ fn coarse<R: Number>(cover: &mut Cover) {
     }
 }
 
-/// What is told in a scan without time counts for the half-period under way, not for the first one after a new beginning.
+/// Flags in a scan without time count for the half-period under way, not for the first one after a new start.
 fn told_before_it_begins_anew<R: Number>() {
     for flags in [1, 2, 4, 8] {
         let usual = Pins { ti: 0.25, max_h: Some(1.0), ..Pins::default() };

@@ -10,7 +10,7 @@ use glapp_core::{Push, Saturation, Standing, Stiction, StictionSample, StictionS
 use glapp_plc_check::Build;
 use serde_json::Value;
 
-/// What the pins hold in a scan.
+/// Pins of a scan.
 #[derive(Clone, Debug)]
 struct Pins {
     enable: bool,
@@ -38,7 +38,7 @@ fn on(x: bool) -> f64 {
     f64::from(u8::from(x))
 }
 
-/// Of `MaxSize` too.
+/// Whether a value is known, `MaxSize` included.
 fn known(x: Option<f64>, pin: &str) -> Option<f64> {
     let open = if pin == "MaxSize" { Some(-1.0) } else { None };
     match pin {
@@ -92,7 +92,7 @@ impl Pins {
     }
 }
 
-/// What the block is held to.
+/// Reference of the block.
 #[derive(Default)]
 struct Reference<R: Number> {
     state: StictionState<R>,

@@ -30,10 +30,10 @@ window.glapp = {
   shade(id, areas) {
     getElement(id)?.chart?.setOption({ series: [{}, { markArea: { data: areas } }] });
   },
-  // How soon, with a shape for who does not see the colour.
+  // Urgency, with a shape for a person who does not see the colour.
   soon: ({ urgency, soon }) =>
     `${{ high: "▲", signal: "■", medium: "◆", low: "◇", none: "○", unjudged: "○" }[urgency]} ${soon}`,
-  // On a telephone a loop is a card: its answer, how soon and what to do, below each other.
+  // On a telephone a loop is a card: its answer, urgency and next step, below each other.
   card({ data }) {
     const card = document.createElement("div");
     for (const [text, style] of [
@@ -77,16 +77,16 @@ window.glapp = {
     const look = async () => {
       const reply = await fetch(`/api/overview?since=${version}`).catch(() => null);
       if (reply?.ok) {
-        const told = await reply.json();
+        const changes = await reply.json();
         const there = (loop) => grid.getRowNode(loop) !== undefined;
-        if (told.whole) grid.setGridOption("rowData", told.loops);
-        else if (told.loops.length || told.gone.length)
+        if (changes.whole) grid.setGridOption("rowData", changes.loops);
+        else if (changes.loops.length || changes.gone.length)
           grid.applyTransaction({
-            add: told.loops.filter((row) => !there(row.loop)),
-            update: told.loops.filter((row) => there(row.loop)),
-            remove: told.gone.filter(there).map((loop) => ({ loop })),
+            add: changes.loops.filter((row) => !there(row.loop)),
+            update: changes.loops.filter((row) => there(row.loop)),
+            remove: changes.gone.filter(there).map((loop) => ({ loop })),
           });
-        version = told.version;
+        version = changes.version;
       }
       if (!grid.isDestroyed()) setTimeout(look, 2000);
     };
@@ -94,20 +94,20 @@ window.glapp = {
   },
   // Detections go to the chart as they are: the page's library would look at each point by itself.
   async detections(id, loop) {
-    const [told] = await Promise.all([
+    const [detected] = await Promise.all([
       fetch(`/api/loops/${encodeURIComponent(loop)}/detections`).then((reply) => reply.json()),
       (async () => {
         while (!getElement(id)?.chart) await new Promise(requestAnimationFrame);
       })(),
     ]);
-    const scale = told.percent ?? 1;
+    const scale = detected.percent ?? 1;
     const found = [[], [], []];
-    told.time.forEach((t, i) => {
-      if (told.width[i] !== null) found[told.compensated[i]].push([1000 * t, scale * told.width[i]]);
-      if (told.estimate[i] !== null) found[2].push([1000 * t, scale * told.estimate[i]]);
+    detected.time.forEach((t, i) => {
+      if (detected.width[i] !== null) found[detected.compensated[i]].push([1000 * t, scale * detected.width[i]]);
+      if (detected.estimate[i] !== null) found[2].push([1000 * t, scale * detected.estimate[i]]);
     });
     getElement(id).chart.setOption({ series: found.map((data) => ({ data })) });
-    getElement(id).$el.dataset.drawn = told.time.length;
+    getElement(id).$el.dataset.drawn = detected.time.length;
   },
   // Tab goes on from a list to what comes after it, or before it, and at the end to the beginning of the page.
   leave({ backwards }) {

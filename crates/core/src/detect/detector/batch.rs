@@ -1,6 +1,6 @@
 //! Many samples at once: the same law, the same bits, with nearly all samples passed over in a loop that stays in registers.
 
-use super::{Detector, DetectorState, HalfPeriodResult, Memory, Signal};
+use super::{Conclusions, Detector, DetectorState, HalfPeriodResult, Signal};
 use crate::status::{BAD, Status};
 use crate::{Real, SecondOrderFilterState, Sum};
 
@@ -122,7 +122,7 @@ impl<R: Real> Detector<R> {
     pub(super) fn take_row<const OP: bool>(
         &self,
         signal: &mut Signal<R>,
-        memory: &mut Memory<R>,
+        memory: &mut Conclusions<R>,
         before: &mut f64,
         start: &mut f64,
         Row { t, sp, pv, op, flags }: Row<R>,
@@ -192,7 +192,7 @@ impl<R: Real> Detector<R> {
         let (op_low, op_high) = self.op_limits.map_or((-R::MOST, R::MOST), |(low, high)| {
             (low.greater(-R::MOST), high.lesser(R::MOST)) // within them nothing has to be asked
         });
-        // Both filters have started, which the compiler cannot see from the state.
+        // Both filters have started: the compiler cannot see this from the state.
         let mut y = SecondOrderFilterState { started: true, ..signal.pv };
         let mut u = SecondOrderFilterState { started: OP, ..signal.op };
         let (mut half, mut noise) = (signal.half, signal.noise);

@@ -13,7 +13,8 @@ use crate::{LANES, Lanes, NoiseLevel};
 /// Samples of each loop between turning columns into rows: what stays in the nearest cache.
 const ROWS: usize = 64;
 
-/// Bounds within which no error, sum or slope can fail to be a measurement or a number; what is beyond takes the tile alone.
+/// Bounds within which no error, sum or slope can fail to be a measurement or a number; values beyond take the tile
+/// alone.
 const LEAST_STEP: f64 = 1e-9;
 const LARGEST: f64 = 1e29;
 
@@ -32,15 +33,15 @@ struct Rows {
     op: [Lane; ROWS],
 }
 
-/// What the detectors are told.
+/// Inputs of the detectors.
 #[repr(align(64))]
-struct Told {
+struct Inputs {
     tf: Lane,
     /// A step is shorter than this.
     gap: Lane,
 }
 
-/// What a sample changes.
+/// State that a sample changes.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
 struct Moving {
@@ -65,7 +66,7 @@ struct Moving {
     repeats: Lane,
 }
 
-/// What half-periods were that ended at a row.
+/// Half-periods that ended at a row.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
 struct Ended {
@@ -122,7 +123,7 @@ impl Detector<f64> {
         n: usize,
         ended: &mut impl FnMut(usize, Span, &HalfPeriodResult<f64>),
     ) -> usize {
-        let told = Told {
+        let inputs = Inputs {
             tf: core::array::from_fn(|l| detectors[l].filter.tf()),
             gap: core::array::from_fn(|l| detectors[l].max_h.next_up()),
         };
@@ -152,7 +153,7 @@ impl Detector<f64> {
             let to = from + ROWS;
             rows.fill::<OP, N>(like, columns, from);
             let mut next = now;
-            let (count, ordinary) = pass::<OP, N>(like, &told, &mut next, &rows, &mut out);
+            let (count, ordinary) = pass::<OP, N>(like, &inputs, &mut next, &rows, &mut out);
             for l in 0..LANES {
                 let (detector, state, columns) = (&detectors[l], &mut states[l], columns[l].part(from, to));
                 if inside[l] && !(ordinary[l] == 1.0 && detector.marks::<OP>(&columns, 0, ROWS) & BAD == 0) {
@@ -243,7 +244,7 @@ impl Moving {
         (self.x[l], self.first[l], self.second[l], self.third[l]) = (noise.x, noise.first, noise.second, noise.third);
         (self.median[l], self.grid[l], self.repeats[l]) = (noise.median, noise.grid, noise.repeats.into());
         let whole = signal.broken == 0 && signal.pv.started && signal.op.started == OP && signal.crossing.sign != 0;
-        // How many differences it has and its gain change no more.
+        // The number of differences and the gain no longer change.
         let settled = noise.values == VALUES && noise.count == u8::MAX && noise.gain == LEAST_GAIN;
         whole && settled && self.y1[l].abs() <= LARGEST && self.y2[l].abs() <= LARGEST
     }
@@ -295,18 +296,18 @@ fn fill<'a, N: Lanes>(like: N, rows: &mut [Lane; ROWS], column: impl Fn(usize) -
     }
 }
 
-/// Passes over a tile. Gives at how many rows half-periods ended, and 1 in the lanes in which the signal went on. It asks more than
-/// [`Detector::advance`], but flags.
+/// Passes over a tile of rows. Gives the number of rows at which half-periods ended, and 1 in each lane whose signal went on.
+/// A lane stops at conditions that [`Detector::advance`] would accept as well, except for flags.
 #[inline(always)]
 fn pass<const OP: bool, N: Lanes>(
     like: N,
-    told: &Told,
+    inputs: &Inputs,
     m: &mut Moving,
     rows: &Rows,
     out: &mut [Ended; ROWS],
 ) -> (usize, Lane) {
     let (none, one, held) = (like.like(0.0), like.like(1.0), like.like((HELD - 1).into()));
-    let (least, tf, gap) = (like.like(LEAST_STEP), like.load(&told.tf), like.load(&told.gap));
+    let (least, tf, gap) = (like.like(LEAST_STEP), like.load(&inputs.tf), like.load(&inputs.gap));
     let (mut t, mut towards) = (like.load(&m.t), like.load(&m.towards));
     let (mut y1, mut y2) = (like.load(&m.y1), like.load(&m.y2));
     let (mut u1, mut u2) = (like.load(&m.u1), like.load(&m.u2));

@@ -31,17 +31,17 @@ const PERIODS: f64 = 60.0;
 const FINE: usize = 8;
 /// Share of a swing over which the law of the controller is fitted.
 const PART: f64 = 0.25;
-/// Recorded swings from its rest at which the loop is held to go away for good.
+/// Distance from rest, in recorded swings, from which the loop counts as unstable.
 const AWAY: f64 = 100.0;
 /// Steps at most for which the loop is run.
 const MOST_STEPS: f64 = 2e5;
 
-/// What the fitted loop does without a load, beside what was recorded.
+/// Swing of the fitted loop without a load, compared with the recorded one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cycle {
-    /// Its period, part of the recorded one; 0 where it comes to rest.
+    /// Period as a fraction of the recorded one; 0 where the loop comes to rest.
     pub period: f64,
-    /// Its swing of OP, part of the recorded one; 0 where it comes to rest.
+    /// Swing of OP as a fraction of the recorded one; 0 where the loop comes to rest.
     pub swing: f64,
     /// Share of OP's moves over a quarter of a swing that the controller's law explains.
     pub law: f64,
@@ -73,7 +73,8 @@ pub(crate) fn cycle(
     lost: &BacklashModel,
 ) -> Option<Cycle> {
     let ops: Vec<&[f64]> = cells.stretches.iter().map(Strip::op).collect();
-    // What it swings through: half of the width, so that noise at the turns counts no swing twice and a swing little wider than the gap counts.
+    // Width that a swing must cross: half of the gap, so that noise at the turns counts no swing twice and a swing
+    // little wider than the gap counts.
     let through = 0.5 * lost.d;
     let (period, swing) = swings(&ops, through, FEWEST)?;
     let Law { k, ki, explains } = law(&rows.stretches, ((PART * period) as usize).max(1))?;
@@ -86,7 +87,7 @@ pub(crate) fn cycle(
     let settled = &op[2 * steps / 3..];
     let rests = Cycle { period: 0.0, swing: 0.0, law: explains };
     if op.iter().any(|u| u.is_nan() || u.abs() >= AWAY * swing) {
-        // It does not come back.
+        // The loop does not return.
         return Some(Cycle { swing: AWAY, ..rests });
     }
     let Some((own, height)) = swings(&[settled], through, FEWEST) else { return Some(rests) };
@@ -160,7 +161,7 @@ fn law(stretches: &[Stretch], m: usize) -> Option<Law> {
     (all > 0.0).then_some(Law { k: x[0], ki: x[1], explains: 1.0 - left / all })
 }
 
-/// Where OP takes the valve, from its rest on.
+/// Position of the valve under OP, from rest on.
 fn valve(lost: &BacklashModel) -> Box<dyn FnMut(f64) -> f64> {
     if lost.jump() > 0.0 {
         let friction = Friction::new(lost.model, lost.d, lost.jump()).expect("0 ≤ jump ≤ d");

@@ -11,22 +11,22 @@ use serde::{Deserialize, Serialize};
 /// Rows within the gap, fewest for one to count.
 const FEWEST: usize = 3;
 
-/// How PV answers within the gap and behind it.
+/// Response of PV within the gap and behind it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plateau {
     /// Ways through the gap that were long enough on both sides of its end, up and down.
     pub ways: [usize; 2],
     /// Of these: PV stands within the gap, against what it does behind it.
     pub stands: [usize; 2],
-    /// How far PV goes along with OP within the gap, part of |Kp| times OP's way: 0 with a gap.
+    /// Travel of PV with OP within the gap, as a fraction of |Kp| times OP's travel: 0 with a gap.
     pub within: f64,
-    /// The same behind it: 1 where PV has the time to follow.
+    /// Travel of PV behind the gap, in the same fraction: 1 where PV has the time to follow.
     pub behind: f64,
     /// Rows in the gap at a time (median).
     pub rows: f64,
 }
 
-/// How PV answers OP within a gap of width `d` and after it; PV is taken `late` steps later.
+/// Response of PV to OP within a gap of width `d` and after it; PV is taken `late` steps later.
 pub(crate) fn plateau(cells: &Cells, d: f64, kp: f64, late: f64) -> Plateau {
     let mut found = Plateau::default();
     if d <= 0.0 || kp == 0.0 {

@@ -1,4 +1,5 @@
-//! A stretch from both sides: what the cells before a checkpoint say, and those behind it, kept at checkpoints all along.
+//! Statistics of a stretch from both sides: of the cells before a checkpoint and behind it, kept at checkpoints all
+//! along.
 //!
 //! Changes of the load between two checkpoints are then judged by the cells between them (the two-filter form of the smoother, Fraser
 //! and Potter 1969). Before a checkpoint stands the Kalman filter's foresight; behind it the likelihood of the states there,
@@ -25,12 +26,12 @@ const STRIDE: usize = 8;
 const NEARBY: usize = 32;
 /// Most states of a model.
 const MOST_STATES: usize = 5;
-/// Part of itself below which a pivot of Λ is nothing: that direction is not told.
+/// Fraction of itself below which a pivot of Λ counts as 0: nothing is known of that direction.
 const UNTOLD: f64 = 1e-12;
-/// Part of itself by which what is said at a checkpoint may differ from what was said there, to be taken for the same.
+/// Fraction by which statistics at a checkpoint may differ and still count as equal.
 const SAME: f64 = 1e-10;
 
-/// What the cells before a checkpoint say: the covariance, the states of PV and of the answer, and what was summed up.
+/// Statistics of the cells before a checkpoint: the covariance, the states of PV and of the answer, and the sums.
 #[derive(Clone, Debug)]
 struct Before {
     p: [[f64; MOST_STATES]; MOST_STATES],
@@ -41,7 +42,7 @@ struct Before {
     log_s: f64,
 }
 
-/// What the cells behind a checkpoint say of the states there: Λ, η of PV and of the answer, c of both.
+/// Statistics of the cells behind a checkpoint on the states there: Λ, η of PV and of the answer, c of both.
 #[derive(Clone, Debug, Default)]
 struct Behind {
     lambda: [[f64; MOST_STATES]; MOST_STATES],
@@ -58,7 +59,7 @@ impl Before {
 }
 
 impl Behind {
-    /// Whether the same is said of the states.
+    /// Whether the statistics of the states are equal.
     fn same<const N: usize>(&self, other: &Self) -> bool {
         alike::<N>(&self.lambda, &other.lambda) && self.eta.iter().zip(&other.eta).all(near)
     }
@@ -82,7 +83,7 @@ pub(crate) struct Sides {
     /// The positions, as late as they act.
     v: Vec<f64>,
     changes: Vec<LoadChange>,
-    /// Of each checkpoint; empty at first.
+    /// Statistics before each checkpoint; empty at first.
     before: Vec<Before>,
     behind: Vec<Behind>,
     /// Cells in which the changes were others when these were found.
@@ -107,7 +108,7 @@ impl Sides {
         Self { y, v, changes, before: Vec::new(), behind: Vec::new(), stale: None, started }
     }
 
-    /// Its changes are these now, which differ from those before in these cells alone.
+    /// Sets new changes, which differ from the last ones in these cells alone.
     pub(crate) fn change(&mut self, changes: &[f64], cells: &Range<usize>) {
         self.changes = LoadChange::alike(changes);
         let cells = self.stale.as_ref().map_or(cells.clone(), |stale| union(stale, cells));
@@ -199,6 +200,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         Simd::vectorize(self.simd, Judging { models: self, asked })
     }
 
+    /// Totals with changed loads, by the statistics of both sides.
     #[inline(always)]
     fn judged(&self, asked: Asked) -> Totals {
         let Asked { sides, cells, tried, .. } = asked;
@@ -211,11 +213,11 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let mut going = self.resumed(&sides.before[from]);
         let changes = sides.gathered([from, to], tried);
         self.go_on(&mut going, sides.cell(from)..sides.cell(to), &sides.y, &sides.v, &changes);
-        self.told(&mut going, &sides.behind[to]);
+        self.add_behind(&mut going, &sides.behind[to]);
         Totals { sums: going.sums.lanes(), log_s: going.log_s.lanes() }
     }
 
-    /// What is said at each checkpoint: at all of them, or as far as it is stale.
+    /// Computes the statistics at each checkpoint: at all of them, or as far as they are stale.
     #[inline(always)]
     fn fill(&self, sides: &mut Sides) {
         let stale = sides.stale.take();
@@ -240,7 +242,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         sides.behind = vec![Behind::default(); sides.last() + 1];
     }
 
-    /// What is before each checkpoint behind this one; from the cell `settled` on only until it is what it was, but for what it sums up.
+    /// Computes the statistics before each checkpoint behind this one; from the cell `settled` on only until they are
+    /// as they were, but for the sums.
     #[inline(always)]
     fn fill_before(&self, sides: &mut Sides, checkpoint: usize, settled: usize) {
         let mut going = self.resumed(&sides.before[checkpoint]);
@@ -260,7 +263,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
     }
 
-    /// The same for what is behind each checkpoint before this one.
+    /// Computes the statistics behind each checkpoint before this one.
     #[inline(always)]
     fn fill_behind(&self, sides: &mut Sides, checkpoint: usize, settled: usize) {
         let process = self.first();
@@ -289,14 +292,14 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
     }
 
-    /// What a change of the first model does to each of the states.
+    /// Effect of a change of the first model on each of the states.
     #[inline(always)]
     fn noise_of(&self, change: &LoadChange) -> [f64; N] {
         let size = change.variance[0].sqrt();
         self.reached(Wide::load(self.simd, &change.before)).map(|reached| size * reached.lanes()[0])
     }
 
-    /// From a checkpoint on, the first model in all lanes.
+    /// A pass from a checkpoint on, with the first model in all lanes.
     #[inline(always)]
     fn resumed(&self, before: &Before) -> Going<S, R, N> {
         let all = |x| Wide::all(self.simd, x);
@@ -349,9 +352,10 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         *log_s += product.each(f64::ln);
     }
 
-    /// What lies behind, as samples h'x + e = z with Λ = Σ hh' and η = Σ hz, and what of it no state explains.
+    /// Adds the cells behind, as samples h'x + e = z with Λ = Σ hh' and η = Σ hz, and the part of it that no state
+    /// explains.
     #[inline(always)]
-    fn told(&self, going: &mut Going<S, R, N>, behind: &Behind) {
+    fn add_behind(&self, going: &mut Going<S, R, N>, behind: &Behind) {
         let all = |x| Wide::all(self.simd, x);
         let mut lambda = behind.lambda;
         let mut eta = behind.eta;
@@ -375,7 +379,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                 (eta[0][j], eta[1][j]) = (eta[0][j] - h[j] * z_y, eta[1][j] - h[j] * z_v);
             }
             (yy, yv, vv) = (yy - z_y * z_y, yv - z_y * z_v, vv - z_v * z_v);
-            // The same as a sample of PV brings.
+            // Update as by a sample of PV.
             let mut ph = [all(0.0); N];
             let (mut s, mut e_y, mut e_v) = (all(1.0), all(z_y), all(z_v));
             for j in 0..N {
@@ -427,7 +431,7 @@ struct Back<const N: usize, const MORE: usize> {
     eta: [[f64; N]; 2],
     rest: [f64; 3],
     log_s: f64,
-    /// What log_s grows by is the logarithm of this.
+    /// Factor whose logarithm log_s grows by.
     grown: f64,
 }
 
@@ -443,7 +447,7 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
         Self { lambda, eta, rest: behind.rest, log_s: behind.log_s, grown: 1.0 }
     }
 
-    /// At a checkpoint.
+    /// Statistics at a checkpoint.
     #[inline(always)]
     fn behind(&mut self) -> Behind {
         self.log_s += std::mem::replace(&mut self.grown, 1.0).ln();
@@ -471,7 +475,7 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
         self.less(&by, [of_y, of_v], 1.0, s);
     }
 
-    /// The same for noise of one state, of this variance.
+    /// Update for noise of one state, of this variance.
     #[inline(always)]
     fn free_state(&mut self, state: usize, variance: f64) {
         let by = self.lambda[state];
@@ -479,7 +483,7 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
         self.less(&by, [of_y, of_v], variance, 1.0 + variance * by[state]);
     }
 
-    /// Λg·g'Λ·q/s from Λ, and so on.
+    /// Takes Λg·g'Λ·q/s from Λ, and the parts that go with it from η and the sums of squares.
     #[inline(always)]
     fn less(&mut self, by: &[f64; N], [of_y, of_v]: [f64; 2], q: f64, s: f64) {
         let part = q / s;
@@ -521,7 +525,7 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
         if MORE == LINES {
             self.free_state(Self::LAST, process.q_more);
         }
-        // What the position does.
+        // Effect of the position.
         let input: [f64; N] =
             array::from_fn(|i| if i < Self::ORDER { v * process.transition[i][Self::LOAD] } else { 0.0 });
         let mut of_v = self.eta[1];

@@ -12,7 +12,8 @@ use super::{Block, Number};
 use glapp_core::modules::{AutoTunerState, Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 use glapp_core::{AutoTunerSettings, Backward, Saturation, Sum};
 
-/// Its pins, and what it shows of the controller and the autotuner; what it shows of the detection comes after that.
+/// Twin of the whole block: its pins, and its outputs of the controller and the autotuner; the outputs of the detection
+/// come after these.
 pub const PID_ADVANCED: Twin = Twin {
     name: "pid_advanced",
     pou: "GlappPidAdvanced",
@@ -66,7 +67,7 @@ pub fn set_compensation(row: &mut Row, settings: &Settings) {
     row.set_all(&[
         ("Withdraw", on(settings.withdraw)),
         ("ReduceByEstimate", on(settings.lessen)),
-        ("Contradicted", on(settings.struck)),
+        ("Contradicted", on(settings.contradicted)),
     ]);
     for (pin, value) in [
         ("MaxWidth", settings.most),
@@ -103,7 +104,7 @@ fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
         watch: option("Watch"),
         withdraw: row.on("Withdraw"),
         lessen: row.on("ReduceByEstimate"),
-        struck: row.on("Contradicted"),
+        contradicted: row.on("Contradicted"),
     }
 }
 
@@ -124,7 +125,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     for (to, [at, k, ti, td]) in settings.schedule.iter_mut().zip(ROWS) {
         *to = Gains { at: of(at), k: of(k), ti: of(ti), td: of(td) };
     }
-    // By these a compensation has its defaults.
+    // Gains that a compensation takes its defaults from.
     let [k, ti, _] = settings.slowest().map(R::as_f64);
     if row.on("HasTuner") {
         settings.tuner = Some(AutoTunerSettings {
@@ -141,7 +142,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     if row.on("HasCompensation") {
         match compensation(row, k, ti).core(Saturation::none()) {
             Ok(given) => settings.compensation = Some(given),
-            // Its way or source, which comes after what is checked before it, and before the autotuner.
+            // An error of its way or source comes after the checks before it, and before the autotuner.
             Err(wrong) => {
                 let (wait, longest) = (R::ONE, R::of(2.0));
                 let pv = (R::ZERO, R::ONE);
@@ -162,7 +163,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     PidAdvanced::new(settings).map_err(|error| number(&error))
 }
 
-/// What the block is held to.
+/// Reference of the block.
 pub struct Reference<R: Number> {
     pub state: Option<PidAdvancedState<R>>,
     good: Option<PidAdvanced<R>>,
@@ -173,8 +174,8 @@ pub struct Reference<R: Number> {
     run_before: bool,
     tuned: bool,
     output: R,
-    /// What setpoint and feed-forward were told.
-    told: [Backward<R>; 2],
+    /// Backward signals of setpoint and feed-forward.
+    backward: [Backward<R>; 2],
     pv_filtered: f64,
     u_fb: f64,
 }
@@ -191,7 +192,7 @@ impl<R: Number> Default for Reference<R> {
             run_before: true,
             tuned: false,
             output: R::ZERO,
-            told: [Backward::default(); 2],
+            backward: [Backward::default(); 2],
             pv_filtered: 0.0,
             u_fb: f64::NAN,
         }
@@ -200,8 +201,13 @@ impl<R: Number> Default for Reference<R> {
 
 impl<R: Number> Reference<R> {
     fn begin(&mut self, output: R) -> PidAdvancedState<R> {
-        *self =
-            Self { told: nobody(output), output, pv_filtered: self.pv_filtered, u_fb: self.u_fb, ..Self::default() };
+        *self = Self {
+            backward: nobody(output),
+            output,
+            pv_filtered: self.pv_filtered,
+            u_fb: self.u_fb,
+            ..Self::default()
+        };
         PidAdvancedState::at(output)
     }
 
@@ -274,7 +280,7 @@ impl<R: Number> Reference<R> {
                 self.output = block.forward(&mut state, pv, sp, ff, by, h).value;
                 let op = state.pid.feedback() + state.detection.compensation.u_ff.value();
                 let (sp, ff) = block.backward(&mut state, row.backward());
-                self.told = [sp, ff];
+                self.backward = [sp, ff];
                 self.pv_filtered = state.detection.detector.filtered_pv().as_f64();
                 let u_fb = state.detection.u_fb.filter(|_| op.is_measurable());
                 self.u_fb = u_fb.map_or(f64::NAN, R::as_f64);
@@ -285,7 +291,7 @@ impl<R: Number> Reference<R> {
         self.missed |= !runs || self.good.is_none();
         self.run_before = row.on("Execute");
         self.state = Some(state);
-        let mut shown = pid_shown(row, error, self.output, &state.pid, &self.told);
+        let mut shown = pid_shown(row, error, self.output, &state.pid, &self.backward);
         let e = &state.tuner.experiment;
         shown.extend([on(e.phase.is_running()), f64::from(e.phase as u8), f64::from(e.stop as u8)]);
         shown.extend([e.relay_hysteresis, e.bias].map(R::as_f64));

@@ -2,7 +2,7 @@
 #![allow(dead_code, missing_docs)]
 
 use super::{Block, Case, Number, Scan};
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, DATA_GAP, NOT_AUTO};
 use glapp_core::{
     Conditions, HalfPeriod, HalfPeriodResult, HalfPeriodState, MedianMean, MedianMeanState, NoiseLevel, Reason,
     SafetyNet, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
@@ -12,7 +12,7 @@ pub const BLOCKS: [&str; 7] =
     ["filter", "zero_crossing", "noise_level", "half_period", "width", "safety_net", "median_mean"];
 
 pub const FLAGS: [(&str, u16); 5] =
-    [("NotAuto", NOT_AUTO), ("Bad", BAD), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH), ("Gap", GAP)];
+    [("NotAuto", NOT_AUTO), ("Bad", BAD), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH), ("Gap", DATA_GAP)];
 
 const PARTS: [&str; 7] = ["DeltaU", "DeltaUD", "DeltaUSp", "OpTravel", "Free", "KpPart", "D"];
 
@@ -98,7 +98,7 @@ pub fn core<R: Number>(block: &str, case: &Case) -> Scan {
                     ..HalfPeriod::default()
                 };
                 let parts = parts_of(&width.of(&half, op_known));
-                // What is too large is nothing: so the detector has it.
+                // A value that is too large counts as none, as in the detector.
                 Some(if parts.iter().all(|part| part.abs() <= 1e36) { parts } else { vec![0.0; parts.len()] })
             })
         }
@@ -243,7 +243,7 @@ pub fn record_of<R: Number>(record: &HalfPeriodResult<R>) -> Vec<f64> {
     row
 }
 
-/// The same as the library has it.
+/// The row of the library's block.
 pub fn record_row(block: &Block) -> Vec<f64> {
     let mut row = vec![block.get("Record.Half.Sign")];
     row.extend(half_row(block, "Record.Half."));

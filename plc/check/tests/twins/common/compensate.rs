@@ -13,7 +13,7 @@ use glapp_core::{
 
 pub const BLOCKS: [&str; 3] = ["over_compensation", "wrong_sign", "compensation"];
 
-/// What they remember, in the core and here.
+/// State of both warnings, in the core and here.
 const OVER: ([&str; 4], [&str; 3]) =
     (["/at", "/count", "/compensating", "/before"], ["Place", "Count", "Compensating"]);
 const WRONG_SIGN: ([&str; 5], [&str; 5]) =
@@ -22,7 +22,7 @@ const WRONG_SIGN: ([&str; 5], [&str; 5]) =
 const AT_LIMIT: ([&str; 5], [&str; 5]) =
     (["/time", "/e", "/pv", "/far", "/away"], ["Time0.Value", "ELimit", "PvLimit", "Far", "Away.Value"]);
 
-/// Of a compensation.
+/// State of a compensation.
 pub const REMEMBERED: [(&str, &str); 19] = [
     ("/harm/direction", "Watched.Direction"),
     ("/side", "Side"),
@@ -71,7 +71,7 @@ fn settings<R: Number>(case: &Case) -> CompensationSettings<R> {
         reversals: number("reversals"),
         withdraw: case.given("withdraw") != 0.0,
         estimate: case.param("estimate") != Some(0.0),
-        struck: false,
+        contradicted: false,
         limits: match (case.param("low"), case.param("high")) {
             (Some(low), Some(high)) => Saturation::new(R::of(low), R::of(high)).unwrap(),
             _ => Saturation::none(),
@@ -281,7 +281,7 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
     (scan, one)
 }
 
-/// What the pins of a compensation hold in a scan.
+/// Pins of a compensation in a scan.
 #[derive(Clone, Debug)]
 pub struct Pins {
     pub enable: bool,
@@ -321,7 +321,7 @@ pub struct Settings {
     pub watch: Option<f64>,
     pub withdraw: bool,
     pub lessen: bool,
-    pub struck: bool,
+    pub contradicted: bool,
 }
 
 impl Default for Settings {
@@ -344,7 +344,7 @@ impl Default for Settings {
             watch: None,
             withdraw: true,
             lessen: true,
-            struck: false,
+            contradicted: false,
         }
     }
 }
@@ -375,7 +375,7 @@ pub fn named(name: &str) -> f64 {
 }
 
 impl Settings {
-    /// Without K and Ti.
+    /// Sets the pins except K and Ti.
     pub fn set(&self, block: &Block) {
         block.set_all(&[
             ("Way", self.way.into()),
@@ -384,7 +384,7 @@ impl Settings {
             ("Share", self.share),
         ]);
         block.set_all(&[("OpTf", self.tf), ("Withdraw", on(self.withdraw)), ("ReduceByEstimate", on(self.lessen))]);
-        block.set("Contradicted", on(self.struck));
+        block.set("Contradicted", on(self.contradicted));
         let options = [
             ("MaxWidth", self.most),
             ("Band", self.band),
@@ -400,7 +400,7 @@ impl Settings {
         }
     }
 
-    /// As the core has them, with its defaults; before K, Ti and limits are checked.
+    /// Settings of the core, with its defaults; before K, Ti and limits are checked.
     pub fn core<R: Number>(&self, limits: Saturation<R>) -> Result<CompensationSettings<R>, f64> {
         let r = |x: f64| R::of(x);
         let enumerated =
@@ -426,7 +426,7 @@ impl Settings {
             watch: or(self.watch, "Watch", usual.watch),
             withdraw: self.withdraw,
             estimate: self.lessen,
-            struck: self.struck,
+            contradicted: self.contradicted,
             limits,
             ..usual
         })
@@ -456,7 +456,7 @@ impl Pins {
                 watch: Some(s.watch),
                 withdraw: s.withdraw,
                 lessen: s.estimate,
-                struck: s.struck,
+                contradicted: s.contradicted,
             },
             ..Self::new(Settings::default())
         }
@@ -520,7 +520,7 @@ pub fn is_withdrawn<R: Number>(state: &CompensationState<R>) -> bool {
     !serde_json::to_value(state).unwrap()["withdrawn"].is_null()
 }
 
-/// What the block of the field is held to.
+/// Reference of the block for the field.
 #[derive(Default)]
 pub struct Reference<R: Number> {
     pub state: CompensationState<R>,
@@ -608,7 +608,7 @@ pub fn drawn(draw: &mut Draw) -> Settings {
         watch: d.of(&[None, Some(37.5), Some(75.0), Some(10.0)]),
         withdraw: d.chance(0.8),
         lessen: d.chance(0.7),
-        struck: false,
+        contradicted: false,
     }
 }
 

@@ -5,7 +5,7 @@ use super::names::given;
 use super::{Block, Number};
 use glapp_core::auto_tuner::{Found, Phase, Rule};
 use glapp_core::modules::{self, Mode, PidSettings, ProcessSim, ProcessSimState};
-use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status, WRONG_SIGN};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, DATA_GAP, NOT_AUTO, Status, WRONG_SIGN};
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Forward, Noise, NoiseState,
     ParameterError, PhaseLead, PhaseLeadState, Pid, PidState, RateLimit, RateLimitState, Real, Saturation, tuning,
@@ -19,7 +19,7 @@ pub struct Twin {
     pub shown: &'static [&'static str],
 }
 
-/// What the pins hold in one scan.
+/// Pins of one scan.
 #[derive(Clone, Debug)]
 pub struct Row {
     pub pins: &'static [&'static str],
@@ -78,14 +78,14 @@ impl Row {
         Forward::new(self.r(pin), if self.on(&format!("{pin}Bad")) { BAD } else { 0 })
     }
 
-    pub fn told(&self) -> Status {
+    pub fn back_flags(&self) -> Status {
         let flags = [("BackAtLow", AT_LOW), ("BackAtHigh", AT_HIGH), ("BackNotAuto", NOT_AUTO)];
         flags.iter().filter(|(pin, _)| self.pins.contains(pin) && self.on(pin)).map(|(_, flag)| flag).sum()
     }
 
     pub fn backward<R: Real>(&self) -> Backward<R> {
         let has = |pin: &str| self.pins.contains(&pin);
-        let mut back = Backward { flags: self.told(), ..Backward::default() };
+        let mut back = Backward { flags: self.back_flags(), ..Backward::default() };
         if has("HasBackLimits") && self.on("HasBackLimits") {
             (back.low, back.high) = (self.r("BackLow"), self.r("BackHigh"));
         }
@@ -117,7 +117,7 @@ pub fn scan(twin: &Twin, block: &Block, row: &Row) -> Vec<f64> {
     twin.shown.iter().map(show).collect()
 }
 
-/// What an experiment remembers while it runs, in the core and here: always, with a cycle to compare with, in the biased phase.
+/// State of a running experiment, in the core and here: always, with a cycle to compare with, in the biased phase.
 const REMEMBERED: [&[(&str, &str)]; 3] = [
     &[
         ("/t", "Elapsed.Value"),
@@ -170,7 +170,7 @@ impl<R: Number> Experiments<R> {
         Self { state: AutoTunerState::default(), block: Block::new::<R>("GlappExperiment") }
     }
 
-    /// What both show of a scan.
+    /// Outputs of both in a scan.
     pub fn scan(&mut self, row: &Row) -> (Vec<f64>, Vec<f64>) {
         (experiment_scan(&mut self.state, row), scan(&TWINS[8], &self.block, row))
     }
@@ -389,9 +389,10 @@ fn saturation<R: Number>() -> Core {
         if let Some(limits) = &good {
             let x = row.forward("X");
             let y = limits.forward(x);
-            let told = limits.backward(x.value, row.backward());
-            let flags = [told.flags & AT_LOW, told.flags & AT_HIGH].map(|flag| on(flag != 0));
-            shown = [y.value.as_f64(), on(!y.is_good()), flags[0], flags[1], told.low.as_f64(), told.high.as_f64()];
+            let backward = limits.backward(x.value, row.backward());
+            let flags = [backward.flags & AT_LOW, backward.flags & AT_HIGH].map(|flag| on(flag != 0));
+            shown =
+                [y.value.as_f64(), on(!y.is_good()), flags[0], flags[1], backward.low.as_f64(), backward.high.as_f64()];
         }
         [&shown[..], &[on(error != 0.0), error]].concat()
     })
@@ -407,8 +408,8 @@ fn rate_limit<R: Number>() -> Core {
         if let Some(limit) = &good {
             let x = row.forward("X");
             let y = limit.forward(&mut state, x, row.r("H"));
-            let told = limit.backward(&state, x.value, row.backward());
-            let flags = [told.flags & AT_LOW, told.flags & AT_HIGH].map(|flag| on(flag != 0));
+            let backward = limit.backward(&state, x.value, row.backward());
+            let flags = [backward.flags & AT_LOW, backward.flags & AT_HIGH].map(|flag| on(flag != 0));
             shown = [y.value.as_f64(), on(!y.is_good()), flags[0], flags[1]];
         }
         [&shown[..], &[on(error != 0.0), error]].concat()
@@ -489,7 +490,7 @@ pub fn set_by_hand<R: Number>(row: &Row, state: &mut modules::PidState<R>) {
     state.manual = row.maybe("ManualOutput").unwrap_or(state.manual);
 }
 
-/// What setpoint and feed-forward are told before the first scan: the output is not in automatic.
+/// Backward signals of setpoint and feed-forward before the first scan: the output is not in automatic.
 pub fn nobody<R: Number>(output: R) -> [Backward<R>; 2] {
     let nobody = Backward { flags: NOT_AUTO, ..Backward::default() };
     [nobody, Backward { tracking: output, ..nobody }]
@@ -506,39 +507,39 @@ pub fn pid_shown<R: Number>(
     error: f64,
     output: R,
     state: &modules::PidState<R>,
-    told: &[Backward<R>; 2],
+    backward: &[Backward<R>; 2],
 ) -> Vec<f64> {
     let mut shown = judged(row, error);
     shown.extend([output, glapp_core::Sum::value(state.ysp), state.yf].map(R::as_f64));
-    shown.extend([BAD, GAP, BAD_SP, BAD_FF, BAD_LIMITS].map(|flag| on(state.error & flag != 0)));
+    shown.extend([BAD, DATA_GAP, BAD_SP, BAD_FF, BAD_LIMITS].map(|flag| on(state.error & flag != 0)));
     let of = |flags: Status| [AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(flags & flag != 0));
     shown.extend(of(state.flags));
-    for told in told {
-        shown.extend(of(told.flags));
-        shown.push(told.tracking.as_f64());
+    for backward in backward {
+        shown.extend(of(backward.flags));
+        shown.push(backward.tracking.as_f64());
     }
     shown
 }
 
-/// What the controller is held to.
+/// Reference of the controller.
 struct PidReference<R: Number> {
     state: Option<modules::PidState<R>>,
     good: Option<modules::Pid<R>>,
     missed: bool,
     seen_h: bool,
-    /// What setpoint and feed-forward were told.
-    told: [Backward<R>; 2],
+    /// Backward signals of setpoint and feed-forward.
+    backward: [Backward<R>; 2],
 }
 
 impl<R: Number> Default for PidReference<R> {
     fn default() -> Self {
-        Self { state: None, good: None, missed: false, seen_h: false, told: [Backward::default(); 2] }
+        Self { state: None, good: None, missed: false, seen_h: false, backward: [Backward::default(); 2] }
     }
 }
 
 impl<R: Number> PidReference<R> {
     fn begin(&mut self, output: R) -> modules::PidState<R> {
-        *self = Self { told: nobody(output), ..Self::default() };
+        *self = Self { backward: nobody(output), ..Self::default() };
         modules::PidState::at(output)
     }
 
@@ -566,13 +567,13 @@ impl<R: Number> PidReference<R> {
                 set_by_hand(row, &mut state);
                 pid.forward(&mut state, row.forward("Pv"), row.forward("Sp"), row.forward("Ff"), h);
                 let (sp, ff) = pid.backward(&mut state, row.backward());
-                self.told = [sp, ff];
+                self.backward = [sp, ff];
             }
             _ => self.missed = true,
         }
         self.state = Some(state);
         assert_eq!(state.error & WRONG_SIGN, 0);
-        pid_shown(row, error, state.output, &state, &self.told)
+        pid_shown(row, error, state.output, &state, &self.backward)
     }
 }
 
@@ -587,7 +588,7 @@ pub fn rule_of(row: &Row) -> Option<Rule> {
     Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"))
 }
 
-/// What an experiment offers by the rule of this scan, in force or not; one that is none offers nothing.
+/// Settings that an experiment offers by the rule of this scan, in force or not; an invalid rule offers nothing.
 pub fn offered<R: Number>(row: &Row, e: &AutoTunerState<R>) -> [f64; 3] {
     let offer = match (e.phase, e.found, rule_of(row)) {
         (Phase::Done, Some(found), Some(rule)) => found.by(rule).ok(),
@@ -623,7 +624,7 @@ fn experiment_scan<R: Number>(s: &mut AutoTunerState<R>, row: &Row) -> Vec<f64> 
     if row.on("Starts") {
         tuner.start(s, row.r("OpBefore"));
     }
-    let flags = [("Bad", BAD), ("Gap", GAP), ("NotAuto", NOT_AUTO), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH)];
+    let flags = [("Bad", BAD), ("Gap", DATA_GAP), ("NotAuto", NOT_AUTO), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH)];
     let flags = flags.iter().filter(|(pin, _)| row.on(pin)).map(|(_, flag)| flag).sum();
     let op = tuner.update(s, row.r("Pv"), row.r("H"), flags);
     let shown =
@@ -631,7 +632,7 @@ fn experiment_scan<R: Number>(s: &mut AutoTunerState<R>, row: &Row) -> Vec<f64> 
     [&shown[..], &found_row(s.found), &[s.centre.as_f64()]].concat()
 }
 
-/// What the autotuner is held to.
+/// Reference of the autotuner.
 struct TunerReference<R: Number> {
     state: modules::AutoTunerState<R>,
     good: Option<modules::AutoTuner<R>>,
@@ -660,15 +661,15 @@ impl<R: Number> TunerReference<R> {
         s.run = run && (s.run || !self.run_before);
         self.run_before = row.on("Execute");
         let (x, back) = (row.forward("X"), row.backward());
-        let (y, told) = match &self.good {
+        let (y, backward) = match &self.good {
             Some(tuner) => (tuner.forward(s, x, row.forward("Pv"), row.r("H")), tuner.backward(s, back)),
             None => (x, back),
         };
         let e = &s.experiment;
         let mut shown = judged(row, error);
         shown.extend([y.value.as_f64(), on(!y.is_good())]);
-        shown.extend([AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(told.flags & flag != 0)));
-        shown.extend([told.tracking.as_f64(), on(e.phase.is_running())]);
+        shown.extend([AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(backward.flags & flag != 0)));
+        shown.extend([backward.tracking.as_f64(), on(e.phase.is_running())]);
         shown.extend([f64::from(e.phase as u8), f64::from(e.stop as u8), e.relay_hysteresis.as_f64(), e.bias.as_f64()]);
         shown.extend(found_row(e.found));
         shown.extend(offered(row, e));

@@ -1,4 +1,4 @@
-//! Which ways the random sequences took, and what a scan costs.
+//! Branches taken by the random sequences, and the cost of a scan.
 #![allow(dead_code, missing_docs)]
 
 use super::{Block, Number, Scan, folder};
@@ -28,7 +28,7 @@ impl Cost {
         shown
     }
 
-    /// The same of every scan to come.
+    /// A scan that counts the cost of every scan to come.
     pub fn counting(&self, mut scan: Scan, block: &Block) -> Scan {
         let (mut cost, block) = (self.clone(), block.clone());
         Box::new(move |x, h| cost.of(&block, || scan(x, h)))
@@ -45,7 +45,7 @@ impl Cost {
     }
 }
 
-/// Which ways through the library were taken.
+/// Branches of the library that were taken.
 pub struct Cover {
     library: &'static Library,
     build: Build,
@@ -74,7 +74,7 @@ impl Cover {
         }
     }
 
-    /// Both ways at lines that begin so were taken.
+    /// Checks that both branches at lines that begin so were taken.
     pub fn parts(&self, pou: &str, lines: &[&str]) {
         let source = std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
         let mut found = 0;

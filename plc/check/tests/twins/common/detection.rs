@@ -13,14 +13,14 @@ use glapp_core::modules::{
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_core::{CompensationSettings, Detector, Estimate, Saturation, Sum};
 
-/// What the pins of a scan hold; `detector.op` is the output with u_FF.
+/// Pins of a scan; `detector.op` is the output with u_FF.
 #[derive(Clone, Debug)]
 pub struct Pins {
     pub detector: detector::Pins,
     pub compensate: bool,
     pub compensation: Option<Settings>,
     pub cut: bool,
-    /// Those of another maker's controller, where it is one.
+    /// Pins of another maker's controller, where it is one.
     pub foreign: Option<Foreign>,
 }
 
@@ -72,7 +72,7 @@ enum Good<R: Number> {
 }
 
 pub struct Reference<R: Number> {
-    /// With the state of the detection that is in it.
+    /// Reference with the state of the detection inside.
     pub state: ForeignDetectionState<R>,
     good: Good<R>,
     steps: u8,
@@ -186,7 +186,7 @@ impl<R: Number> Reference<R> {
             Err(number) => error = number,
         }
         let mut shown = vec![on(d.enable && error == 0.0), on(error != 0.0), error];
-        let told = d.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
+        let backward = d.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let state = &mut self.state;
         state.detection.compensate = pins.compensate && (self.armed || self.held);
         if !(state.detection.compensate && (d.op.is_some() || !d.enable)) {
@@ -203,10 +203,10 @@ impl<R: Number> Reference<R> {
                         state.cut();
                     }
                     block.forward(state, Forward::new(sp, d.flags & BAD), Forward::from(pv), h);
-                    let back = op.map(|tracking| Backward { flags: told, tracking, ..Backward::default() });
+                    let back = op.map(|tracking| Backward { flags: backward, tracking, ..Backward::default() });
                     block.backward(state, back);
                 } else {
-                    block.pause(state, told, h);
+                    block.pause(state, backward, h);
                 }
                 Some(block)
             }
@@ -217,7 +217,7 @@ impl<R: Number> Reference<R> {
                     let read = Read { op: op.map(Forward::from), flags: d.flags, u_ff };
                     block.update(state, Forward::from(sp), Forward::from(pv), &read, h);
                 } else {
-                    block.pause(state, told, h);
+                    block.pause(state, backward, h);
                 }
                 Some(block.detection())
             }
@@ -236,7 +236,7 @@ impl<R: Number> Reference<R> {
     }
 }
 
-/// What a detection remembers, in the core and here.
+/// State of a detection, in the core and here.
 const REMEMBERED: [(&str, &str); 18] = [
     ("/unfit", "Unfit"),
     ("/smooth", "Smooth"),
@@ -283,7 +283,8 @@ pub fn in_force<R: Number>(block: &Block, within: &str, settings: &CompensationS
         let got = block.look(&[&format!("{within}.{name}")]);
         assert!(same(&[expected], &got), "{within}.{name}: {got:?} instead of {expected}");
     }
-    for (name, value) in [("Withdraw", s.withdraw), ("ReduceByEstimate", s.estimate), ("Contradicted", s.struck)] {
+    for (name, value) in [("Withdraw", s.withdraw), ("ReduceByEstimate", s.estimate), ("Contradicted", s.contradicted)]
+    {
         assert_eq!(block.look(&[&format!("{within}.{name}")]), [on(value)], "{within}.{name}");
     }
 }
@@ -309,7 +310,7 @@ impl<R: Number> Reference<R> {
     }
 }
 
-/// What is shown of a detection once it runs.
+/// Outputs of a running detection.
 pub fn shown_of<R: Number>(
     block: &BacklashDetection<R>,
     state: &BacklashDetectionState<R>,
@@ -343,17 +344,17 @@ pub fn shown_of<R: Number>(
     shown
 }
 
-/// What a scan shows.
+/// Outputs of a scan.
 #[derive(Debug)]
 pub struct Shown {
     pub row: Vec<f64>,
     /// The last record, where one has ended since the power came.
     pub last: Option<Vec<f64>>,
-    /// It is another than before.
+    /// Whether the half-period is a new one.
     pub ended: bool,
 }
 
-/// The same from the library's block.
+/// Outputs of the library's block.
 pub fn shown_by(block: &Block) -> Vec<f64> {
     let mut row = block.all(&["Standing", "Direction", "UFf", "HalfWidth", "GapWidth", "Delta"]);
     row.extend(block.all(&["Equal", "Relay", "WrongSign"]));
@@ -372,7 +373,7 @@ pub fn shown_by(block: &Block) -> Vec<f64> {
     row
 }
 
-/// The same from the library's block.
+/// One scan of the library's block.
 pub fn scan(block: &Block, pins: &Pins) -> Shown {
     pins.set(block);
     block.call();
@@ -484,7 +485,7 @@ impl Loop {
         if let (Some(settings), true) = (&mut p.compensation, draw.chance(self.wrong)) {
             match draw.of(&[0, 1, 2]) {
                 0 => compensate::spoil(settings, draw),
-                1 => settings.struck = true,
+                1 => settings.contradicted = true,
                 _ => *settings = compensate::drawn(draw),
             }
         }

@@ -7,7 +7,7 @@ use super::{Block, Draw, Number};
 use glapp_core::status::Status;
 use glapp_core::{Conditions, Detector, DetectorSettings, DetectorState, PARAMETERS, ParameterError, Sample};
 
-/// What the pins of a scan hold.
+/// Pins of a scan.
 #[derive(Clone, Debug)]
 pub struct Pins {
     pub enable: bool,
@@ -126,7 +126,8 @@ impl Pins {
         given(self.max_h, "MaxH")
     }
 
-    /// As the core has them, with its defaults; where the usual time between scans is asked and not known, a gap is above 1 s.
+    /// Settings of the core, with its defaults; where the usual time between scans is asked and not known, a gap is
+    /// above 1 s.
     pub fn settings<R: Number>(&self, usual_h: R) -> DetectorSettings<R> {
         let r = |x: f64| R::of(x);
         let three = R::of(3.0);
@@ -157,7 +158,7 @@ impl Pins {
     }
 }
 
-/// What the block is held to.
+/// Reference of the block.
 pub struct Reference<R: Number> {
     state: DetectorState<R>,
     good: Option<Detector<R>>,
@@ -256,7 +257,7 @@ impl<R: Number> Reference<R> {
     }
 }
 
-/// The same from the library's block.
+/// One scan of the library's block.
 pub fn scan(block: &Block, pins: &Pins) -> (Vec<f64>, Option<Vec<f64>>) {
     pins.set(block);
     block.call();
@@ -325,7 +326,7 @@ impl Loop {
         }
     }
 
-    /// With so long a filter.
+    /// Sets a filter of that length.
     pub fn filtered(&mut self, tf: f64) {
         (self.pins.tf, self.usual.tf) = (Some(tf), Some(tf));
     }
@@ -349,7 +350,7 @@ impl Loop {
         let p = &mut self.pins;
         (p.reset, p.restart, p.flags) = (false, false, 0);
         (p.h, p.op) = (0.25, self.usual.op.map(|_| self.side * draw.between(1.0, 2.0)));
-        // Where SP is out of the world, PV stays in it: beyond 1E37 the library no longer looks at their difference.
+        // PV stays in range where SP is out of it: beyond 1E37 the library no longer looks at their difference.
         let about = if p.sp.abs() < 1.0 { p.sp } else { 0.0 };
         p.pv = about - self.side * size + self.noise * draw.between(-1.0, 1.0);
         if self.wrong > 0.0 && draw.chance(0.02) {

@@ -23,13 +23,13 @@ use std::rc::Rc;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Where the library is: `GLAPP_PLC` names a changed one, of which the first difference ends the run.
+/// Folder of the library: `GLAPP_PLC` names a changed one, of which the first difference ends the run.
 pub fn folder() -> PathBuf {
     let Some(changed) = std::env::var_os("GLAPP_PLC") else { return home() };
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| {
         std::panic::set_hook(Box::new(|info| {
-            // Not by a macro: what those write is held back by the test, and lost here.
+            // Written without a macro: a macro's text is held back by the test, and lost here.
             let _ = writeln!(std::io::stderr(), "{info}");
             std::process::exit(101);
         }));
@@ -96,7 +96,7 @@ number!(f32, Build::Real, 1e-45);
 pub struct Traced {
     instance: Instance<'static>,
     names: Names,
-    /// Of the pins that are given or not: what they begin with, whether they are given, and with which value.
+    /// Optional pins: their initial value, whether they are given, and the given value.
     options: HashMap<String, (f64, bool, f64)>,
     trace: Option<Trace>,
     held: bool,
@@ -226,7 +226,7 @@ impl Block {
         Self(Rc::new(RefCell::new(Traced::new::<R>(name).unwrap_or_else(|e| panic!("{e}")))))
     }
 
-    /// Of what it shows from here on only that the run does not stop is held to anything: a trace has nothing of it.
+    /// From here on only the end of the run is checked: a trace has none of these outputs.
     pub fn unheld(&self) {
         self.0.borrow_mut().held = false;
     }
@@ -300,7 +300,7 @@ pub struct Case {
     pub name: String,
     pub params: Value,
     pub input: Vec<(f64, Vec<f64>)>,
-    /// Where the vectors have it.
+    /// Output, where the vectors have it.
     pub output: Option<Vec<Value>>,
 }
 
@@ -333,7 +333,7 @@ pub fn cases(block: &str) -> Vec<Case> {
     file["cases"].as_array().expect("cases").iter().map(of).collect()
 }
 
-/// Of a state of the core, what stands at these places, as JSON has it; NaN for none. Of a sum that carries its rest, the sum.
+/// Values of the core's state at these places, by its JSON; NaN for none. Of a sum that carries its rest, the sum.
 pub fn remembered(state: &impl serde::Serialize, places: &[&str]) -> Vec<f64> {
     let state = serde_json::to_value(state).expect("a state");
     let number = |value: &Value| {
@@ -360,7 +360,7 @@ pub fn compare(case: &Case, mut core: Scan, mut block: Scan, with_vectors: bool)
         if let (true, Some(output), Some(got)) = (with_vectors, &case.output, &got) {
             let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
             let row = output[i].as_array().map_or(vec![number(&output[i])], |row| row.iter().map(number).collect());
-            // What a block remembers comes after what the vectors have.
+            // The state of a block comes after the columns of the vectors.
             let got = &got[..row.len().min(got.len())];
             assert!(same(&row, got), "{}, scan {i}: {got:?} instead of {row:?}", case.name);
         }

@@ -1,5 +1,5 @@
-//! What a test calls a pin, and where it is: `Kp` is `Settings.Detector.Kp` of a detection. The core's options are `HasX` beside X in a
-//! test; on the pins an X that is not given holds what the pin begins with.
+//! Names of pins in tests, and their paths: `Kp` is `Settings.Detector.Kp` of a detection. The core's options are
+//! `HasX` beside X in a test; on the pins an X that is not given holds what the pin begins with.
 #![allow(dead_code, missing_docs)]
 
 use glapp_plc_check::{Instance, Library, Within};
@@ -32,7 +32,7 @@ const ALIASES: [(&str, &str, &str); 23] = [
     ("GlappCompensation", "High", "OpHigh"),
 ];
 
-/// By what an output says that it is known.
+/// Names by which an output says that it is known.
 pub const KNOWN: [(&str, &str, &str, f64); 20] = [
     ("HasEstimate", "Estimate.Count", ">", 0.0),
     ("HasWhole", "Whole.Count", ">", 0.0),
@@ -60,7 +60,7 @@ pub const KNOWN: [(&str, &str, &str, f64); 20] = [
 const PAIRS: [(&str, [&str; 2]); 3] =
     [("HasOpLimits", ["OpLow", "OpHigh"]), ("HasBackLimits", ["BackLow", "BackHigh"]), ("HasLimits", ["Low", "High"])];
 
-/// What is told on a pin whose X is not given: what it begins with, but for a derivative time, which begins with that of a PI.
+/// Value of a pin whose X is not given: its initial one, but for a derivative time, which begins with that of a PI.
 pub fn open(pin: &str) -> Option<f64> {
     Some(match pin {
         "Td" | "Tf" | "DetectorTf" | "RelayHysteresis" | "MaxWidth" | "Band" | "RampTime" | "Tolerance" | "Longest"
@@ -74,12 +74,12 @@ pub fn open(pin: &str) -> Option<f64> {
     })
 }
 
-/// What is given on a pin: what an open one holds is not.
+/// Value that is given at a pin; the value of an open pin is not.
 pub fn given(x: Option<f64>, pin: &str) -> Option<f64> {
     x.filter(|x| Some(*x) != open(pin))
 }
 
-/// Where something is.
+/// Place of a value.
 #[derive(Clone, Debug)]
 pub enum Place {
     Pin(String),
@@ -128,7 +128,7 @@ impl Names {
         self.paths.iter().position(|one| *one == path).map_or("", |at| self.types[at])
     }
 
-    /// What a pin begins with.
+    /// Initial value of a pin.
     pub fn begins(&self, path: &str) -> f64 {
         self.paths.iter().position(|one| one == path).map_or(f64::NAN, |at| self.begin[at])
     }
@@ -142,7 +142,7 @@ impl Names {
         place
     }
 
-    /// Its path, where it is a pin.
+    /// Path of a name that is a pin.
     fn path(&self, name: &str) -> Option<String> {
         if self.paths.iter().any(|path| path == name) {
             return Some(name.into());
@@ -154,8 +154,8 @@ impl Names {
             return self.paths.iter().find(|one| one == path || one.ends_with(&end)).cloned();
         }
         // `SpAtLow` is told to what hands the setpoint over.
-        for (begin, told) in [("Sp", "SpBack"), ("Ff", "FfBack"), ("Back", "Back")] {
-            let path = name.strip_prefix(begin).map(|end| format!("{told}.{end}"));
+        for (begin, pin) in [("Sp", "SpBack"), ("Ff", "FfBack"), ("Back", "Back")] {
+            let path = name.strip_prefix(begin).map(|end| format!("{pin}.{end}"));
             if let Some(path) = path.filter(|path| self.paths.contains(path)) {
                 return Some(path);
             }
@@ -171,7 +171,7 @@ impl Names {
             return Some(path.clone());
         }
         let end = format!(".{name}");
-        // What was checked is shown by its whole path.
+        // Checked settings are shown by their whole path.
         let used = |path: &String| ["Inner.Used.", "Used."].iter().any(|used| path.starts_with(used));
         let all = self.paths.iter().filter(|path| path.ends_with(&end) && (name.starts_with("Used.") || !used(path)));
         let mut all: Vec<&String> = all.collect();

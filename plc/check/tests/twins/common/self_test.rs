@@ -18,8 +18,8 @@ use std::sync::OnceLock;
 /// Reads a pin.
 type Look<'a> = &'a dyn Fn(&str) -> f64;
 
-/// How one block is driven: its name in the vectors and in the library, its parameters in the core, the statements before its call,
-/// the pins of the call, the row that its pins are in the core, and what of its outputs is added up.
+/// Drive of one block: its name in the vectors and in the library, its parameters in the core, the statements before
+/// its call, the pins of the call, the row of these pins in the core, and the outputs that are added up.
 struct Drive {
     block: &'static str,
     name: &'static str,
@@ -28,13 +28,14 @@ struct Drive {
     call: &'static str,
     h: &'static str,
     row: fn(Look<'_>) -> Vec<f64>,
-    /// In the order of the core's row: `Y`, `#Int`, `!Bool`, `Has?Option`; empty: not compared.
+    /// Outputs in the order of the core's row: `Y`, `#Int`, `!Bool`, `Has?Option`; empty: not compared.
     outputs: &'static [&'static str],
     /// The pin without which the core has no row.
     when: &'static str,
 }
 
-/// How a block is driven whose pins and outputs stand in the table of `control`: its name there, statements before its call, and its pins.
+/// Drive of a block whose pins and outputs stand in the table of `control`: its name there, statements before its call,
+/// and its pins.
 struct Called {
     twin: &'static str,
     before: &'static str,
@@ -189,7 +190,7 @@ const DRIVES: [Drive; 11] = [
         ],
         when: "",
     },
-    // The same loop with a compensation, which is switched on on the way.
+    // The loop with a compensation, which is switched on during the run.
     Drive {
         block: "backlash_detection",
         name: "BacklashDetection",
@@ -326,7 +327,7 @@ fn marked(names: &mut Names, output: &str) -> String {
     }
 }
 
-/// What both detections with a compensation show, in the order of their row in the core.
+/// Outputs of both detections with a compensation, in the order of their row in the core.
 const SHOWN: [&str; 35] = [
     "!Valid",
     "!Error",
@@ -417,38 +418,38 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
 }
 
 /// Takes a look at the pins of a block, and gives what the core makes of them.
-type Told = Box<dyn FnMut(Look<'_>) -> Option<Vec<f64>>>;
+type NextRow = Box<dyn FnMut(Look<'_>) -> Option<Vec<f64>>>;
 
-fn references<R: Number>() -> Vec<Told> {
+fn references<R: Number>() -> Vec<NextRow> {
     let first = DRIVES.iter().map(|drive| {
         let mut core = reference::<R>(drive);
-        let told: Told = Box::new(move |pin| {
+        let reference: NextRow = Box::new(move |pin| {
             let h = if drive.h.is_empty() { 0.0 } else { pin(drive.h) };
             core(&(drive.row)(pin), h)
         });
-        told
+        reference
     });
     let rest = CALLED.iter().map(|called| {
         let twin = twin(called.twin);
         let mut core = control::core::<R>(twin);
-        let told: Told = Box::new(move |pin| {
+        let reference: NextRow = Box::new(move |pin| {
             let mut row = Row::new(twin, &[]);
             for name in twin.pins.iter().filter(|name| **name != POWER_CUT) {
                 row.set(name, pin(name));
             }
             Some(core(&row))
         });
-        told
+        reference
     });
     first.chain(rest).collect()
 }
 
-/// What a block of this name is called in the program: `Pid` itself is taken somewhere.
+/// Name of a block's instance in the program: `Pid` itself is taken somewhere.
 fn instance(name: &str) -> String {
     format!("{name}Block")
 }
 
-/// Where the pins of a block are.
+/// Names of a block's pins.
 fn names(block: &str) -> Names {
     static LIBRARY: OnceLock<Library> = OnceLock::new();
     let library = LIBRARY.get_or_init(|| {
@@ -675,7 +676,7 @@ pub fn written<R: Number>() -> String {
                 let place = names.borrow_mut().place(name);
                 match place {
                     Place::Pin(path) => peek(&path),
-                    // It is given where it is not what it begins with.
+                    // A pin is given where its value is not the initial one.
                     Place::Given(paths) => f64::from(paths.iter().any(|path| {
                         let begins = if path.ends_with(".Td") { -1.0 } else { names.borrow().begins(path) };
                         R::of(peek(path)) != R::of(begins)

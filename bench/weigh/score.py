@@ -116,8 +116,8 @@ def counts(data: Data) -> str:
     fits = ", ".join(sorted({s.fit for s in data.samples}))
     of = {part: sum(s.half == part for s in data.samples) for part in ("A", "B", "C", "D")}
     return (
-        f"{len(data.samples)} records of {', '.join(sources)}, {int(data.gap.sum())} with a gap; "
-        f"{', '.join(f'{n} of part {part}' for part, n in of.items())}; fit {fits}."
+        f"{len(data.samples)} records of {', '.join(sources)}, {int(data.gap.sum())} with a gap. Of these "
+        f"{', '.join(f'{n} of part {part}' for part, n in of.items())}. Fit {fits}."
     )
 
 

@@ -213,9 +213,9 @@ impl Evidence {
     /// Both limits for display; `high`: the upper one with what the samples may hide.
     pub(crate) fn limits(&self, judgement: &Judgement, high: Option<f64>) -> (f64, Option<f64>) {
         match (judgement.confidence, judgement.width_kind) {
-            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / WIDTH_OFF, None),
+            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / LOW_OFF, None),
             (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
-            (Confidence::Found | Confidence::Likely, _) => (self.low / WIDTH_OFF, high.map(|high| high * WIDTH_OFF)),
+            (Confidence::Found | Confidence::Likely, _) => (self.low / LOW_OFF, high.map(|high| high * HIGH_OFF)),
             _ => (self.low, high),
         }
     }
@@ -245,7 +245,7 @@ impl Evidence {
             _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
-            _ if self.cancels > CANCELS || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
+            _ if self.cancels > CANCELS_IF_SOUND || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
     }
@@ -516,7 +516,7 @@ mod tests {
         let of_four = Evidence { agree: [4, 4], ..plain() };
         for told in [likely, of_four, plain()] {
             let (low, high) = told.limits(&judge(&told).0, Some(1.1));
-            assert!((low - 0.9 / WIDTH_OFF).abs() < 1e-12 && (high.unwrap() - 1.1 * WIDTH_OFF).abs() < 1e-12);
+            assert!((low - 0.9 / LOW_OFF).abs() < 1e-12 && (high.unwrap() - 1.1 * HIGH_OFF).abs() < 1e-12);
         }
         let silent = Evidence { lr_no_gap: LR_MIN, low: 0.0, ..plain() };
         assert_eq!(silent.limits(&judge(&silent).0, Some(1.1)), (0.0, Some(1.1)));
@@ -589,7 +589,8 @@ mod tests {
         assert_eq!(said(Evidence { passes_high: [10, 1], ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { passes_high: [10, 4], ..none.clone() }), Confidence::NoneSeen);
         assert_eq!(said(Evidence { passes_high: [10, 4], lag_error: 0.3, ..none.clone() }), Confidence::CannotTell);
-        assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { cancels: CANCELS_IF_SOUND, ..none.clone() }), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { cancels: CANCELS_IF_SOUND + 1.0, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 1.5, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 0.3, ..none.clone() }), Confidence::NoneSeen);
         assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none }), Confidence::CannotTell);

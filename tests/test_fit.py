@@ -99,8 +99,8 @@ def test_steps_that_make_up_for_a_wrong_width_are_marked_anew(h: float, seed: in
     )
     found = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op)
     assert found.verdict == "backlash" and found.d == pytest.approx(1.5, rel=0.02)
-    # The intervals by the likelihood differ by less than 0.1, and lie 5 % further out either way.
-    assert found.low <= 1.5 <= found.high and found.high - found.low < 0.25
+    # The intervals by the likelihood differ by less than 0.1. Their limits are moved out by 5 and 10 %.
+    assert found.low <= 1.5 <= found.high and found.high - found.low < 0.3
     assert 4 <= found.best["load_steps"] < 8
 
 
@@ -197,7 +197,7 @@ def test_many_rows_are_cut_into_windows_as_long_as_the_process_asks_for() -> Non
     """Cells as long as a load's step once made 100 000 rows 8.9 (5.1 to 12.4)."""
     f = glapp.analyze(made("levels/PI/gap/0", 100_000).recording(100_000)).fit  # as test_lengths has it
     assert f is not None and f.verdict == "backlash", f
-    assert f.low is not None and f.high is not None and f.low <= 1.5 <= f.high < 1.65
+    assert f.low is not None and f.high is not None and f.low <= 1.5 <= f.high < 1.7
     assert all(w.t_end - w.t_start < 10_000 for w in f.windows) and len(f.windows) > 3
 
 
@@ -226,11 +226,19 @@ def test_a_setpoint_that_moves_tells_an_even_swing_from_a_load_that_swings(name:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["triangle slow/none/16", "random ramps/none/201", "slow ramps/none/12"])
+@pytest.mark.parametrize("name", ["triangle slow/none/16", "random ramps/none/201"])
 def test_a_load_along_lines_leaves_a_valve_sound(name: str) -> None:
     f = glapp.fit(confusing(name).recording(1500))
     assert f.verdict == "sound" and f.high is not None and f.high < 0.3, f.reason
     assert f.best is not None and f.best["load_steps"] >= 4
+
+
+@pytest.mark.slow
+def test_no_valve_is_sound_whose_load_bends_as_often_as_op_goes_through_the_bound() -> None:
+    # A limit cycle of a gap of 6.6 % was called sound: the load stepped in each half-period.
+    f = glapp.fit(confusing("slow ramps/none/12").recording(1500))
+    assert f.best is not None and f.best["load_steps"] > sum(f.best["evidence"]["passes_high"])
+    assert (f.verdict, f.why) == ("cannot_tell", "hidden_by_changes")
 
 
 @pytest.mark.slow
@@ -483,7 +491,7 @@ def test_the_same_valve_three_months_apart() -> None:
     late, early = refinery("FIC46005_0902"), refinery("FIC46005_0614")
     assert late.verdict in GAP
     assert late.low is not None and late.high is not None and early.low is not None
-    assert 0.4 < late.low < late.high < 0.75
+    assert 0.4 < late.low < late.high < 0.8
     assert late.why == "gap_and_more" and "strays" in late.reason, "its PV is nearly square"
     assert early.low < late.high and (early.high is None or late.low < early.high), "the intervals overlap"
 

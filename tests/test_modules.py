@@ -258,7 +258,7 @@ def test_the_wrong_sign_of_random_loops() -> None:
     assert len(found) > 10
     assert all(one.right is None for one in found)
     assert all(one.wrong is not None and one.wrong < 200 for one in found)
-    assert sum(one.told_wrong is not None for one in found) > 8
+    assert sum(one.wrong_k is not None for one in found) > 8
 
 
 def test_manual_follows_while_somebody_else_has_the_output() -> None:

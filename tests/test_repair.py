@@ -93,7 +93,7 @@ def test_what_was_recorded_before_does_not_touch_the_answer(file, tmp_path):
 def test_a_fall_between_recordings_is_seen_and_asks_for_the_time(tmp_path):
     days = [
         written(tmp_path / f"{i}.csv", day(d, i), start=f"2026-03-0{i}T10:00:00")
-        for i, d in ((1, 2.0), (2, 2.0), (3, 0.2), (4, 0.2))
+        for i, d in ((1, 2.0), (2, 2.0), (3, 0.4), (4, 0.4))
     ]
     opened = [glapp.open_recordings(one, [glapp.Loop(name="FIC101", op_span=(-50, 50))])[0] for one in days]
     result = with_repair(opened, analyze_recordings(opened))

@@ -275,7 +275,9 @@ impl View<'_> {
         let late = (point.theta[structure.dead_time_at()] + lag) * record.cell as f64;
         let even = || swings_evenly(record, d, best.lag_steps());
         let unsampled_below = UNSAMPLED_BELOW * record.travel();
-        let passes_high = |high: f64| record.traversals(high.max(unsampled_below));
+        let passes_high = limits.upper_limit(record).map(|high| record.traversals(high.max(unsampled_below)));
+        // A bound is wider than the most likely width: OP goes through it less often.
+        let fewest = passes_high.unwrap_or(best.traversals);
         Evidence {
             autocorrelation: autocorrelation(&filtered.residual),
             d,
@@ -299,11 +301,11 @@ impl View<'_> {
             dissent: dissent || !limits.certain,
             periodic_load: no_gap.periodic_load,
             even_swing: no_gap.lr < LR_IF_EVEN_SWING && !self.explained() && even(),
-            hidden: hidden(settles, lag, record.count as f64, best.traversals, changes),
+            hidden: hidden(settles, lag, record.count as f64, fewest, changes),
             unsampled_below,
             lined_below: LINED_BELOW * bow / kp,
             passes: best.traversals,
-            passes_high: limits.upper_limit(record).map_or([0; 2], passes_high),
+            passes_high: passes_high.unwrap_or_default(),
             oscillates: record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING),
             cycle: self.cycle(),
             plateau: plateau(record, d, point.kp, late),

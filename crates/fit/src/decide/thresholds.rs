@@ -161,8 +161,8 @@ thresholds! {
     /// records without a gap, parts A to C, 12 in place of 14 are found, of 817 gaps 5 fewer (ADR 32).
     CANCELS: f64 = 30.0, "1";
     /// Kp·sd(OP)/sd(PV) above which no valve is sound. Parts A to D: a valve with a gap of 5.7 % had 15 and a limit of 0.35 %, of 233
-    /// sound valves 8 have more than 10 (ADR 32).
-    CANCELS_IF_SOUND: f64 = 10.0, "1";
+    /// sound valves 8 have more than 10 and 4 more than 15; a sound valve of `bench.loads` has 10.8 (ADR 32).
+    CANCELS_IF_SOUND: f64 = 12.0, "1";
 
     /// Fewest steps of a load: fewer may each be the valve that breaks loose late (ADR 0009). Simulations.
     FEWEST_STEPS: usize = 5, "steps";

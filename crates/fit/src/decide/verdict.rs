@@ -309,8 +309,9 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
     match by_rules {
         Confidence::NoneSeen => (Judgement::without(by_rules, e.oscillates), why),
-        Confidence::Found | Confidence::Likely if p < PROBABLE => (silent, "outweighed"),
-        Confidence::Found | Confidence::Likely => (gap(by_rules), why),
+        Confidence::Found | Confidence::Likely if p >= PROBABLE => (gap(by_rules), why),
+        Confidence::Found | Confidence::Likely if p >= USUAL_PRIOR && e.own_swing() => (gap(Confidence::Likely), why),
+        Confidence::Found | Confidence::Likely => (silent, "outweighed"),
         Confidence::CannotTell if p >= least && e.may_be_likely() => (gap(Confidence::Likely), why),
         Confidence::CannotTell => (silent, why),
     }
@@ -377,7 +378,7 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
 }
 
 /// Reason why a gap may be hidden, for a process that settles in so many steps and lags by so many, in a record of
-/// `steps` in which OP went through the most likely width so often and so many steps or bends of the load are marked.
+/// `steps` in which OP went through the upper limit so often and so many steps or bends of the load are marked.
 pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<Hidden> {
     if settles < SAMPLES_IN_LAG_IF_SOUND {
         Some(Hidden::Samples)

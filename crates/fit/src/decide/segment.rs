@@ -276,8 +276,9 @@ impl View<'_> {
         let even = || swings_evenly(record, d, best.lag_steps());
         let unsampled_below = UNSAMPLED_BELOW * record.travel();
         let passes_high = limits.upper_limit(record).map(|high| record.traversals(high.max(unsampled_below)));
-        // A bound is wider than the most likely width: OP goes through it less often.
-        let fewest = passes_high.unwrap_or(best.traversals);
+        let oscillates = record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING);
+        // A step of the load in each half-period of a cycle may be a gap as wide as the cycle, so the bound's passes count there.
+        let passes = passes_high.filter(|_| oscillates).unwrap_or(best.traversals);
         Evidence {
             autocorrelation: autocorrelation(&filtered.residual),
             d,
@@ -301,12 +302,12 @@ impl View<'_> {
             dissent: dissent || !limits.certain,
             periodic_load: no_gap.periodic_load,
             even_swing: no_gap.lr < LR_IF_EVEN_SWING && !self.explained() && even(),
-            hidden: hidden(settles, lag, record.count as f64, fewest, changes),
+            hidden: hidden(settles, lag, record.count as f64, passes, changes),
             unsampled_below,
             lined_below: LINED_BELOW * bow / kp,
             passes: best.traversals,
             passes_high: passes_high.unwrap_or_default(),
-            oscillates: record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING),
+            oscillates,
             cycle: self.cycle(),
             plateau: plateau(record, d, point.kp, late),
             cancels: if structure.integrating { 0.0 } else { record.cancels(point.kp) },

@@ -378,7 +378,7 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
 }
 
 /// Reason why a gap may be hidden, for a process that settles in so many steps and lags by so many, in a record of
-/// `steps` in which OP went through the upper limit so often and so many steps or bends of the load are marked.
+/// `steps` in which OP went through a width so often and so many steps or bends of the load are marked.
 pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<Hidden> {
     if settles < SAMPLES_IN_LAG_IF_SOUND {
         Some(Hidden::Samples)

@@ -297,7 +297,7 @@ def build(out: Path) -> None:
         loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     laboratory = environment.get_template("laboratory.html").render(
-        fastest=f"{lab.FASTEST:g}", blocks=Markup(lab.drawn(PROJECT))
+        fastest=f"{lab.FASTEST:g}", blocks=Markup(lab.diagram(PROJECT))
     )
     text = environment.get_template("index.html").render(
         hashes=Markup(f"'sha256-{digest}'"),

@@ -18,8 +18,9 @@ from matplotlib import pyplot as plt
 from glapp.plant import PLANTS, Plant
 from glapp.tuning import RelayExperiment, relay_experiment, ultimate
 
-from .page import DOCS, write
+from .page import write
 
+PICTURE = Path(__file__).parents[1] / "docs" / "auto_tuner.png"
 SEEDS = 20
 POWER = 2 / 3
 """Half swing of the relay, with an amplitude of 1."""
@@ -157,7 +158,7 @@ def main() -> None:
             lines += table(PLANTS, condition, pool)
         lines += table(OTHERS, CONDITIONS[1]._replace(title="other processes, noise ± 5 %"), pool)
     write("auto_tuner.md", "\n".join(lines))
-    picture(DOCS / "auto_tuner.png")
+    picture(PICTURE)
 
 
 if __name__ == "__main__":

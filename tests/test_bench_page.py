@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from pathlib import Path
 
+import bench
 import pytest
 from bench import page
 from bench.compensation import PARTS
@@ -46,3 +49,14 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
 )
 def test_every_page_that_a_bench_writes_has_its_marks(name: str, mark: str) -> None:
     assert f"<!-- {mark} -->\n" in (page.RESULTS / name).read_text(encoding="utf-8")
+
+
+def test_every_bench_can_be_imported() -> None:
+    """One of them asked another for a name that had gone, and no test had imported it."""
+    modules = [m.name for m in pkgutil.walk_packages(bench.__path__, "bench.") if not m.name.endswith("__main__")]
+    assert len(modules) > 40
+    for name in modules:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as missing:
+            assert missing.name in ("numba", "control", "pathsim", "bdsim", "polars", "duckdb"), f"{name}: {missing}"

@@ -39,7 +39,7 @@ class TestAnswer:
         evidence = dict(glapp.fit(recording).best["evidence"])
         found = []
         for ratio in (0.0, 5.0, 20.0, 100.0, 1000.0, 1e6, 1e9):
-            evidence |= {"lr_no_gap": ratio, "lr_aperiodic": ratio}
+            evidence |= {"lr_no_gap": ratio}
             found.append(_glapp.fit_weighed(json.dumps(evidence))["log_bayes_factor"])
         assert found == sorted(found) and found[0] < found[-1]
         assert found[-1] == pytest.approx(found[-2]), "beyond what was learned a term counts no more"

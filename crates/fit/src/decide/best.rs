@@ -31,10 +31,7 @@ impl<'r> Best<'r> {
         let lr_no_jump = stuck.map_or(0.0, |stuck| (gap.penalised() - stuck.penalised()).max(0.0));
         let profile = stuck.filter(|_| lr_no_jump > JUMP_PRICE).unwrap_or(gap);
         let point = profile.points[profile.best].clone();
-        let as_likely = match stuck {
-            Some(stuck) if lr_no_jump <= JUMP_PRICE => gap.penalised() - 2.0 * stuck.structure.parameters() as f64,
-            _ => point.cost,
-        };
+        let as_likely = stuck.map_or(gap.least(), |stuck| as_likely(gap, stuck));
         let search = Search { record, structure: profile.structure, sign };
         let ratio = information_ratio(&search, &point, 0.005 * record.range).max(LEAST_INFORMATION_RATIO);
         let traversals = record.traversals(point.lost.d);
@@ -73,12 +70,16 @@ impl<'r> Best<'r> {
     }
 }
 
+/// Cost at which a valve that sticks is as likely as a gap: its least where it is believed [−2·ln L].
+pub(crate) fn as_likely(gap: &Profile, stuck: &Profile) -> f64 {
+    let believed = gap.penalised() - stuck.penalised() > JUMP_PRICE;
+    if believed { stuck.least() } else { gap.penalised() - 2.0 * stuck.structure.parameters() as f64 }
+}
+
 /// The test of no gap.
 pub(crate) struct NoGap {
-    /// Likelihood ratio of no gap: the least over all families and loads, times the information ratio; the same without a load
-    /// that repeats itself.
+    /// Likelihood ratio of no gap: the least over all families and loads, times the information ratio.
     pub(crate) lr: f64,
-    pub(crate) lr_aperiodic: f64,
     /// Ratio that a gap needs, and the same before the bootstrap.
     pub(crate) needed: f64,
     pub(crate) asked: f64,
@@ -99,8 +100,7 @@ impl NoGap {
             + (best.lr_no_jump - LR_JUMP).max(0.0);
         let asked = lr_asked(best.traversals).max(best.asked_of_changes());
         let of_aperiodic_loads = without - with;
-        let lr_aperiodic = of_families.min(of_aperiodic_loads) * ratio;
-        let cycle_known = lr_aperiodic > asked;
+        let cycle_known = of_families.min(of_aperiodic_loads) * ratio > asked;
         let mut lr_of_loads = of_aperiodic_loads;
         if cycle_known {
             let points = [(structure, &best.point), (gap.structure, &gap.points[0])];
@@ -115,7 +115,7 @@ impl NoGap {
             needed = asked.max(threshold * ratio);
         }
         let periodic_load = lr_of_loads < of_aperiodic_loads;
-        Self { lr, lr_aperiodic, needed, asked, lr_of_loads, cycle_known, periodic_load }
+        Self { lr, needed, asked, lr_of_loads, cycle_known, periodic_load }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::data::segment::Segment;
 use crate::data::signal::Unit;
+use crate::decide::best::as_likely;
 use crate::decide::combine::Reading;
 use crate::decide::judgement::Judgement;
 use crate::decide::segment::{Fitted, SegmentFit};
@@ -158,12 +159,9 @@ impl Curve {
     fn weights(&self) -> Vec<(f64, f64, f64)> {
         let Fitted { profiles, sticking, sticks_in, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
-        let free = 2.0 * sticks_in.parameters() as f64;
-        let as_likely = match sticking.first() {
-            Some(stuck) if self.jumps() > JUMP_PRICE => stuck.least(),
-            _ => profiles[0].penalised() - free,
-        };
-        gaps.chain(sticking.iter().map(|_| (RISE / RISE_OF_STICKING, free + JUMP_PRICE, as_likely))).collect()
+        let price = 2.0 * sticks_in.parameters() as f64 + JUMP_PRICE;
+        let sticks = |_: &Profile| (RISE / RISE_OF_STICKING, price, as_likely(&profiles[0], &sticking[0]));
+        gaps.chain(sticking.iter().map(sticks)).collect()
     }
 
     /// The least of costs with the parameters' price.
@@ -363,13 +361,10 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     // No gap: what each record leaves of it, the loads that were looked for counted in.
     let none = &known[0].1;
     let mut against: Vec<f64> = rises(curves, &here, none);
-    let mut lr_aperiodic = 0.0;
     for (curve, lr) in curves.iter().zip(&mut against) {
         let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
         let jumps = (answer.lr_no_jump - LR_JUMP).max(0.0);
-        *lr += curve.worth * jumps;
-        lr_aperiodic += lr.min(curve.worth / answer.information_ratio * answer.evidence.lr_aperiodic);
-        *lr = lr.min(curve.worth * lr_of_loads);
+        *lr = (*lr + curve.worth * jumps).min(curve.worth * lr_of_loads);
     }
     let lr_no_gap: f64 = against.iter().sum();
     let most = against.iter().copied().fold(0.0, f64::max);
@@ -395,7 +390,6 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         autocorrelation: mean(|e| e.autocorrelation),
         d,
         lr_no_gap,
-        lr_aperiodic,
         lr_needed,
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,
@@ -423,7 +417,6 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         plateau: clearest.plateau,
         cancels: median(|e| e.cancels),
         lag_error: median(|e| e.lag_error),
-        settles: median(|e| e.settles),
         agree: [agree, curves.len()],
         dispersion,
         shows: Some(curves.iter().filter(|c| c.fitted.answer.evidence.shows_alone()).count()),

@@ -60,9 +60,8 @@ impl Hidden {
 pub struct Evidence {
     pub(crate) autocorrelation: f64,
     pub(crate) d: f64,
-    /// Likelihood ratio of no gap, and the same without a load that repeats itself.
+    /// Likelihood ratio of no gap.
     pub(crate) lr_no_gap: f64,
-    pub(crate) lr_aperiodic: f64,
     pub(crate) lr_needed: f64,
     pub(crate) lr_no_answer: f64,
     pub(crate) low: f64,
@@ -112,8 +111,6 @@ pub struct Evidence {
     pub(crate) cancels: f64,
     /// Standard error of the lags, part of them.
     pub(crate) lag_error: f64,
-    /// Settling time of PV [samples].
-    pub(crate) settles: f64,
     /// Records whose own width is that of all, and records.
     pub(crate) agree: [usize; 2],
     /// Ratio of the records' differences to their intervals, 1 where the intervals allow them.
@@ -417,7 +414,6 @@ mod tests {
             autocorrelation: 0.0,
             d: 1.0,
             lr_no_gap: 200.0,
-            lr_aperiodic: 200.0,
             lr_needed: 15.0,
             lr_no_answer: 1e3,
             low: 0.9,
@@ -445,7 +441,6 @@ mod tests {
             plateau: Plateau::default(),
             cancels: 2.0,
             lag_error: 0.1,
-            settles: 20.0,
             agree: [1; 2],
             dispersion: 1.0,
             shows: None,
@@ -481,7 +476,7 @@ mod tests {
 
     #[test]
     fn less_than_what_is_found_is_likely() {
-        let of = |lr_no_gap| Evidence { lr_no_gap, lr_aperiodic: lr_no_gap, lr_needed: 60.0, ..plain() };
+        let of = |lr_no_gap| Evidence { lr_no_gap, lr_needed: 60.0, ..plain() };
         assert_eq!(said(&of(61.0)), (Confidence::Found, Some(WidthKind::Interval)));
         assert_eq!(said(&of(59.0)), (Confidence::Likely, Some(WidthKind::Interval)));
         assert_eq!(verdict(&of(59.0)), Verdict::CannotTell);
@@ -527,7 +522,7 @@ mod tests {
     fn what_speaks_against_a_gap_outweighs_a_ratio() {
         // The gap would take nearly all of OP's range, OP went through it twice, and PV follows OP within it.
         let against = Plateau { ways: [2; 2], within: 1.0, rows: 20.0, ..Plateau::default() };
-        let wide = Evidence { d: 9.9, low: 9.8, high: Some(10.0), lr_no_gap: 16.0, lr_aperiodic: 16.0, ..plain() };
+        let wide = Evidence { d: 9.9, low: 9.8, high: Some(10.0), lr_no_gap: 16.0, ..plain() };
         let doubtful = Evidence { plateau: against, noisy_below: 9.0, passes: [5; 2], cancels: 20.0, ..wide };
         assert_eq!(rules(&doubtful).0, Confidence::Found);
         assert!(doubtful.usual_probability() < PROBABLE, "{}", doubtful.usual_probability());
@@ -584,7 +579,7 @@ mod tests {
 
     #[test]
     fn none_seen_is_earned() {
-        let none = Evidence { d: 0.0, lr_no_gap: 0.0, lr_aperiodic: 0.0, low: 0.0, ..plain() };
+        let none = Evidence { d: 0.0, lr_no_gap: 0.0, low: 0.0, ..plain() };
         let said = |e: Evidence| judge(&e).0.confidence;
         assert_eq!(said(none.clone()), Confidence::NoneSeen);
         assert_eq!(said(Evidence { passes_high: [10, 1], ..none.clone() }), Confidence::CannotTell);

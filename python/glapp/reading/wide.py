@@ -151,7 +151,7 @@ class WideRecording(Recording):
             raise InputError("has only one row", file=source.label, hint="a recording needs many rows")
         clock = None
         self._from_last = False
-        self._last_row = 0  # of the latest pass, where rows are taken from the last
+        self._last_row: int | None = None  # of the latest pass, where rows are taken from the last
         if (at := self._at.get("time")) is not None:
             name, unit = chosen["time"], source.unit(at)
 
@@ -311,7 +311,7 @@ class WideRecording(Recording):
     def _fault(self, fault: CellFault, role: str, done: int) -> InputError:
         """The error of a cell, with its row and column."""
         record = done + fault.index
-        if self._from_last:
+        if self._last_row is not None:
             record = self._last_row - record
         return InputError(
             fault.what,

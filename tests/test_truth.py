@@ -349,3 +349,17 @@ def test_a_load_that_walks_is_not_corrected_into_a_gap(seed: int) -> None:
     result = corrected(recorded("P2", (0.775, 2.05), 0.0, seed, load=walk), (0.775, 2.05), process={"kp": 1})
     assert result.corrected is not None and result.corrected.d is None
     assert result.corrected.reason
+
+
+def test_the_scatter_of_detections_is_no_confidence() -> None:
+    """Under a load that walks, a 95 % limit made of the scatter lies above the gap nearly always."""
+    d, above = 0.05, 0
+    controller = {"k": P3_PI[0], "ti": P3_PI[1], "setpoint_weight": 0}
+    loop = glapp.Loop(name="P3", controller=controller, process={"kp": 1.0}, tf=P3_PI[1] / 10)
+    for seed in range(20):
+        walks = [{"kind": "walk", "rate": 0.002}]
+        s = filtered("P3", (*P3_PI, 0, 0), d=d, noise=0.005, h=0.05, t_end=2800, load=walks, seed=seed)
+        rows = glapp.estimate(t=s.t, sp=s.sp, pv=s.pv, loop=loop).half_periods
+        widths = rows.d[rows.mask == 0]
+        above += widths.mean() - 1.96 * widths.std(ddof=1) / np.sqrt(len(widths)) > d
+    assert above >= 15

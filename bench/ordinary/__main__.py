@@ -32,8 +32,8 @@ SEVERAL = (1, 2, 4, 8)
 """Numbers of days of one valve that are asked about together with `--several`."""
 
 WITH_FAULT = (0, 6)
-"""Of eight numbers of parts D and E these have all their twins, one of them in and one out of what the fit models; the others
-only those without a gap or friction."""
+"""Of eight numbers of parts D and E these have all their twins, one of them in and one out of what the fit models; the
+others only those without a gap or friction."""
 
 
 def tasks(rows: list[str], which: str, numbers: int, seed: int, several: bool) -> Iterator[tuple[str, int]]:

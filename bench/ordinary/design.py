@@ -3,8 +3,8 @@
 "steps/gap/17/1" is number 17 of the row of steps with seed 1, its valve with a gap; "steps/none/17/1" is the same loop
 without. Even numbers are part A, on which rules may be chosen; odd ones are part B, which judged until it had been
 looked at three times. Parts C, D and E have a seed of their own each (`SEEDS`): parts C and D judged once each, and
-part E judges now. Numbers 2 and 3 of any four lie outside of what the fit models: a positioner, a bent valve curve, a filter in the
-sensor or a fractional lag.
+part E judges now. Numbers 2 and 3 of any four lie outside of what the fit models: a positioner, a bent valve curve, a
+filter in the sensor or a fractional lag.
 
 "steps/gap/17/1/3" is that loop on another day: the same dynamics, controller, valve and kind of load, other random
 numbers of load, setpoint and noise, a process gain up to a quarter off.

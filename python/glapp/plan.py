@@ -230,7 +230,7 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
 
 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
-    """The result with `Result.plan`: what would decide, where a gap is *likely*, a sound valve is, or the data *cannot tell*.
+    """The result with `Result.plan`: what would decide, where it is *likely* or *likely_sound*, or *cannot_tell*.
 
     - `recordings`, `result`, `**asked`: as in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
     """

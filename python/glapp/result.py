@@ -313,8 +313,9 @@ class Answer:
         What that means of the valve.
     confidence : str
         How sure it is that there is a dead band: *found*, *likely*, *cannot_tell*, *likely_sound* (one wider than is
-        acceptable is improbable), *none_seen* (above `high`), *sound* (none wider than is acceptable), *refused* (data or settings allow no answer), *not_judged* (OP and PV
-        were not fitted; zero crossings alone do not judge a valve).
+        acceptable is improbable), *none_seen* (above `high`), *sound* (none wider than is acceptable), *refused* (data
+        or settings allow no answer), *not_judged* (OP and PV were not fitted; zero crossings alone do not judge a
+        valve).
     cause : "backlash", "stiction", "both", "dead_band" or None
         What makes it; dead_band: play or packing, the data do not tell which.
     width_kind : "interval", "bound", "unsure" or None

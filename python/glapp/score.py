@@ -247,7 +247,17 @@ class Count:
 
 def counted(scored: Sequence[Scored]) -> list[Count]:
     """Right, wrong and silent answers by confidence, the surest first; answers that do not count are left out."""
-    order = ("found", "likely", "sound", "none_seen", "likely_sound", "oscillation", "cannot_tell", "not_judged", "refused")
+    order = (
+        "found",
+        "likely",
+        "sound",
+        "none_seen",
+        "likely_sound",
+        "oscillation",
+        "cannot_tell",
+        "not_judged",
+        "refused",
+    )
     counts = []
     for confidence in order:
         outcomes = [one.outcome for one in scored if _outcome(one.result.answer) == confidence]

@@ -138,8 +138,8 @@ def analyze(
     lost = made["lost"]
     out.print(
         f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['likely']} likely with one, {counts['no_gap']} "
-        f"without, {counts['likely_sound']} likely sound, {counts['unknown']} cannot be judged, {lost['loops']} refused. "
-        f"{made['seconds']:.0f} s.",
+        f"without, {counts['likely_sound']} likely sound, {counts['unknown']} cannot be judged, {lost['loops']} "
+        f"refused. {made['seconds']:.0f} s.",
         soft_wrap=True,
     )
     out.print(f"The report is {results / 'report.html'}, the tables are in {results / made['folder']}.", soft_wrap=True)

@@ -13,8 +13,8 @@ from rich.text import Text
 
 from ..errors import InputError
 from ..escape import one_line
+from ..reading.cells import CellFault
 from ..reading.times import moment
-from ..reading.values import CellFault
 from ..result import REASONS, Result
 from .inputs import Refused, open_one
 from .options import Options, with_options

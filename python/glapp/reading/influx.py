@@ -16,6 +16,7 @@ import pyarrow as pa
 
 from ..errors import InputError
 from .columns import understand
+from .heads import NO_ROWS
 from .source import Source
 from .tables import TableSource
 from .values import digits_of
@@ -75,7 +76,7 @@ class _Rows:
     def source(self, label: str) -> Source:
         """The samples so far as a source."""
         if not self.times:
-            raise InputError("has a header but no rows", file=label)
+            raise InputError("has a header but no rows", file=label, hint=NO_ROWS)
         columns = {"time": self.times, "tag": self.tags, "value": self.values}
         table = pa.table({name: pa.array(column, pa.string()) for name, column in columns.items()})
         source = TableSource(table, label, self.lines)

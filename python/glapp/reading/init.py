@@ -13,7 +13,7 @@ from ..recording import Recording
 from . import open_recordings
 from .settings import _key, _value
 
-__all__ = ["first_settings", "settings_of"]
+__all__ = ["first_settings", "refuse_without_pv", "settings_of"]
 
 _HEAD = """\
 # What glapp knows about the loops in {file}. Remove the '#' in front of what you know and correct the value;
@@ -55,9 +55,22 @@ def first_settings(path: str | Path, directory: str | Path = ".") -> str:
     - `directory`: where the loops.toml will lie; the text names the recording relative to it, unless `path` is
       absolute.
 
-    Raises InputError where the file or its columns cannot be used.
+    Raises InputError where the file or its columns cannot be used, or PV holds no number.
     """
-    return settings_of(open_recordings(path), directory)
+    recordings = open_recordings(path)
+    for recording in recordings:
+        refuse_without_pv(recording)
+    return settings_of(recordings, directory)
+
+
+def refuse_without_pv(recording: Recording) -> None:
+    """Read a recording until PV has a number.
+
+    Raises InputError where PV has none in any row, or a row before its first number cannot be read.
+    """
+    any(
+        np.isfinite(batch.pv).any() for batch in recording.batches()
+    )  # `batches` raises at the end where there was none
 
 
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:

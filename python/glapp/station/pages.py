@@ -152,9 +152,11 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             )
         elif (lost := view.unconnected) is not None:
             text = (
-                f"The plant's server is not connected: the newest value is of {moment(lost)[11:]}. It is tried again. Until "
-                "then u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
+                f"The plant's server is not connected: the newest value is of {moment(lost)[11:]}. "
+                "The service tries again."
             )
+            if any(one.get("compensation") for one in view.shown["loops"].values()):
+                text += " Until then u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
         elif view.shown.get("failing"):
             text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
         elif view.shown.get("damaged"):

@@ -44,8 +44,8 @@ def init(
         elif isinstance(entry, Recording):
             try:
                 refuse_without_pv(entry)
-            except InputError as error:
-                faults.append(error)
+            except InputError as unusable:
+                faults.append(unusable)
             else:
                 recordings.append(entry)
     if recordings:

@@ -119,8 +119,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
         "Nothing now: all of it is within the usual {percent:number}\u{a0}% of span. Analyse again at the next review.";
     "do confirm": "Confirm with a step test in manual, then plan work on valve, linkage and positioner.";
     "do confirm tested": "Where it agrees, plan work on valve, linkage and positioner.";
-    "do compare": "Compare with what this valve may have; confirm with a step test before work is ordered.";
-    "do compare tested": "Compare with what this valve may have.";
+    "do compare": "Compare with the acceptable limit of this valve; confirm with a step test before work is ordered.";
+    "do compare tested": "Compare with the acceptable limit of this valve.";
     "do record_longer": "Record for longer, then analyse again.";
     "do probably_too_wide": "Probably too wide: record for longer, or confirm with a step test in manual.";
     "do step_test": "A step test in manual tells of the valve; this recording does not.";

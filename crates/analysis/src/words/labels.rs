@@ -47,7 +47,7 @@ const STRENGTHS: &[(&str, &str)] =
 
 /// Meaning of each verdict.
 const MEANINGS: &[(&str, &str)] = sentences! {
-    "backlash": "OP and PV show a gap, and how wide it is. The valve does not follow OP until OP has crossed it.";
+    "backlash": "OP and PV show a gap and its width. The valve does not follow OP until OP has crossed it.";
     "stiction": "the valve sticks and then jumps. There is no gap beside it.";
     "both": "there is a gap, and the valve jumps when it breaks loose.";
     "at_least": "there is a gap, and only how wide it is at least: OP did not move far enough, or PV is too noisy.";

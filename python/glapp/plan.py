@@ -230,11 +230,11 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
 
 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
-    """The result with `Result.plan`: what would decide, where a gap is *likely* or the data *cannot tell*.
+    """The result with `Result.plan`: what would decide, where it is *likely* or *likely_sound*, or *cannot_tell*.
 
     - `recordings`, `result`, `**asked`: as in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
     """
-    if result.answer.confidence not in ("likely", "cannot_tell"):
+    if result.answer.confidence not in ("likely", "cannot_tell", "likely_sound"):
         return result
     try:
         plan = plan_from(recordings, result, **asked)

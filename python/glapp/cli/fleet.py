@@ -116,6 +116,7 @@ def analyze(
     """Judge all valves of a lake; stopped, it goes on where it was, and later it reads only what is new."""
     from .. import fleet as engines
     from ..fleet.report import lost_of
+    from ..report.words import LIKELY
 
     with _bar() as bar:
         tasks: dict[str, Any] = {}
@@ -135,11 +136,13 @@ def analyze(
         out.print(_table(found[:_SHOWN]))
         if len(found) > _SHOWN:
             out.print(f"and {len(found) - _SHOWN} more in the report")
-    counts = {name: sum(row["valve"] == name for row in table.to_pylist()) for name in ("gap", "no_gap", "unknown")}
+    valves = [row["confidence" if row["confidence"] in LIKELY else "valve"] for row in table.to_pylist()]
+    counts = {name: valves.count(name) for name in ("gap", "no_gap", *LIKELY, "unknown")}
     lost = made["lost"]
     out.print(
-        f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['no_gap']} without, {counts['unknown']} "
-        f"cannot be judged, {lost['loops']} refused. {made['seconds']:.0f} s.",
+        f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['likely']} likely with one, {counts['no_gap']} "
+        f"without, {counts['likely_sound']} likely sound, {counts['unknown']} cannot be judged, {lost['loops']} "
+        f"refused. {made['seconds']:.0f} s.",
         soft_wrap=True,
     )
     out.print(f"The report is {results / 'report.html'}, the tables are in {results / made['folder']}.", soft_wrap=True)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
-from ..reading.init import settings_of
+from ..reading.init import refuse_without_pv, settings_of
 from ..recording import Recording
 from .inputs import Refused, open_files
 from .options import Options, with_columns
@@ -42,7 +42,12 @@ def init(
         if isinstance(entry, Refused):
             faults.append(entry.error)
         elif isinstance(entry, Recording):
-            recordings.append(entry)
+            try:
+                refuse_without_pv(entry)
+            except InputError as error:
+                faults.append(error)
+            else:
+                recordings.append(entry)
     if recordings:
         text = settings_of(recordings, "." if output is None else output.parent)
         if output is None:

@@ -80,7 +80,7 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
         text = json_format.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False)
         typer.echo(in_quotes(text).encode())
     else:
-        for i, one in enumerate(found):
+        for i, one in enumerate(one for one in found if one.reason is None or one.readings):
             if i:
                 out.print()
             _show(one)

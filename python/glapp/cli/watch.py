@@ -589,7 +589,16 @@ def _path_part(name: str) -> str:
 
 
 def _print_values(values: dict[str, Any]) -> None:
-    out.print(key_values([(name, "" if value is None else str(value)) for name, value in values.items()]))
+    out.print(key_values([(name, _printed(value)) for name, value in values.items()]))
+
+
+def _printed(value: Any) -> str:
+    """A value of the API: numbers with nine digits at most, as more are only rounding."""
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return "no limit" if abs(value) > 1e30 else f"{value:.9g}"
+    return str(value)
 
 
 def _moment(at: float) -> str:

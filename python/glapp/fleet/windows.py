@@ -660,7 +660,7 @@ def _loop_row(
         "next_text": words.next_step(result),
         "reason_code": code,
         "reason": fit.reason if fit is not None else result.reason,
-        "hindrance": None if answer.valve in ("gap", "no_gap") else _hindrance(looks, code, findings),
+        "hindrance": None if words.judged(result) else _hindrance(looks, code, findings),
         "findings": " ".join(findings),
         "lr_no_gap": None if fit is None else fit.lr_no_gap,
         "lr_needed": None if fit is None else fit.lr_needed,

@@ -28,7 +28,7 @@ import pyarrow.csv as pc
 
 from ..errors import InputError
 from . import bounds
-from .heads import begins_with_data, body_end, head_of, holds_data
+from .heads import NO_ROWS, begins_with_data, body_end, head_of, holds_data
 from .source import Source
 
 __all__ = ["PACKED", "CsvSource", "encoding_of"]
@@ -44,6 +44,8 @@ _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
 PACKED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
 """Compression of a file by its ending."""
+NO_TABLE = "export the recording as CSV, Excel, Parquet or Arrow"
+"""What to do with a file that is none of these."""
 
 
 class CsvSource(Source):
@@ -65,13 +67,13 @@ class CsvSource(Source):
         self._sampled = len(raw)
         if not raw.strip(b"\r\n\t \0"):
             if whole:
-                raise InputError("is empty", file=label)
+                raise InputError("is empty", file=label, hint="export the recording again")
             what = f"begins with {len(raw) >> 10} KiB of nothing but spaces and empty lines"
             raise InputError(what, file=label, hint="delete them, so that it begins with the columns' names")
         self._encoding = encoding_of(raw, whole, label)
         text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw, whole)
         if "\0" in text:
-            raise InputError("is not text, Parquet or Arrow", file=label)
+            raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
         lines = list(io.StringIO(text, newline=None))
         if not whole and len(lines) > 1:
             lines.pop()  # cut off in its middle
@@ -98,7 +100,7 @@ class CsvSource(Source):
         else:
             self._skip, body = rows[head.rows - 1][0], rows[head.rows :]
         if not body:
-            raise InputError("has a header but no rows", file=label)
+            raise InputError("has a header but no rows", file=label, hint=NO_ROWS)
         body_cells = [cells for _, cells in body if len(cells) == width]
         if not body_cells:
             raise self._ragged(None)
@@ -325,8 +327,16 @@ class CsvSource(Source):
             row=row,
             value=count,
             bound=str(width),
-            hint="the file ends in the middle of a row, is it still being written?" if cut else None,
+            hint="the file ends in the middle of a row, is it still being written?"
+            if cut
+            else self._mended(count, width),
         )
+
+    def _mended(self, count: int, width: int) -> str:
+        """What to do about a row that is too short or too long."""
+        if count > width and self._delimiter == ",":
+            return "correct or delete the row; where numbers have a decimal comma, export with ';' between the columns"
+        return "correct or delete the row"
 
 
 def encoding_of(raw: bytes, whole: bool, label: str) -> str:
@@ -346,10 +356,10 @@ def encoding_of(raw: bytes, whole: bool, label: str) -> str:
         for name, zeros in (("utf-16-le", raw[1::2]), ("utf-16-be", raw[::2])):
             if zeros.count(0) > 0.9 * len(zeros):
                 return name
-        raise InputError("is not text, Parquet or Arrow", file=label)
+        raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
     control = sum(raw.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13))
     if control > 0.01 * len(raw):
-        raise InputError("is not text, Parquet or Arrow", file=label)
+        raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
     try:
         codecs.getincrementaldecoder("utf-8")().decode(raw, whole)
     except UnicodeDecodeError:

@@ -12,7 +12,7 @@ from ..escape import one_line
 from ..recording import Recording
 from .settings import _key, _value
 
-__all__ = ["settings_of"]
+__all__ = ["refuse_without_pv", "settings_of"]
 
 _HEAD = """\
 # What glapp knows about the loops in {file}. Remove the '#' in front of what you know and correct the value;
@@ -43,6 +43,16 @@ file = {file}
 # kp = 1.0                  # static gain of the process; without it, and with both spans, 1.5 %/% is assumed
 # kp_unit = "%/%"           # or "PV/OP"
 """
+
+
+def refuse_without_pv(recording: Recording) -> None:
+    """Read a recording until PV has a number.
+
+    Raises InputError where PV has none in any row, or a row before its first number cannot be read.
+    """
+    for batch in recording.batches():  # which raises at the end where there was none
+        if np.isfinite(batch.pv).any():
+            return
 
 
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:

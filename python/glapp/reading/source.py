@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
@@ -182,10 +183,11 @@ def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:
                 return
             yield item  # type: ignore[misc]
     finally:
-        stop.set()
-        try:
-            while True:
-                shelf.get_nowait()
-        except Empty:
-            pass
-        thread.join()
+        if not sys.is_finalizing():  # the end of Python has stopped the thread, which may hold the locks
+            stop.set()
+            try:
+                while True:
+                    shelf.get_nowait()
+            except Empty:
+                pass
+            thread.join()

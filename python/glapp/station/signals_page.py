@@ -172,12 +172,16 @@ class SignalCards:
             self.seen = None  # what is newest is told at once when it is back
             await asyncio.sleep(1.0)
             return
+        silent = self.loop.view.silent(self.loop.name)
         for key, label in self.values.items():
             unit = self.loop.pv_unit if key in ("sp", "pv") else self.loop.op_unit
             value = values.get(key)
             good = value is not None and value["good"]
             text = quantity(value["value"], unit, 4) if value is not None and good else "bad" if value else "–"
+            if key == "u_ff" and self.loop.status.get("lost"):
+                text = "not known"  # what was written last need not be in the plant any more
             label.set_text(text)
+            label.classes(add="old") if silent else label.classes(remove="old")
         pv = values.get("pv")
         if pv is None:
             self.fresh.set_text("No PV has come since the service began.")
@@ -188,9 +192,7 @@ class SignalCards:
         at = moment(pv["time"])
         fresh = old < 100 and self.loop.view.catching_up is None
         self.fresh.set_text(f"PV of {at[11:]}, {old:.1f} s old." if fresh else f"PV of {at}.")
-        self.fresh.classes(add="late") if self.loop.view.silent(self.loop.name) or not pv[
-            "good"
-        ] else self.fresh.classes(remove="late")
+        self.fresh.classes(add="late") if silent or not pv["good"] else self.fresh.classes(remove="late")
         if pv["time"] > self.last + BRIDGED and self.drawn:
             await self.draw()
         if pv["time"] > self.last:

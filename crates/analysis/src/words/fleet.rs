@@ -34,6 +34,7 @@ const HELPS: &[(&str, &str)] = sentences! {
 const SENTENCES: &[(&str, &str)] = sentences! {
     "gaps": "{gaps} of {all:count valve} have a dead band, {beyond} of them wider than the limit.";
     "gaps one": "1 of {all:count valve} has a dead band, {beyond} of them wider than the limit.";
+    "likely": "Likely: {gap:count valve} with one, {sound:count valve} without one wider than the limit.";
     "rest": "{none} show none, {unjudged} cannot be judged.";
     "first": "First: {names}.";
     "grows": "{n:count dead band} plainly grow.";

@@ -154,7 +154,7 @@ impl Evidence {
             (Confidence::Found, Some(WidthKind::Bound)) => (self.low / LOW_OFF, None),
             (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
             (Confidence::Found | Confidence::Likely, _) => (self.low / LOW_OFF, high.map(|high| high * HIGH_OFF)),
-            _ => (self.low, high),
+            _ => (self.low, high.map(|high| high.max(self.unsampled_below))),
         }
     }
 

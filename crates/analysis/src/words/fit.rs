@@ -115,7 +115,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "recordings alone": "by {alone} alone, of {all} recordings: {said}";
     "recordings": "by {counted} of {all} recordings together: {said}";
     "not_counted": "Not counted, since {why}: {names}";
-    "repeated": "{share:share} of {name} stands in an earlier one, and counts there";
+    "repeated": "{share:share} of {name} is in an earlier recording too, and counts there";
     "no_recording": "none of {all} recordings tells: {said}";
     "more": "Where the valve turns, PV strays from what a gap alone would do: the valve may stick as well.";
 };
@@ -146,7 +146,7 @@ const UNFIT_SENTENCES: &[(&str, &str)] = sentences! {
     "same": "OP and {signal} are the same signal: check which columns were taken";
     "pv_still": "{signal} stands still at {number:.4g} all the time";
     "coarse": "OP takes only {number:.0f} values: it is recorded too coarsely";
-    "broken": "no 20 samples stand together without a hole";
+    "broken": "there are no 20 samples in a row without a gap in time";
     "copy": copy!();
     "few position": "fewer than 50 rows have a position";
     "few": "there are no 50 samples in a row in which OP moves";

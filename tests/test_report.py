@@ -233,7 +233,7 @@ def worn() -> Result:
 
 @pytest.fixture(scope="module")
 def run(worn: Result) -> list[Result]:
-    """One loop of every kind."""
+    """Results of a run with one loop of every kind."""
     return [
         refused(),
         worn,

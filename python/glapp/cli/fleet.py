@@ -62,7 +62,7 @@ def make_demo(
     lake: Annotated[Path, typer.Argument(metavar="LAKE", help="Folder for the lake; made if missing, else empty.")],
     loops: Annotated[int, typer.Option(metavar="N", help="Number of loops, 10 to 10000.")] = 200,
     days: Annotated[int, typer.Option(metavar="N", help="Days of history, 1 to 3660.")] = 30,
-    seed: Annotated[int, typer.Option(metavar="N", help="Another seed is another mill.")] = 1,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the simulated mill.")] = 1,
 ) -> None:
     """Write a lake of simulated loops to try the fleet on, with bad data of every kind and the truth beside it."""
     from ..fleet import make_demo
@@ -95,20 +95,23 @@ def analyze(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Settings: a loops.toml, or a CSV or Parquet table with a row a loop. Default: loops.toml, "
-            "loops.parquet or loops.csv in the lake; without any, the loops that tags' names show.",
+            help="Settings: a loops.toml, or a CSV or Parquet table with a row per loop. Default: loops.toml, "
+            "loops.parquet or loops.csv in the lake; without any, the loops found by the names of tags.",
         ),
     ] = None,
     time_zone: Annotated[
         str | None, typer.Option(metavar="ZONE", help="Zone of times without one, such as Europe/Stockholm.")
     ] = None,
     fits: Annotated[
-        int, typer.Option(metavar="N", help="Windows fitted of a loop at most, 1 to 64, a second of a core each.")
+        int, typer.Option(metavar="N", help="Most windows fitted per loop, 1 to 64; each takes a second.")
     ] = 8,
     engine: Annotated[
-        Literal["local", "spark"], typer.Option(help="This machine's cores, or Spark (pip install 'glapp\\[spark]').")
+        Literal["local", "spark"],
+        typer.Option(help="Run on this machine's cores, or on Spark (pip install 'glapp\\[spark]')."),
     ] = "local",
-    workers: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: one per core.")
+    ] = None,
 ) -> None:
     """Judge all valves of a lake; stopped, it goes on where it was, and later it reads only what is new."""
     from .. import fleet as engines

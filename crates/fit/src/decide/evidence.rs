@@ -79,7 +79,7 @@ pub struct Evidence {
     pub(crate) oscillates: bool,
     /// Swing of the fitted loop without a load; None where there is nothing to compare with.
     pub(crate) cycle: Option<Cycle>,
-    /// Response of PV within the gap and behind it.
+    /// Response of PV to OP within the gap.
     pub(crate) plateau: Plateau,
     /// Standard deviation of Kp·OP as a fraction of that of PV: far above 1 where the load of the model undoes the
     /// valve's effect. 0 behind an integrator.

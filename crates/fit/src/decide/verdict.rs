@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn what_speaks_against_a_gap_outweighs_a_ratio() {
         // The gap would take nearly all of OP's range, OP went through it twice, and PV follows OP within it.
-        let against = Plateau { ways: [2; 2], within: 1.0, rows: 20.0, ..Plateau::default() };
+        let against = Plateau { ways: [2; 2], within: 1.0 };
         let wide = Evidence { d: 9.9, low: 9.8, high: Some(10.0), lr_no_gap: 16.0, ..plain() };
         let doubtful = Evidence { plateau: against, noisy_below: 9.0, passes: [5; 2], cancels: 20.0, ..wide };
         assert_eq!(rules(&doubtful).0, Confidence::Found);
@@ -229,7 +229,7 @@ mod tests {
         let coarse = Evidence { coarse: true, ..plain() };
         assert_eq!((said(&coarse), judge(&coarse).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "coarse"));
         // A PV that stands within the gap and windows that agree make it more probable.
-        let stands = Plateau { ways: [8; 2], within: -0.5, rows: 20.0, ..Plateau::default() };
+        let stands = Plateau { ways: [8; 2], within: -0.5 };
         assert!(Evidence { plateau: stands, ..coarse.clone() }.usual_probability() > coarse.usual_probability());
         assert!(Evidence { agree: [4, 4], ..coarse.clone() }.usual_probability() > coarse.usual_probability());
         assert_eq!(said(&Evidence { agree: [4, 4], ..coarse }), (Confidence::Found, Some(WidthKind::Interval)));

@@ -134,9 +134,10 @@ class _Page:
             ui.link("← Overview", "/")
         with ui.element("div").classes("loop"):
             with ui.element("div"):
+                top = ui.element("div").style("display: contents")
                 self._answer()
                 self._buttons()
-                self.proof.build()
+                self.proof.build(top)
             with ui.element("div"):
                 self._values()
                 self._signals()

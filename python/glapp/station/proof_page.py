@@ -69,9 +69,15 @@ class ProofCards:
         self.op_unit, self.pv_unit = known.op_label, known.pv_unit or ""
         self._shown: dict[str, Any] = {}
 
-    def build(self) -> None:
-        """The cards, empty; `refresh` fills them."""
-        self.guided = ui.element("div").classes("card guided").props('role="status"')
+    def build(self, top: ui.element) -> None:
+        """The cards, empty; `refresh` fills them.
+
+        - `top`: where the guided test is as long as it goes on, next to the signals.
+        """
+        self.top, self.below = top, ui.element("div").style("display: contents")
+        self._place = self.below
+        with self.below:
+            self.guided = ui.element("div").classes("card guided").props('role="status"')
         self.plan = ui.element("div").classes("card")
         self.repair = ui.element("div").classes("card")
         for card in (self.guided, self.plan, self.repair):
@@ -86,8 +92,12 @@ class ProofCards:
                 self.station.view.read,
                 lambda r: (r.plan(self.loop), r.guided_test(self.loop), r.repairs(self.loop)),
             )
-            self._show("guided", self.guided, (test, self._left(test)), self._guided)
             goes_on = test is not None and test["ended"] is None
+            place = self.top if goes_on else self.below
+            if place is not self._place:
+                self.guided.move(place)
+                self._place = place
+            self._show("guided", self.guided, (test, self._left(test)), self._guided)
             self._show("plan", self.plan, (plan, goes_on, self._confidence()), self._planned)
             self._show("repair", self.repair, (noted, self._fall()), self._repaired)
 
@@ -193,7 +203,8 @@ class ProofCards:
             ui.button("Plan the test", on_click=go).props("no-caps unelevated color=primary").style("align-self: start")
 
     async def _begin(self) -> None:
-        await self._go("guided-test", {}, "The test has begun: put the controller in manual.")
+        if await self._go("guided-test", {}, "The test has begun: put the controller in manual."):
+            ui.run_javascript("window.scrollTo(0, 0)")  # to its card, next to the signals
 
     # The guided test
 

@@ -707,11 +707,16 @@ def test_a_gap_that_was_not_found_is_not_drawn(worn: Result, tmp_path: Path) -> 
     assert "the valve by the model" not in text and "What was recorded" in text
 
 
-def test_op_that_is_thinned_too_much_is_not_drawn_beside_the_window(worn: Result) -> None:
+def test_op_that_is_thinned_too_much_is_not_drawn_beside_the_window(worn: Result, tmp_path: Path) -> None:
     result = fitted(worn)
     coarse = replace(result, trace=thin(closed_loop(3.0), 20))
     assert set(loop_figures(result)) == {"why", "gap"} and set(loop_figures(coarse)) == {"why"}
     assert "OP" not in {trace.name for trace in loop_figures(coarse)["why"].data}
+    for one, said in ((result, "Second picture"), (coarse, "OP is not drawn")):
+        [file] = write_report([one], tmp_path / "report.html")
+        text = file.read_text(encoding="utf-8")
+        assert [name for name in ("First picture", "Second picture", "OP is not drawn") if name in text][-1] == said
+    assert "First picture" not in text  # it told of an OP that is not there
 
 
 @pytest.mark.slow

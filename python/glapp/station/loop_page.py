@@ -46,9 +46,10 @@ class _Page:
             ui.link("← Overview", "/")
         with ui.element("div").classes("loop"):
             with ui.element("div"):
+                top = ui.element("div").style("display: contents")
                 self.answer.build()
                 self._buttons()
-                self.proof.build()
+                self.proof.build(top)
             with ui.element("div"):
                 self.signals.build()
                 self.crossings.build()

@@ -1,7 +1,7 @@
 // Exports of InfluxDB, annotated CSV and line protocol, with a row per tag and time: python/glapp/reading/influx.py.
 "use strict";
 
-const Influx = (data, { understand }, { NO_ROWS, records, raggedly, ofColumns }) => {
+const Influx = (data, { understand }, { noRows, records, raggedly, ofColumns }) => {
   const OWN = new Set(data.influx.own);
   const { annotations: ANNOTATIONS } = data.influx;
   const POINT = new RegExp(`^(?:${data.influx.point})$`);
@@ -22,7 +22,7 @@ const Influx = (data, { understand }, { NO_ROWS, records, raggedly, ofColumns })
 
   /** A table of { line, time, tag, value }. */
   function tableOf(rows) {
-    if (!rows.length) throw new InputError(NO_ROWS);
+    if (!rows.length) throw noRows();
     const names = ["time", "tag", "value"];
     const columns = names.map((name) => ({ kind: "text", cells: rows.map((row) => row[name]) }));
     return ofColumns(names, columns, rows.map(({ line }) => line));

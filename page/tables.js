@@ -7,8 +7,8 @@
 const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
   const SAMPLE = 1 << 16; // characters that tell how a text is written
   const HEAD = 1000; // rows that tell what columns hold
-  const NO_TEXT = "is not text, Parquet or Arrow";
-  const NO_ROWS = "has a header but no rows";
+  const notText = () => new InputError("is not text, Parquet or Arrow", { hint: "export the recording as CSV, Excel, Parquet or Arrow" });
+  const noRows = () => new InputError("has a header but no rows", { hint: "take a time in which the historian has values, and export again" });
 
   function checkColumns(count) {
     const most = data.bounds.columns;
@@ -25,10 +25,10 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
       const zeros = (odd) => raw.filter((byte, i) => i % 2 === odd && byte === 0).length / Math.max(1, raw.length / 2);
       if (zeros(1) > 0.9) return "utf-16le";
       if (zeros(0) > 0.9) return "utf-16be";
-      throw new InputError(NO_TEXT);
+      throw notText();
     }
     const control = raw.filter((byte) => byte < 32 && ![9, 10, 12, 13].includes(byte)).length;
-    if (control > 0.01 * raw.length) throw new InputError(NO_TEXT);
+    if (control > 0.01 * raw.length) throw notText();
     try {
       new TextDecoder("utf-8", { fatal: true }).decode(raw, { stream: true });
       return "utf-8";
@@ -40,7 +40,7 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
   /** The text of a file, its lines ended by "\n". */
   function decoded(bytes) {
     const raw = bytes.subarray(0, SAMPLE);
-    if (!raw.some((byte) => ![0, 9, 10, 13, 32].includes(byte))) throw new InputError("is empty");
+    if (!raw.some((byte) => ![0, 9, 10, 13, 32].includes(byte))) throw new InputError("is empty", { hint: "export the recording again" });
     const how = encoding(raw);
     if (how.startsWith("utf-16") && bytes.length % 2) throw new InputError("cannot be read: it ends in the middle of a character");
     return new TextDecoder(how).decode(bytes).replace(/\r\n?/g, "\n");
@@ -90,11 +90,13 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
   }
 
   /** Finding on the first of the rows that is not as wide as the header. */
-  function checkWidths(body, width) {
+  function checkWidths(body, width, delimiter) {
     const ragged = body.find((row) => row.cells.length !== width);
     if (!ragged) return;
     const n = ragged.cells.length;
-    const hint = ragged === body.at(-1) && n < width ? "the file ends in the middle of a row, is it still being written?" : undefined;
+    let hint = "correct or delete the row";
+    if (n > width && delimiter === ",") hint += "; where numbers have a decimal comma, export with ';' between the columns";
+    if (ragged === body.at(-1) && n < width) hint = "the file ends in the middle of a row, is it still being written?";
     throw new InputError(raggedly(n, width), { row: ragged.line, hint });
   }
 
@@ -119,8 +121,8 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     const head = headOf(rows, start, width);
     const named = namesOf(head);
     const body = rows.slice(named.nameless ? start : head.rows);
-    if (!body.length) throw new InputError(NO_ROWS);
-    checkWidths(body, width);
+    if (!body.length) throw noRows();
+    checkWidths(body, width, delimiter);
     const known = [...body.slice(0, seen.length), ...body.slice(-50)].flatMap((row) => row.cells.map((cell) => unitOf(cell)?.[0] ?? cell.trim()));
     const columns = named.names.map((_, i) => ({ kind: "text", cells: body.map((row) => row.cells[i]) }));
     return { ...named, columns, digits: digitsOf(known), line: (row) => body[row].line };
@@ -172,7 +174,7 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     const ends = lines.slice(above);
     while (ends.length && !ends.at(-1).cells.some(Boolean)) ends.pop();
     const body = rows.slice(above, above + bodyEnd(ends, width, beginsWithData(seen.slice(above), width)));
-    if (!body.length) throw new InputError(NO_ROWS);
+    if (!body.length) throw noRows();
     const kept = names.flatMap((of, i) => (of || body.some((row) => row[i] !== "") ? [i] : []));
     const columns = kept.map((i) => typed(body.map((row) => row[i])));
     const words = columns.flatMap(({ kind, cells }) => (kind === "text" ? cells : [])).filter(Boolean);
@@ -213,5 +215,5 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     return { names, units: names.map(() => null), nameless: null, columns, digits: digitsOf(seen.filter(Boolean)), line: (row) => (lines ? lines[row] : row + 1) };
   }
 
-  return { NO_ROWS, checkColumns, decoded, records, raggedly, ofText, ofSheet, ofWorkbook, ofColumns };
+  return { noRows, checkColumns, decoded, records, raggedly, ofText, ofSheet, ofWorkbook, ofColumns };
 };

@@ -696,6 +696,21 @@ def test_init_takes_many_files(run):
     assert run("init", "loops.toml")[0] == 2
 
 
+def test_init_refuses_a_pv_without_a_number(run):
+    write("dead.csv", rows(pv=lambda k, y: "NaN"))
+    write("good.csv", rows())
+    wrong = "error: dead.csv, column PV: holds no number in 600 rows; is it the right column?\n"
+    assert run("init", "dead.csv", "-o", "loops.toml") == (1, "", wrong) and not Path("loops.toml").exists()
+    code, text, err = run("init", "dead.csv", "good.csv")
+    assert (code, err) == (1, wrong) and "[loops.good]" in text and "dead" not in text
+
+
+def test_a_step_test_that_nothing_is_read_from_prints_the_error_alone(run):
+    write("plain.csv", rows())
+    code, out, err = run("step-test", "plain.csv")
+    assert (code, out) == (1, "") and err.startswith("error: plain.csv, loop plain: ") and err.count("\n") == 1
+
+
 def test_identify_without_op(run):
     write("no_op.csv", "\n".join(line.rsplit(",", 1)[0] for line in rows().splitlines()))
     code, _, err = run("identify", "no_op.csv")

@@ -241,7 +241,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
 @pytest.mark.slow
 def test_a_fault_has_its_row(read: dict[str, dict[str, Any]]) -> None:
     assert read["a word"]["wrong"].startswith("row 22, column 'PV': 'full' is not a number")
-    assert read["a ragged row"]["wrong"] == "row 22: has 3 cells where the header has 4"
+    assert read["a ragged row"]["wrong"] == "row 22: has 3 cells where the header has 4: correct or delete the row"
 
 
 @pytest.mark.slow

@@ -219,7 +219,7 @@ def test_only_the_row_after_a_ragged_one_is_looked_at(tmp_path, monkeypatch):
 
     monkeypatch.setattr(csv.CsvSource, "_lines", counted)
     [recording] = open_recordings(path)
-    with pytest.raises(InputError, match=r"row 9002: has 2 cells where the header has 4$"):
+    with pytest.raises(InputError, match=r"row 9002: has 2 cells where the header has 4; correct or delete the row$"):
         sum(map(len, recording.batches()))
     assert len(seen) == 9003
 

@@ -363,7 +363,9 @@ def test_a_quality_beside_each_signal(tmp_path):
     assert got["flags"].tolist() == [0, BAD, 0]
     # One before all signals and one behind: it is open whose they are.
     path = write(tmp_path, "Quality,t,F1.SP,F1.PV,Quality\nGood,0,1,2,Good\nGood,1,1,2,Good\n")
-    with pytest.raises(InputError, match="2 columns are called 'Quality', and it is open which is quality"):
+    with pytest.raises(
+        InputError, match="2 columns are called 'Quality', and it is not clear which of them is quality"
+    ):
         open_recordings(path)
 
 
@@ -382,9 +384,9 @@ def test_wide_file_with_several_loops(tmp_path):
 
 GOOD = "\n".join(lines()) + "\n"
 WRONG = {
-    "empty": ("", ": is empty"),
+    "empty": ("", ": is empty; export the recording again"),
     "blank": ("\n\n  \n", ": is empty"),
-    "header only": ("t,SP,PV\n", ": has a header but no rows"),
+    "header only": ("t,SP,PV\n", ": has a header but no rows; take a time in which the historian has values"),
     "one row": ("t,SP,PV\n0,1,2\n", ": has only one row"),
     "one column": ("PV\n1\n2\n", ": has only one column"),
     "text in numbers": ("t,SP,PV\n0,1,2\n1,1,abc\n", ", row 3, column PV: 'abc' is not a number; write bad values as"),
@@ -403,16 +405,22 @@ WRONG = {
     ),
     "one signal, known": ("Time,FIC101.PV\n0,1\n1,2\n", ": has only one signal, FIC101.PV (time is Time"),
     "no header": ("0,1,2\n1,1,2\n", ", row 1: has no header: the first row holds data"),
-    "ragged": ("t,SP,PV\n0,1,2\n1,1\n2,1,2\n", ", row 3: has 2 cells where the header has 3"),
+    "ragged": (
+        "t,SP,PV\n0,1,2\n1,1\n2,1,2\n",
+        ", row 3: has 2 cells where the header has 3; correct or delete the row",
+    ),
     "cut off": (
         "t,SP,PV\n0,1,2\n1,1,2\n2,1",
         ", row 4: has 2 cells where the header has 3; the file ends in the middle",
     ),
     "all short": ("t,SP,PV,OP\n0,1,2\n1,1,2\n", ", row 2: has 3 cells where the header has 4"),
-    "too many": ("t,SP,PV\n0,1,2\n1,1,2,3\n2,1,2\n", ", row 3: has 4 cells where the header has 3"),
+    "too many": (
+        "t,SP,PV\n0,1,2\n1,1,2,3\n2,1,2\n",
+        ", row 3: has 4 cells where the header has 3; correct or delete the row; where numbers",
+    ),
     "two PV": (
         "t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n",
-        ": 2 columns are called 'PV', and it is open which is PV; give them different names in the file",
+        ": 2 columns are called 'PV', and it is not clear which of them is PV; give them different names in the file",
     ),
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
     "ambiguous day": (
@@ -480,7 +488,9 @@ def test_wrong_paths_and_files(tmp_path):
         open_recordings(tmp_path)
     for data in (bytes(range(256)) * 8, b"\x89PNG\r\n\x1a\n" + bytes(100)):
         (tmp_path / "b.csv").write_bytes(data)
-        with pytest.raises(InputError, match="is not text, Parquet or Arrow"):
+        with pytest.raises(
+            InputError, match="is not text, Parquet or Arrow; export the recording as CSV, Excel, Parquet or Arrow"
+        ):
             open_recordings(tmp_path / "b.csv")
     (tmp_path / "x.csv.gz").write_bytes(b"t,SP,PV\n0,1,2\n")
     with pytest.raises(InputError, match="cannot be read"):

@@ -233,7 +233,7 @@ def worn() -> Result:
 
 @pytest.fixture(scope="module")
 def run(worn: Result) -> list[Result]:
-    """One loop of every kind."""
+    """Results of a run with one loop of every kind."""
     return [
         refused(),
         worn,
@@ -690,7 +690,7 @@ def test_the_parallelogram_is_as_wide_as_the_fitted_gap(worn: Result) -> None:
         for k in (0, 1):
             assert line.x[k] - line.x[3 - k] == pytest.approx(width) and line.y[k] == line.y[3 - k]
     assert gap.y[1] - gap.y[0] == pytest.approx(0.5 * (gap.x[1] - gap.x[0])), "its slope is the process gain"
-    assert {trace.name for trace in drawn["why"].data} == {"OP", "valve (model)", "SP", "PV"}
+    assert [trace.name for trace in drawn["why"].data] == ["OP", "valve (model)", "PV", "SP"]  # SP is over PV's noise
     whole = np.ptp(drawn["why"].data[0].x)
     assert np.ptp(drawn["why"].layout.xaxis.range) < 0.5 * whole and len(recorded.x) < 6000, "a stretch, not all"
     bound = loop_figures(fitted(worn, "at_least", 2.5, None))["gap"].data
@@ -707,11 +707,16 @@ def test_a_gap_that_was_not_found_is_not_drawn(worn: Result, tmp_path: Path) -> 
     assert "the valve by the model" not in text and "What was recorded" in text
 
 
-def test_op_that_is_thinned_too_much_is_not_drawn_beside_the_window(worn: Result) -> None:
+def test_op_that_is_thinned_too_much_is_not_drawn_beside_the_window(worn: Result, tmp_path: Path) -> None:
     result = fitted(worn)
     coarse = replace(result, trace=thin(closed_loop(3.0), 20))
     assert set(loop_figures(result)) == {"why", "gap"} and set(loop_figures(coarse)) == {"why"}
     assert "OP" not in {trace.name for trace in loop_figures(coarse)["why"].data}
+    for one, said in ((result, "Second picture"), (coarse, "OP is not drawn")):
+        [file] = write_report([one], tmp_path / "report.html")
+        text = file.read_text(encoding="utf-8")
+        assert [name for name in ("First picture", "Second picture", "OP is not drawn") if name in text][-1] == said
+    assert "First picture" not in text  # it told of an OP that is not there
 
 
 @pytest.mark.slow

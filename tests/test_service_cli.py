@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from glapp.cli import app
 from glapp.cli.screen import CommandError
+from glapp.cli.watch import _printed
 from glapp.errors import InputError
 from glapp.folder_lock import FolderLock
 from glapp.service.store import Reader, Store
@@ -40,6 +41,12 @@ def folder(tmp_path: Path) -> Path:
     monitor.store.command(clock.now, "eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0})
     monitor.store.close()
     return tmp_path / "data"
+
+
+def test_numbers_of_the_api_are_printed_without_their_rounding() -> None:
+    """`enable` said that delta is 0.9000000000000001, and `set` that a limit is 1e+37."""
+    values = (0.6 * 1.5, 1e37, 1234567.25, None, 3, "typed")
+    assert [_printed(value) for value in values] == ["0.9", "no limit", "1234567.25", "", "3", "typed"]
 
 
 @pytest.mark.slow

@@ -219,7 +219,8 @@ def test_a_lost_connection_ends_it_and_what_is_found_afterwards_goes_to_0(tmp_pa
         assert plant.u_ff["FIC0"] == 0.0 and not shown(monitor)["enabled"], "nobody pressed again"
 
     monitor = beside(tmp_path, look)
-    assert "withdrawn" in [event["kind"] for event in monitor.reader.events("FIC0")]
+    texts = {event["kind"]: event["text"] for event in monitor.reader.events("FIC0")}
+    assert texts["withdrawn"] == "the connection to the plant was lost"
 
 
 @pytest.mark.slow

@@ -146,6 +146,21 @@ def test_a_loop_whose_first_value_has_not_come_yet_is_not_silent(view: View) -> 
         assert (view.silent("FIC1"), row.seen, row.soon == "Signal") == (silent, seen, silent)
 
 
+def test_a_lost_connection_is_told_by_its_name(view: View) -> None:
+    """Each loop sent people to its transmitter, where the plant's server was gone."""
+    assert view.at is not None and view.unconnected is None
+    for loop in view.shown["loops"].values():
+        loop |= {"seen": view.at - 30.0, "lost": True}
+    assert view.unconnected == view.at - 30.0
+    assert {row.todo for row in view.rows()} == {
+        "The plant's server is not connected: check the server and the network."
+    }
+    view.shown["loops"]["FIC1"]["seen"] = None
+    assert view.unconnected == view.at - 30.0 and "no value comes" in view.todo("FIC1")
+    view.shown["loops"]["FIC0"]["lost"] = False
+    assert view.unconnected is None
+
+
 def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:
     view._answers.clear()
     assert view.headline("FIC0").startswith("≈ ") and "crossings" in view.verdict("FIC0")

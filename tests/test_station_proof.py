@@ -45,7 +45,7 @@ class Plant:
         self.process.wait(LONGEST / 1000)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture  # a second try begins with a plant of its own
 def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plant]:
     one = Plant(tmp_path_factory.mktemp("proof"))
     yield one
@@ -108,8 +108,11 @@ def test_from_likely_to_found_to_repaired(browser: Any, plant: Plant) -> None:
 
     begin.click()
     page.locator(".guided").get_by_text("Put the controller in manual").wait_for()
+    # What to do stands next to the signals, on the first screen; it was below everything else.
+    page.wait_for_function("document.querySelector('.guided').getBoundingClientRect().top < 150 && scrollY == 0")
     ended = guided(page, plant)
     assert "There is a gap" in ended and "decided" in ended.partition("\n")[0]
+    page.wait_for_function("document.querySelector('.guided').getBoundingClientRect().top > 300")
     page.get_by_text(re.compile("FIC7 has a dead band of")).first.wait_for(timeout=1000 * TEST_TAKES)
     assert "Backlash" in page.locator("body").inner_text()
 

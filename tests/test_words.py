@@ -32,7 +32,7 @@ SHOWING = [
 #: What stands beside answers there: beginnings of texts, and why they are none of the catalogue's.
 BESIDE = {
     "labels of figures, tables and pictures": [
-        ", the nominal limit: none was given",
+        ", the usual limit: none was given",
         "OP travel by the PI law",
         "not excluded by OP and PV",
         "width of the gap [",
@@ -107,6 +107,7 @@ BESIDE = {
     ],
     "what the service does, not what an answer is": [
         "the service has not written",
+        "The plant's server is not connected",
         "Find out why no value comes",
         "Look at the transmitter",
         "{}: write them into loops.toml.",

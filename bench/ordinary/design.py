@@ -228,6 +228,7 @@ def draw(name: str) -> Drawn:
 
 
 def _parts(name: str) -> tuple[str, Fault, int, int, int]:
+    """Row, fault, number, seed and day of a record's name."""
     try:
         row, given, number, seed, *day = name.split("/")
         (fault,) = [fault for fault in FAULTS[row] if fault == given]

@@ -199,10 +199,10 @@ def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcom
         if width is None and answer.confidence == "none_seen":
             return "silent", ""
         return "wrong", "the answer sees no dead band"
-    if answer.confidence == "likely_sound" and width is not None:
-        limit = answer.limit.width if answer.limit is not None else None
-        within = limit is not None and width <= limit
-        return ("right", "") if within else ("wrong", "the answer calls the valve probably sound")
+    if answer.confidence == "likely_sound":
+        limit = None if answer.limit is None else answer.limit.width
+        within = width is not None and limit is not None and width <= limit
+        return ("right", "") if within else ("wrong", "the answer calls the valve likely sound")
     if answer.confidence not in ("found", "likely"):
         return "silent", ""
     if {label.found, answer.cause} == {"gap", "stiction"} or (label.found, answer.cause) == ("stiction", "backlash"):

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
-from ..reading.init import settings_of
+from ..reading.init import refuse_without_pv, settings_of
 from ..recording import Recording
 from .inputs import Refused, open_files
 from .options import Options, with_columns
@@ -26,7 +26,7 @@ def init(
     ],
     options: Options,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; else standard output.")
+        Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; default: standard output.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", metavar="", help="Overwrite the file if it exists.")] = False,
 ) -> None:
@@ -42,7 +42,12 @@ def init(
         if isinstance(entry, Refused):
             faults.append(entry.error)
         elif isinstance(entry, Recording):
-            recordings.append(entry)
+            try:
+                refuse_without_pv(entry)
+            except InputError as unusable:
+                faults.append(unusable)
+            else:
+                recordings.append(entry)
     if recordings:
         text = settings_of(recordings, "." if output is None else output.parent)
         if output is None:

@@ -16,7 +16,7 @@ import re
 import sys
 from bisect import bisect_right
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import chain, repeat
@@ -28,9 +28,8 @@ import pyarrow.csv as pc
 
 from ..errors import InputError
 from . import bounds
-from .heads import begins_with_data, body_end, head_of, holds_data
+from .heads import NO_ROWS, begins_with_data, body_end, head_of, holds_data
 from .source import Source
-from .values import digits_of, null_spellings, unit_of
 
 __all__ = ["PACKED", "CsvSource", "encoding_of"]
 
@@ -45,6 +44,8 @@ _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
 PACKED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
 """Compression of a file by its ending."""
+NO_TABLE = "export the recording as CSV, Excel, Parquet or Arrow"
+"""What to do with a file that is none of these."""
 
 
 class CsvSource(Source):
@@ -66,13 +67,13 @@ class CsvSource(Source):
         self._sampled = len(raw)
         if not raw.strip(b"\r\n\t \0"):
             if whole:
-                raise InputError("is empty", file=label)
+                raise InputError("is empty", file=label, hint="export the recording again")
             what = f"begins with {len(raw) >> 10} KiB of nothing but spaces and empty lines"
             raise InputError(what, file=label, hint="delete them, so that it begins with the columns' names")
         self._encoding = encoding_of(raw, whole, label)
         text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw, whole)
         if "\0" in text:
-            raise InputError("is not text, Parquet or Arrow", file=label)
+            raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
         lines = list(io.StringIO(text, newline=None))
         if not whole and len(lines) > 1:
             lines.pop()  # cut off in its middle
@@ -99,14 +100,13 @@ class CsvSource(Source):
         else:
             self._skip, body = rows[head.rows - 1][0], rows[head.rows :]
         if not body:
-            raise InputError("has a header but no rows", file=label)
+            raise InputError("has a header but no rows", file=label, hint=NO_ROWS)
         body_cells = [cells for _, cells in body if len(cells) == width]
         if not body_cells:
             raise self._ragged(None)
         self._head = body_cells
         self._tail = [cells for cells in tail if len(cells) == width]
-        cells = [cell.strip() for row in body_cells + tail for cell in row]
-        self.digits = digits_of([found[0] if (found := unit_of(cell)) else cell for cell in cells], label)
+        self.learn_digits(cell for row in body_cells + tail for cell in row)
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First rows of the columns, as text."""
@@ -121,7 +121,7 @@ class CsvSource(Source):
     ) -> Iterator[tuple[list[pa.Array], float]]:
         """Pass over the file, in blocks that are parsed side by side and handed out in order."""
         names = [str(i) for i in range(len(self.names))]
-        nulls = null_spellings(bad_words)
+        nulls = _null_spellings(bad_words)
 
         def parse(block: bytes, skip: int, types: Mapping[int, pa.DataType]) -> list[pa.ChunkedArray]:
             items = list(types.items())
@@ -327,8 +327,16 @@ class CsvSource(Source):
             row=row,
             value=count,
             bound=str(width),
-            hint="the file ends in the middle of a row, is it still being written?" if cut else None,
+            hint="the file ends in the middle of a row, is it still being written?"
+            if cut
+            else self._mended(count, width),
         )
+
+    def _mended(self, count: int, width: int) -> str:
+        """What to do about a row that is too short or too long."""
+        if count > width and self._delimiter == ",":
+            return "correct or delete the row; where numbers have a decimal comma, export with ';' between the columns"
+        return "correct or delete the row"
 
 
 def encoding_of(raw: bytes, whole: bool, label: str) -> str:
@@ -348,10 +356,10 @@ def encoding_of(raw: bytes, whole: bool, label: str) -> str:
         for name, zeros in (("utf-16-le", raw[1::2]), ("utf-16-be", raw[::2])):
             if zeros.count(0) > 0.9 * len(zeros):
                 return name
-        raise InputError("is not text, Parquet or Arrow", file=label)
+        raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
     control = sum(raw.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13))
     if control > 0.01 * len(raw):
-        raise InputError("is not text, Parquet or Arrow", file=label)
+        raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
     try:
         codecs.getincrementaldecoder("utf-8")().decode(raw, whole)
     except UnicodeDecodeError:
@@ -385,6 +393,12 @@ def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[s
             raise fault
         raise InputError("has only one column", file=label, hint="separate the columns by comma, semicolon, tab or '|'")
     return best[1], best[2]
+
+
+def _null_spellings(words: Iterable[str]) -> list[str]:
+    """The spellings of `words` that a CSV parser compares bytewise; any other one takes the slower, exact road."""
+    cases = {s for w in words for s in (w, w.upper(), w.capitalize(), w.title(), w.replace("nan", "NaN"))}
+    return sorted(cases | {" " + s for s in cases})
 
 
 def _column(rows: list[list[str]], column: int) -> pa.Array:

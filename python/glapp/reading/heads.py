@@ -12,13 +12,15 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .columns import understand
+from .meaning import understand
 from .names import FACTS, FOOTER, UNITS, folded
 from .times import looks_like_moment, looks_like_stamp
 
-__all__ = ["Head", "begins_with_data", "body_end", "head_of", "holds_data", "is_data"]
+__all__ = ["NO_ROWS", "Head", "begins_with_data", "body_end", "head_of", "holds_data", "is_data"]
 
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?")
+NO_ROWS = "take a time in which the historian has values, and export again"
+"""What to do about a table that has a header and no rows."""
 _LINES = 40
 """A head ends within so many lines of the first that is as wide as the table."""
 _SHORT = 12

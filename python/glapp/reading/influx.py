@@ -15,10 +15,10 @@ from collections.abc import Iterator, Sequence
 import pyarrow as pa
 
 from ..errors import InputError
-from .columns import understand
+from .heads import NO_ROWS
+from .meaning import understand
 from .source import Source
 from .tables import TableSource
-from .values import digits_of
 
 __all__ = ["annotated", "is_annotated", "is_line_protocol", "line_protocol"]
 
@@ -75,11 +75,11 @@ class _Rows:
     def source(self, label: str) -> Source:
         """The samples so far as a source."""
         if not self.times:
-            raise InputError("has a header but no rows", file=label)
+            raise InputError("has a header but no rows", file=label, hint=NO_ROWS)
         columns = {"time": self.times, "tag": self.tags, "value": self.values}
         table = pa.table({name: pa.array(column, pa.string()) for name, column in columns.items()})
         source = TableSource(table, label, self.lines)
-        source.digits = digits_of(self.values[:5000], label)
+        source.learn_digits(self.values[:5000])
         return source
 
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from ..escape import one_line
 from ..recording import Recording
-from . import open_recordings
 from .settings import _key, _value
 
-__all__ = ["first_settings", "settings_of"]
+__all__ = ["refuse_without_pv", "settings_of"]
 
 _HEAD = """\
 # What glapp knows about the loops in {file}. Remove the '#' in front of what you know and correct the value;
@@ -46,22 +45,24 @@ file = {file}
 """
 
 
-def first_settings(path: str | Path, directory: str | Path = ".") -> str:
-    """Text of a loops.toml for every loop found in a recording; it can be parsed as it stands.
+def refuse_without_pv(recording: Recording) -> None:
+    """Read a recording until PV has a number.
 
-    Columns, units and the time between rows come from the file. Spans and controller are comments to fill in.
-
-    - `path`: recording.
-    - `directory`: where the loops.toml will lie; the text names the recording relative to it, unless `path` is
-      absolute.
-
-    Raises InputError where the file or its columns cannot be used.
+    Raises InputError where PV has none in any row, or a row before its first number cannot be read.
     """
-    return settings_of(open_recordings(path), directory)
+    for batch in recording.batches():  # which raises at the end where there was none
+        if np.isfinite(batch.pv).any():
+            return
 
 
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:
-    """A first loops.toml of recordings that are open, from one file or several."""
+    """Text of a loops.toml of recordings that are open, from one file or several; it can be parsed as it is.
+
+    Columns, units and the time between rows come from the files. Spans and controller are comments to fill in.
+
+    - `directory`: place of the loops.toml; the text names the recordings relative to it, unless their paths are
+      absolute.
+    """
     files = list(dict.fromkeys(Path(recording.source) for recording in recordings))
     head = _HEAD.format(file=", ".join(one_line(file.name) for file in files))
     return head + "".join(_loop(_relative(Path(recording.source), directory), recording) for recording in recordings)

@@ -54,10 +54,10 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
     lines = [("OP", op, {"color": OUTPUT, "width": 1.4}, 1, unit)] if fine else []
     if f.found or not fine:
         lines.append(("valve (model)", valve, {"color": POSITION, "width": 2.2}, 1, unit))
-    if _has_values(trace, "sp") and not position:
+    lines.append((seen_name, seen, {"color": SIGNAL, "width": 1.4}, 2, seen_unit))
+    if _has_values(trace, "sp") and not position:  # over PV, whose noise hides it
         sp = np.interp(t, trace.t, _middle(trace, "sp"))
         lines.append(("SP", sp, {"color": INK, "width": 1.2, "dash": "6px,3px"}, 2, pv_unit))
-    lines.append((seen_name, seen, {"color": SIGNAL, "width": 1.4}, 2, seen_unit))
     for name, values, line, row, of in lines:
         hover = f"{name} %{{y:.5~g}} {of}<br>%{{x}}<extra></extra>"
         y = np.asarray(values[every], np.float32)

@@ -130,7 +130,7 @@ class LoopView:
             rows.append(("Recording", f"{start} to {end}, {words.duration(last - first)}"))
         rows += [(label, text) for label, text in (("Area", loop.area), ("Valve", loop.valve)) if text]
         if (limit := self.r.answer.limit) is not None:
-            whose = "" if limit.origin == "given" else ", the nominal limit: none was given"
+            whose = "" if limit.origin == "given" else ", the usual limit: none was given"
             rows.append(("Acceptable", words.quantity(limit.percent_span, "% of span") + whose))
         return rows
 

@@ -144,7 +144,7 @@ def ranked(results: Sequence[Result]) -> list[Result]:
 
 def judged(result: Result) -> bool:
     """Tell whether something is known of the valve; of the others a list says why not, and what would help."""
-    return result.answer.valve in ("gap", "no_gap")
+    return result.answer.valve in ("gap", "no_gap") or result.answer.confidence in LIKELY
 
 
 def summary(results: Sequence[Result]) -> str:

@@ -91,7 +91,10 @@ class FeedForward:
         except WriteRefused as refused:
             if refused.reason == "too_fast":  # the last write was late: this one comes with the next scan
                 return
-            self.switch_off(watched, f"u_FF was not written: {refused}")
+            gone = refused.reason == "not_connected"
+            self.switch_off(
+                watched, "the connection to the plant was lost" if gone else f"u_FF was not written: {refused}"
+            )
             if not compensator.enabled:
                 self._journal.add_event(Event(self._clock(), name, "not_written", f"u_FF {u_ff:g}: {refused}"))
         else:

@@ -180,7 +180,8 @@ class Monitor:
                 continue
             if event.kind == "lost":
                 self.ingest.lost(watched)
-            self.feedforward.connection_lost(watched, f"the connection was lost: {event.text}")
+            why = "the connection to the plant was lost" if event.kind == "lost" else event.text
+            self.feedforward.connection_lost(watched, why)
 
     @property
     def now(self) -> float:

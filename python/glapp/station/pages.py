@@ -141,8 +141,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             text = f"The database cannot be read: {view.why}"
         elif late is not None:
             text = (
-                f"The service has written nothing for {age(late)}: what you see is how it was at {moment(view.at)}. "
-                "No command is done until it is back."
+                f"The service has written nothing for {age(late)}: you see the state of {moment(view.at)}. "
+                "No command is carried out until it is back."
             )
         elif catching is not None:
             left = "" if catching["left"] is None else f", and needs about {duration(catching['left'])} for it"
@@ -150,6 +150,13 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
                 f"The simulated plant catches up with today: it is at {moment(view.at)[:16]}, "
                 f"{age(catching['seconds'])} to go{left}. Until then nothing here is of now."
             )
+        elif (lost := view.unconnected) is not None:
+            text = (
+                f"The plant's server is not connected: the newest value is of {moment(lost)[11:]}. "
+                "The service tries again."
+            )
+            if any(one.get("compensation") for one in view.shown["loops"].values()):
+                text += " Until then u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
         elif view.shown.get("failing"):
             text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
         elif view.shown.get("damaged"):

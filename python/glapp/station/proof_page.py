@@ -17,6 +17,7 @@ from ..report import planned, repaired
 from ..report.words import number, quantity
 from ..service import repairs
 from ..service.guide import Asked, result_text
+from ..service.plans import LONGEST
 from .client import loop_path
 from .pages import Station, command, dialog_of, heading, moment, quiet
 from .sessions import Session
@@ -45,6 +46,16 @@ RANGE = 7200.0
 ReadSignals = Callable[[float, float], Awaitable[dict[str, Any]]]
 
 
+def waiting_text(asked: float) -> str:
+    """Text while a plan is made; `asked`: when it was asked for [s since 1970 UTC].
+
+    >>> waiting_text(0.0).partition("since ")[2][5:]
+    '. That takes some minutes; it is given up after 10 min.'
+    """
+    longest = LONGEST / 60.0
+    return f"Being planned since {moment(asked)[11:16]}. That takes some minutes; it is given up after {longest:g} min."
+
+
 class ProofCards:
     """The cards of one loop.
 
@@ -58,9 +69,15 @@ class ProofCards:
         self.op_unit, self.pv_unit = known.op_label, known.pv_unit or ""
         self._shown: dict[str, Any] = {}
 
-    def build(self) -> None:
-        """The cards, empty; `refresh` fills them."""
-        self.guided = ui.element("div").classes("card guided").props('role="status"')
+    def build(self, top: ui.element) -> None:
+        """The cards, empty; `refresh` fills them.
+
+        - `top`: where the guided test is as long as it goes on, next to the signals.
+        """
+        self.top, self.below = top, ui.element("div").style("display: contents")
+        self._place = self.below
+        with self.below:
+            self.guided = ui.element("div").classes("card guided").props('role="status"')
         self.plan = ui.element("div").classes("card")
         self.repair = ui.element("div").classes("card")
         for card in (self.guided, self.plan, self.repair):
@@ -75,8 +92,12 @@ class ProofCards:
                 self.station.view.read,
                 lambda r: (r.plan(self.loop), r.guided_test(self.loop), r.repairs(self.loop)),
             )
-            self._show("guided", self.guided, (test, self._left(test)), self._guided)
             goes_on = test is not None and test["ended"] is None
+            place = self.top if goes_on else self.below
+            if place is not self._place:
+                self.guided.move(place)
+                self._place = place
+            self._show("guided", self.guided, (test, self._left(test)), self._guided)
             self._show("plan", self.plan, (plan, goes_on, self._confidence()), self._planned)
             self._show("repair", self.repair, (noted, self._fall()), self._repaired)
 
@@ -117,7 +138,7 @@ class ProofCards:
         if row is None:
             ui.label("Type how far OP and PV may go. The loop is then simulated with the gap and without it.")
         elif row["plan"] is None and row["refused"] is None:
-            ui.label("The test is being planned. That takes up to some minutes.").classes("medium")
+            ui.label(waiting_text(row["time"])).classes("medium")
         elif row["refused"] is not None:
             ui.label(f"No test can be planned: {row['refused']}.").classes("medium")
         else:
@@ -130,8 +151,10 @@ class ProofCards:
                         with ui.element("dd"):
                             ui.label(text)
             ui.label(f"Planned {moment(row['time'])[:16]}, {row['person']}.").classes("small muted")
+        waits = row is not None and row["plan"] is None and row["refused"] is None
         with ui.element("div").classes("bar").style("margin-top: 8px"):
-            self._may(quiet("Plan a test" if row is None else "Plan anew", self._ask))
+            if not waits:  # a second one would be refused
+                self._may(quiet("Plan a test" if row is None else "Plan anew", self._ask))
             stored = None if row is None else row["plan"]
             if stored is not None and Plan.of(stored).by_hand is not None and not goes_on:
                 begin = ui.button("Begin the guided test", on_click=self._begin)
@@ -174,13 +197,14 @@ class ProofCards:
                     ui.notify("Type all four limits and the longest time.", type="warning")
                     return
                 wanted = {**body, "minutes": float(minutes.value)}
-                if await self._go("plan", wanted, f"A test of {self.loop} is planned."):
+                if await self._go("plan", wanted, f"A test of {self.loop} is being planned."):
                     dialog.close()
 
             ui.button("Plan the test", on_click=go).props("no-caps unelevated color=primary").style("align-self: start")
 
     async def _begin(self) -> None:
-        await self._go("guided-test", {}, "The test has begun: put the controller in manual.")
+        if await self._go("guided-test", {}, "The test has begun: put the controller in manual."):
+            ui.run_javascript("window.scrollTo(0, 0)")  # to its card, next to the signals
 
     # The guided test
 

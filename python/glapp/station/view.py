@@ -309,6 +309,13 @@ class View:
             return True
         return bool(now - status["seen"] > max(STILL, seldom))
 
+    @property
+    def unconnected(self) -> float | None:
+        """Time of the newest PV where no loop is connected to the plant any more; else None [s since 1970 UTC]."""
+        loops = self.shown["loops"].values()
+        seen = [status["seen"] for status in loops if status["seen"] is not None]
+        return max(seen) if seen and all(status.get("lost") for status in loops) else None
+
     def percent(self, loop: str, value: float | None) -> float | None:
         """A width in % of span; None where the span is not known."""
         span = None if loop not in self.loops else self.loops[loop].op_span
@@ -367,6 +374,8 @@ class View:
     def todo(self, loop: str) -> str:
         """Next step on a loop."""
         status, answer = self.shown["loops"][loop], self.answer(loop)
+        if self.silent(loop) and status.get("lost") and status["seen"] is not None:
+            return "The plant's server is not connected: check the server and the network."
         if self.silent(loop):
             return "Find out why no value comes: transmitter, tag, connection."
         if status["good"] is False:

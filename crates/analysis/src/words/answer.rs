@@ -29,7 +29,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "so backlash dead_band": "The valve of {name} has a dead band of {width:op}{span}", interval!(),
         " from packing or play{beside}.";
     "so backlash unsure":
-        "The valve of {name} has a dead band of about {width:about}, but how wide it is is not sure{beside}.";
+        "The valve of {name} has a dead band of about {width:about}, but its width is uncertain{beside}.";
     "so stiction": "The valve of {name} sticks, then jumps by {jump:op}{beside}.";
     "so both": "The valve of {name} has a dead band of {width:op}{span}", interval!(),
         " and jumps by {jump:op}{beside}.";
@@ -122,11 +122,11 @@ const SENTENCES: &[(&str, &str)] = sentences! {
         "Nothing now: all of it is within the usual {percent:number}\u{a0}% of span. Analyse again at the next review.";
     "do confirm": "Confirm with a step test in manual, then plan work on valve, linkage and positioner.";
     "do confirm tested": "Where it agrees, plan work on valve, linkage and positioner.";
-    "do compare": "Compare with what this valve may have; confirm with a step test before work is ordered.";
-    "do compare tested": "Compare with what this valve may have.";
+    "do compare": "Compare with the acceptable limit of this valve; confirm with a step test before work is ordered.";
+    "do compare tested": "Compare with the acceptable limit of this valve.";
     "do record_longer": "Record for longer, then analyse again.";
     "do probably_too_wide": "Probably too wide: record for longer, or confirm with a step test in manual.";
-    "do step_test": "A step test in manual tells of the valve; this recording does not.";
+    "do step_test": "A step test in manual can judge the valve; this recording cannot.";
     "do tested": "Use the step test in this recording: it gives {d:op} ({low:number} to {high:number}).";
     // Next step, in a word or two.
     "short correct": "correct";

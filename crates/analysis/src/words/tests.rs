@@ -159,7 +159,7 @@ fn an_answer_has_three_parts() {
     let bound = texts_for(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})));
     assert_eq!(bound.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%.");
     let unsure = texts_for(with(gap(), json!({"width_kind": "unsure"})));
-    assert_eq!(unsure.so, "The valve of FIC1 has a dead band of about 4.0\u{a0}%, but how wide it is is not sure.");
+    assert_eq!(unsure.so, "The valve of FIC1 has a dead band of about 4.0\u{a0}%, but its width is uncertain.");
     let either = texts_for(with(gap(), json!({"cause": "dead_band"})));
     assert!(either.so.contains("from packing or play"));
     let none = texts_for(with(gap(), json!({"confidence": "none_seen", "width": null, "high": 2.0})));

@@ -44,8 +44,8 @@ def init(
         elif isinstance(entry, Recording):
             try:
                 refuse_without_numbers(entry)
-            except InputError as error:
-                faults.append(error)
+            except InputError as fault:
+                faults.append(fault)
             else:
                 recordings.append(entry)
     if recordings:

@@ -136,7 +136,6 @@ class IdentifyAnswer:
     holds: bool
     k_error: float
     ti_error: float
-    td_error: float
     k_width: float
     ti_width: float
 
@@ -156,7 +155,7 @@ def compared(made: Record, found: Identification) -> IdentifyAnswer:
     kind, seen, _ = made.name.split("/")
     ratio = made.h / made.ti
     if found.k is None or found.ti is None:
-        return IdentifyAnswer(kind, seen, ratio, False, False, *[math.nan] * 5)
+        return IdentifyAnswer(kind, seen, ratio, False, False, *[math.nan] * 4)
     ends = found.k_low, found.k_high, found.ti_low, found.ti_high
     k_low, k_high, ti_low, ti_high = (math.nan if end is None else end for end in ends)
     holds = k_low <= made.k <= k_high and ti_low <= made.ti <= ti_high
@@ -170,7 +169,6 @@ def compared(made: Record, found: Identification) -> IdentifyAnswer:
         holds,
         found.k / made.k - 1,
         found.ti / made.ti - 1,
-        (found.td - made.td) / (made.td or made.ti),
         (k_high - k_low) / made.k,
         (ti_high - ti_low) / made.ti,
     )

@@ -175,6 +175,7 @@ async def _all(only: list[str]) -> int:
 
             def fault(kind: str) -> Callable[[], Awaitable[None]]:
                 async def lose() -> None:
+                    """Give every loop of the plant this fault."""
                     for loop in plant.names:
                         plant.fault(kind, loop)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -102,8 +102,3 @@ def write_recordings(folder: Path, count: int) -> None:
         pyarrow.parquet.write_table(
             pa.table({"t": _times(s), "SP": s.sp, "PV": s.pv, "OP": s.op}), folder / f"FIC{i:04}.parquet"
         )
-
-
-def end_of(rows: int) -> datetime:
-    """Time of the last row."""
-    return datetime(2024, 1, 1) + timedelta(seconds=rows - 1)

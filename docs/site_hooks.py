@@ -17,6 +17,9 @@ from typing import Any
 SHIM = re.compile(r"https://[^\"']*/iframe-worker/shim")
 PICTURES = {"plc/example/faceplate.svg": "faceplate.svg"}
 """Drawings from outside of the documentation, and what they are called in the site."""
+CELL = re.compile(r"<td\b.*?</td>", re.DOTALL)
+NAME = re.compile(r"(?<=<code>)[\w.]{24,}(?=</code>)")
+"""A long name with dots in a cell of a table: where it may be broken is said, or it makes the table too wide."""
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(#[^)\s]*)?(?=\))")
 
 
@@ -73,13 +76,26 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Any) -> st
         kind = "tree" if to.is_dir() else "blob"
         return f"{config.repo_url}{kind}/main/{to.relative_to(docs.parent)}{link[2] or ''}"
 
-    return LINK.sub(led, markdown)
+    # For the colours `st` is Smalltalk; comments, literals and blocks are those of Pascal.
+    return LINK.sub(led, markdown).replace("```st\n", "```pascal\n")
 
 
 def on_post_page(output: str, *, page: Any, config: Any) -> str:
-    """Take the script from the site itself."""
+    """Take the script from the site itself, and finish the text.
+
+    Long names in tables break after a dot, and the two colons before a drawing in a docstring are one.
+    """
     up = "../" * page.url.count("/")
-    return SHIM.sub(f"{up}assets/shim.js", output)
+    return broken_after_dots(SHIM.sub(f"{up}assets/shim.js", output).replace("::</p>", ":</p>"))
+
+
+def broken_after_dots(output: str) -> str:
+    """A page whose long names in tables may be broken after a dot.
+
+    >>> broken_after_dots("<td><code>modules.BacklashDetection.tf</code></td>")
+    '<td><code>modules.<wbr>BacklashDetection.<wbr>tf</code></td>'
+    """
+    return CELL.sub(lambda cell: NAME.sub(lambda name: name[0].replace(".", ".<wbr>"), cell[0]), output)
 
 
 def on_post_build(*, config: Any) -> None:

@@ -1,4 +1,4 @@
-// Assignment of columns and tags to the signals of loops: python/glapp/reading/columns.py.
+// Assignment of columns and tags to the signals of loops: python/glapp/reading/meaning.py and columns.py.
 "use strict";
 
 const Names = (data) => {
@@ -150,7 +150,7 @@ const Names = (data) => {
       let found = role === "time" ? meanings.flatMap((m, i) => (m.role === "time" ? [i] : [])) : fits(loop);
       if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
       if (found.length > 1 && new Set(found.map((i) => names[i])).size === 1) {
-        const what = `${found.length} ${kind}s are called '${names[found[0]]}', and it is open which is ${data.columns.labels[role]}`;
+        const what = `${found.length} ${kind}s are called '${names[found[0]]}', and it is not clear which of them is ${data.columns.labels[role]}`;
         throw new InputError(what, { hint: "choose one below" });
       }
       if (found.length > 1) {

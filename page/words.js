@@ -14,11 +14,11 @@ async function learn_words(module) {
   const [labels, meanings] = ["half_period", "half_period_meaning"].map(of);
   words.reasons = Object.fromEntries(Object.keys(labels).map((name) => [name, { label: labels[name], meaning: meanings[name] }]));
   words.verdicts = of("verdict");
-  words.likely = Object.fromEntries(all)["answer.likely"];
+  words.likely = { likely: Object.fromEntries(all)["answer.likely"], likely_sound: Object.fromEntries(all)["answer.likely_sound"] };
 }
 
 /** The one verdict, as every list shows it. */
-const verdict = (answer) => (answer.confidence === "likely" ? words.likely : words.verdicts[answer.verdict]);
+const verdict = (answer) => words.likely[answer.confidence] ?? words.verdicts[answer.verdict];
 
 const worded = (what, ...given) => tongue.ask("words", given.length ? { [what]: given.length > 1 ? given : given[0] } : what);
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -142,3 +143,27 @@ def test_every_test_that_a_table_names_is_there() -> None:
                     assert set(re.findall(r"`tests/([^`]+)`", cell)) <= files, f"{page.name}: {cell}"
             heads = heads or cells if line.startswith("|") else []
     assert len(found) > 150 and [one for one in found if one[1] not in there] == []
+
+
+@pytest.mark.parametrize(("page", "module"), [("api.md", "glapp"), ("api-laboratory.md", "glapp.tuning")])
+def test_a_function_named_as_its_module_is_in_the_reference(page: str, module: str) -> None:
+    """The site leaves it out where only the package is named: `glapp.fit` and `tuning.migo` were not there."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    package = import_module(module)
+    assert package.__file__ is not None
+    files = {path.stem for path in Path(package.__file__).parent.glob("*.py")}
+    hidden = [name for name in package.__all__ if name in files and callable(getattr(package, name))]
+    assert len(hidden) > 3
+    for name in hidden:
+        assert f"\n::: {getattr(package, name).__module__}.{name}\n" in text
+
+
+def test_no_docstring_of_the_reference_has_a_table_that_the_site_does_not_draw() -> None:
+    python, checked = ROOT / "python/glapp", 0
+    for page in ("api.md", "api-laboratory.md"):
+        for name in re.findall(r"^::: glapp\.?(\w*)", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.MULTILINE):
+            folder = python / name
+            for path in folder.glob("*.py") if name and folder.is_dir() else [python / f"{name or '__init__'}.py"]:
+                assert not re.search(r"^ *=====", path.read_text(encoding="utf-8"), re.MULTILINE), path
+                checked += 1
+    assert checked > 15

@@ -176,7 +176,7 @@ def faces(recording: glapp.Recording, folder: Path) -> list[str]:
         found += differences(core, one, "window")
         [shown] = station.rows()
         found += differences(core["width_percent_span"], shown.percent, "window percent")
-        verdict = words.LIKELY if core["confidence"] == "likely" else words.VERDICTS[core["verdict"]]
+        verdict = words.named(core["confidence"], core["verdict"])
         found += differences(verdict, shown.verdict, "window verdict")
     finally:
         store.close()

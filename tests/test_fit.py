@@ -281,7 +281,7 @@ def test_what_is_said_under_such_loads_is_true(name: str) -> None:
     ("name", "why"),
     [
         ("PV filtered/gap/258", "the process settles in"),
-        ("squares through a lag/gap/238", "longer than what was recorded"),
+        ("squares through a lag/gap/238", "longer than the recording"),
         ("squares through a lag/gap/256", "changes of the load"),
     ],
 )

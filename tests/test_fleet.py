@@ -164,6 +164,7 @@ def test_a_giant_group_of_rows_is_read_in_parts(tmp_path: Path, monkeypatch: pyt
     batches = lake_of._batches
 
     def counted(*how: Any) -> Any:
+        """Batches as they are, with their sizes noted."""
         for batch in batches(*how):
             sizes.append(len(batch))
             yield batch

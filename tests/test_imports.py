@@ -73,6 +73,18 @@ def test_no_room_imports_one_above_it() -> None:
     assert wrong == []
 
 
+def test_a_file_enters_names_and_values_once() -> None:
+    """No form of files reads cells or assigns columns: `rows` and `columns` do, whatever the form."""
+    modules = graph()
+
+    def importers(of: str) -> set[str]:
+        return {name.removeprefix("glapp.") for name, used in modules.items() if f"glapp.reading.{of}" in used}
+
+    beside = {"reading.shape", "fleet.lake"}
+    assert importers("values") == {"reading.rows", "reading.source", "service.opcua_values", *beside}
+    assert importers("columns") == {"reading", "reading.wide", "reading.long", *beside}
+
+
 def test_sql_stands_in_one_module() -> None:
     sql = re.compile(r"\b(SELECT|INSERT|REPLACE INTO|DELETE FROM|UPDATE \w+ SET|PRAGMA)\b")
     assert [name_of(path) for path in ROOT.rglob("*.py") if sql.search(path.read_text("utf-8"))] == [

@@ -23,7 +23,7 @@ from glapp.escape import for_spreadsheet
 from glapp.loop import Loop
 from glapp.reading import open_recordings
 from glapp.reading.files import name_of
-from glapp.reading.init import first_settings
+from glapp.reading.init import settings_of
 from glapp.reading.settings import parse_settings, read_settings
 
 __all__ = ["run"]  # the fixture
@@ -239,7 +239,7 @@ def test_what_a_spreadsheet_computes_in_any_width_is_text():
 @pytest.mark.slow
 def test_a_first_loops_toml_of_such_names_can_be_parsed(evil, tmp_path):
     path = evil(tmp_path / "a\nb\x1b.parquet")
-    text = first_settings(path)
+    text = settings_of(open_recordings(path))
     assert harmless(text)
     [loop] = parse_settings(text, "loops.toml", tmp_path)
     assert loop.name == EVIL and loop.columns.pv == f"{EVIL}.PV"

@@ -167,6 +167,15 @@ class TestLimitCycles:
         s = simulate.closed_loop("P2", c, d=1.0, noise=0, h=0.02, t_end=2000, setpoint=[(1, 5.0)], tf=0)
         assert np.ptp(s.position[s.t > 1500]) < 0.02
 
+    def test_a_stable_process_cycles_where_ti_is_well_below_its_lag(self) -> None:
+        """It was said that this takes two integrators."""
+        lag, d = Plant([1.0], [10.0, 1.0], 0.5), 2.0
+        for ti, cycles in ((4.0, True), (10.0, False)):
+            controller = (8.0, ti)
+            assert any(c.stable for c in backlash_cycles(open_loop(lag, controller), d)) == cycles
+            s = simulate.closed_loop(lag, controller, d=d, noise=0.0, h=0.02, t_end=600, setpoint=[(1, 5.0)])
+            assert (np.ptp(s.op[s.t > 400]) / 2 > d / 2) == cycles
+
     @pytest.mark.slow
     def test_relay_finds_the_ultimate_point(self) -> None:
         for name in PLANTS:

@@ -225,7 +225,7 @@ def test_the_shortest_of_more_hours_is_told_that_shows_the_gap(monkeypatch, show
     assert (test.power, test.minutes and test.minutes / 60) == (power, hours)
     assert (test.reason is None) == (power is not None)
     if power is None:
-        assert test.reason == "9 h more of the same show the gap in 40 % only"
+        assert test.reason == "9 h more of the same operation would show the gap in only 40 % of cases"
 
 
 def test_more_hours_are_refused_where_they_tell_nothing_new():

@@ -6,6 +6,8 @@ import io
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 import zipfile
 from pathlib import Path
@@ -281,6 +283,37 @@ def test_a_process_that_ends_costs_one_answer():
     with pytest.raises(InputError, match=r"^x\.csv: ended the process that read it \((signal 9|exit code)"):
         apart.call("x.csv", crash)
     assert apart.call("x.csv", whole)["answer"].tolist() == [0, 1, 2]
+
+
+BROKEN_OFF = """
+import gc, itertools, sys
+import pyarrow as pa
+from glapp.reading import apart
+from glapp.reading.parquet import ParquetSource
+from glapp.reading.source import ahead
+
+gc.set_threshold(10**9)  # what nothing refers to any more is freed at the end of Python
+if sys.argv[2] == "apart":
+    rows = apart.opened(ParquetSource, sys.argv[1], "x.parquet").stream({0: pa.int64()}, frozenset())
+else:
+    rows = ahead(itertools.count())
+next(rows)
+cycle = [rows]
+cycle.append(cycle)
+del rows, cycle
+print("ended")
+"""
+
+
+@pytest.mark.parametrize("pass_", ["apart", "ahead"])
+def test_a_pass_that_is_broken_off_does_not_keep_python_from_ending(tmp_path, pass_):
+    """After an error a pass may stay until Python ends, where no thread starts and none that runs goes on."""
+    path = tmp_path / "x.parquet"
+    pq.write_table(pa.table({"t": np.arange(9)}), path)
+    ended = subprocess.run(
+        [sys.executable, "-c", BROKEN_OFF, str(path), pass_], capture_output=True, text=True, timeout=120
+    )
+    assert (ended.stdout, ended.stderr, ended.returncode) == ("ended\n", "", 0)
 
 
 @KEEPS_MEMORY

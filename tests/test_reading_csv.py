@@ -363,7 +363,9 @@ def test_a_quality_beside_each_signal(tmp_path):
     assert got["flags"].tolist() == [0, BAD, 0]
     # One before all signals and one behind: it is open whose they are.
     path = write(tmp_path, "Quality,t,F1.SP,F1.PV,Quality\nGood,0,1,2,Good\nGood,1,1,2,Good\n")
-    with pytest.raises(InputError, match="2 columns are called 'Quality', and it is open which is quality"):
+    with pytest.raises(
+        InputError, match="2 columns are called 'Quality', and it is not clear which of them is quality"
+    ):
         open_recordings(path)
 
 
@@ -418,7 +420,7 @@ WRONG = {
     ),
     "two PV": (
         "t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n",
-        ": 2 columns are called 'PV', and it is open which is PV; give them different names in the file",
+        ": 2 columns are called 'PV', and it is not clear which of them is PV; give them different names in the file",
     ),
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
     "ambiguous day": (

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from glapp.errors import InputError
 from glapp.reading import open_recordings
+from glapp.reading.cells import CellFault
 from glapp.reading.times import Clock
-from glapp.reading.values import CellFault
 from glapp.recording import joined
 
 moments = st.lists(st.datetimes(datetime(1970, 1, 1), datetime(2200, 1, 1)), min_size=1, max_size=20)

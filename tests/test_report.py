@@ -233,7 +233,7 @@ def worn() -> Result:
 
 @pytest.fixture(scope="module")
 def run(worn: Result) -> list[Result]:
-    """One loop of every kind."""
+    """Results of a run with one loop of every kind."""
     return [
         refused(),
         worn,
@@ -643,7 +643,7 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
         worn, name="wide", fit=Fit("backlash", "a gap", "%", 0.4 * worn.d_hat, 0.3 * worn.d_hat, 0.5 * worn.d_hat)
     )
     agrees = replace(worn, name="agrees", fit=Fit("backlash", "a gap", "%", worn.d_hat, 0.9 * worn.d_hat, worn.d_hat))
-    may = replace(worn, fit=Fit("cannot_tell", "would fit", "%", 0.1, 0.0, 0.4, why="may_be_a_gap"))
+    may = replace(worn, fit=Fit("cannot_tell", "would fit", "%", 0.1, 0.0, 0.4, why="families_disagree"))
     codes = [r.answer.struck and r.answer.struck.code for r in (sound, wide, agrees, may)]
     assert codes == ["sound", "above", None, "above"]
     assert words.headline(sound).startswith("< 0.5") and sound.width is None and sound.verdict == "sound"

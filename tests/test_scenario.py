@@ -520,7 +520,10 @@ def test_a_tuning_is_a_controller() -> None:
 
 def test_a_simulation_is_drawn_and_is_a_data_frame() -> None:
     s = closed_loop("P2", (0.4, 2.4), d=0.05, t_end=20, setpoint=[(1, 1.0)], load=[(10, 0.3)])
-    assert [trace.name for trace in glapp.plot(s).data] == ["SP", "PV", "OP", "position", "load"]
+    figure = glapp.plot(s)
+    assert [trace.name for trace in figure.data] == ["SP", "PV", "OP", "position", "load"]
+    axes = [axis.title.text for axis in figure.select_yaxes()]
+    assert axes == ["SP, PV [PV unit]", "OP, position [OP unit]", "load [OP unit]"]
     frame = s.to_pandas()
     assert list(frame.columns) == s.to_arrow().column_names
     np.testing.assert_array_equal(frame["PV"].to_numpy(), s.pv)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from glapp.errors import InputError
 from glapp.loop import Loop
-from glapp.reading.init import first_settings
+from glapp.reading import open_recordings
+from glapp.reading.init import settings_of
 from glapp.reading.settings import parse_settings, read_settings, write_settings
 
 ROOT = Path(__file__).parents[1]
@@ -171,7 +172,7 @@ def recording(path, header="t,SP,PV [degC],OP"):
 
 
 def test_first_settings_parse_as_they_stand(tmp_path):
-    text = first_settings(recording(tmp_path / "FIC 7.csv"))
+    text = settings_of(open_recordings(recording(tmp_path / "FIC 7.csv")))
     [loop] = parse_settings(text, "loops.toml", tmp_path)
     assert loop.name == "FIC 7"
     assert loop.columns.pv == "PV [degC]"
@@ -185,11 +186,11 @@ def test_first_settings_name_every_loop_of_a_wide_file(tmp_path):
     recording(path, "t,A.SP,A.PV,B.SP").write_text(
         "t,A.SP,A.PV,B.SP,B.PV\n" + "".join(f"{i},50,{i},1,2\n" for i in range(9))
     )
-    assert [loop.name for loop in parse_settings(first_settings(path), "x", tmp_path)] == ["A", "B"]
+    assert [loop.name for loop in parse_settings(settings_of(open_recordings(path)), "x", tmp_path)] == ["A", "B"]
 
 
 def test_filling_in_the_first_settings_works(tmp_path):
-    text = first_settings(recording(tmp_path / "F.csv"))
+    text = settings_of(open_recordings(recording(tmp_path / "F.csv")))
     text = text.replace("# pv_span = [0, 0]", "pv_span = [0, 200]").replace("# op_span", "op_span")
     text = re.sub(r"^# (\[loops.F.controller\]|form|gain_unit|ti_unit|td|action)", r"\1", text, flags=re.MULTILINE)
     text = text.replace("# k = 0.0", "k = 0.8").replace("# ti = 0.0", "ti = 30")

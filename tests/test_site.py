@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+import glapp
+from glapp import simulate, tuning
+
 SITE = Path(__file__).parent.parent / "dist/site"
 CHROMIUM = shutil.which("chromium")
 if CHROMIUM is None:
@@ -24,6 +27,11 @@ def test_a_folder_is_read_and_searched_without_a_network() -> None:
         page.goto((SITE / "fit.html").as_uri())
         assert page.evaluate("document.documentElement.scrollWidth") <= 375
         page.set_viewport_size({"width": 1280, "height": 800})
+        # Its table of five columns scrolled, with the numbers out of sight.
+        page.goto((SITE / "thesis.html").as_uri())
+        tables = page.locator(".md-typeset__scrollwrap")
+        assert tables.count() > 0
+        assert not tables.evaluate_all("all => all.some(one => one.scrollWidth > one.clientWidth)")
         page.goto((SITE / "index.html").as_uri())
         page.locator("[data-md-component=search-query]").fill("stiction")
         page.locator(".md-search-result__item", has_text="Read the answer").first.wait_for()
@@ -31,3 +39,15 @@ def test_a_folder_is_read_and_searched_without_a_network() -> None:
         page.wait_for_url("**/answer.html*")
         browser.close()
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+@pytest.mark.verify
+@pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site")
+def test_the_reference_has_every_public_function() -> None:
+    for page, module in (("api", glapp), ("api-laboratory", tuning), ("api-laboratory", simulate)):
+        text = (SITE / f"{page}.html").read_text(encoding="utf-8")
+        for name in module.__all__:
+            public = getattr(module, name)
+            places = {f"{module.__name__}.{name}", f"{public.__module__}.{name}"} if callable(public) else set()
+            assert not places or any(f'id="{place}"' in text for place in places), name
+        assert "::</p>" not in text and "=====" not in text

@@ -18,12 +18,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
 
 
 def unfolded(page: Any) -> None:
-    """The zero crossings, which are folded where there is an answer."""
+    """Unfold the zero crossings, which are folded where there is an answer."""
     page.locator("summary", has_text="Zero crossings").click()
 
 
 def under_way(page: Any) -> None:
-    """Waits until the page has its signals: it then shows the half-period under way."""
+    """Wait until the page has its signals: it then shows the half-period under way."""
     unfolded(page)
     page.get_by_text(re.compile("^Half-period under way")).wait_for()
 

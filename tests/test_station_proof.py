@@ -45,7 +45,7 @@ class Plant:
         self.process.wait(LONGEST / 1000)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture  # a second try begins with a plant of its own
 def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plant]:
     one = Plant(tmp_path_factory.mktemp("proof"))
     yield one

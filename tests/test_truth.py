@@ -349,3 +349,39 @@ def test_a_load_that_walks_is_not_corrected_into_a_gap(seed: int) -> None:
     result = corrected(recorded("P2", (0.775, 2.05), 0.0, seed, load=walk), (0.775, 2.05), process={"kp": 1})
     assert result.corrected is not None and result.corrected.d is None
     assert result.corrected.reason
+
+
+def test_the_scatter_of_detections_is_no_confidence() -> None:
+    """Under a load that walks, a 95 % limit made of the scatter lies above the gap nearly always."""
+    d, above = 0.05, 0
+    controller = {"k": P3_PI[0], "ti": P3_PI[1], "setpoint_weight": 0}
+    loop = glapp.Loop(name="P3", controller=controller, process={"kp": 1.0}, tf=P3_PI[1] / 10)
+    for seed in range(20):
+        walks = [{"kind": "walk", "rate": 0.002}]
+        s = filtered("P3", (*P3_PI, 0, 0), d=d, noise=0.005, h=0.05, t_end=2800, load=walks, seed=seed)
+        rows = glapp.estimate(t=s.t, sp=s.sp, pv=s.pv, loop=loop).half_periods
+        widths = rows.d[rows.mask == 0]
+        above += widths.mean() - 1.96 * widths.std(ddof=1) / np.sqrt(len(widths)) > d
+    assert above >= 15
+
+
+@pytest.mark.parametrize(("plant", "controller", "every"), [("P3", P3_PI, 60.0), ("P5", (1.22, 1.78), 100.0)])
+def test_a_thinned_recording_reads_as_the_whole_one_down_to_eight_samples(
+    plant: str, controller: tuple[float, float], every: float
+) -> None:
+    """With eight samples a half-period or more the width is that of all samples; with fewer there is none."""
+    (k, ti), h = controller, 0.05
+    load = [(every * i, 0.3 * (i % 2)) for i in range(25)]
+    loop = glapp.Loop(name=plant, controller={"k": k, "ti": ti, "setpoint_weight": 0}, process={"kp": 1.0}, tf=ti / 10)
+    s = filtered(plant, (k, ti, 0, 0), d=0.05, noise=0.002, h=h, t_end=2500, setpoint=[(1, 1.0)], load=load, seed=1)
+    whole, few = None, 0
+    for step in (1, 4, 16, 64):
+        found = glapp.estimate(t=s.t[::step], sp=s.sp[::step], pv=s.pv[::step], loop=loop)
+        rows = found.half_periods
+        if np.median(rows.delta_t[rows.mask == 0]) < 8 * step * h:
+            assert found.d_hat is None
+            few += 1
+        else:
+            whole = whole or found.d_hat
+            assert found.d_hat == pytest.approx(whole, rel=0.08)
+    assert few == 1

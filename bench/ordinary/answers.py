@@ -41,7 +41,7 @@ class Claim:
     Attributes
     ----------
     confidence : str
-        *found, likely, cannot_tell, none_seen, sound, refused* or *not_judged*.
+        *found, likely, cannot_tell, likely_sound, none_seen, sound, refused* or *not_judged*.
     cause, width_kind : str or None
         As in the answer's document.
     d, low, high : float or None

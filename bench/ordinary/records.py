@@ -57,7 +57,7 @@ class Truth:
     fault : Fault
     number, seed : int
     half : str
-        "A", "B", "C" or "D".
+        "A", "B", "C", "D" or "E".
     service, kind : str
         As in `design.Drawn`.
     outside : list of str

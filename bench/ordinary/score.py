@@ -195,12 +195,19 @@ def sound(one: Group) -> str:
     def called(j: Judged) -> bool:
         return j.claim.confidence == "sound"
 
+    def probably(j: Judged) -> bool:
+        return j.claim.confidence == "likely_sound"
+
     rows: dict[str, list[bool]] = {
         f"gaps wider than {LIMIT:g} %: called sound": [called(j) for j in wide],
         "of these the gap is wider than the bound": [wrong(j) for j in told],
         "narrower gaps, sound or none seen: wider than the bound": [wrong(j) for j in narrow],
         "valves that stand still: called sound": [called(j) for j in still],
         f"gapless, OP turned through {LIMIT:g} % {TURNS} times: called sound": [called(j) for j in turned],
+        f"gaps wider than {LIMIT:g} %: called likely sound": [probably(j) for j in wide],
+        "valves that stand still: called likely sound": [probably(j) for j in still],
+        "gapless: called likely sound": [probably(j) for j in one if j.line.truth.d == 0],
+        f"gapless, OP turned through {LIMIT:g} % {TURNS} times: called likely sound": [probably(j) for j in turned],
     }
     return markdown(["", "how many", "share"], [[name, counts(of), share(of)] for name, of in rows.items()])
 

@@ -365,7 +365,7 @@ def _added(gram: Floats, toward: Floats, taken: list[int], most: int) -> list[in
 
 
 def _left_out(gram: Floats, toward: Floats, taken: list[int]) -> list[int]:
-    """`taken` without what does not pay beside the others."""
+    """`taken` without the changes that gain less than their price beside the others."""
     taken, size = list(taken), toward.size
     while taken:
         inverse = linalg.pinvh(gram[np.ix_(taken, taken)])

@@ -46,7 +46,7 @@ class Lines:
 
 
 def corners(values: Floats) -> Floats:
-    """Corners of a line; a quantity that is one of two numbers has a line between them."""
+    """Values at which the line of a quantity has its corners; a quantity with two values has a line between them."""
     different = np.unique(values)
     if different.size == 1:
         return np.array([different[0], different[0] + 1.0])

@@ -5,13 +5,11 @@ converted once, here, to the ideal (ISA) form in SI seconds and in the units the
 
     u = K·(b·ysp − y + (1/Ti)·∫(ysp − y) dt − Td·dy/dt)
 
-==========  =================================  ==========================================================
-form        as written                         ideal form
-==========  =================================  ==========================================================
-ideal       K', Ti', Td'                       K = K', Ti = Ti', Td = Td'
-series      K'·(1 + 1/(Ti's))·(1 + Td's)       K = K'(1 + Td'/Ti'), Ti = Ti' + Td', Td = Ti'Td'/(Ti' + Td')
-parallel    kp + ki/s + kd·s                   K = kp, Ti = kp/ki, Td = kd/kp
-==========  =================================  ==========================================================
+| form | as written | ideal form |
+|---|---|---|
+| ideal | K', Ti', Td' | K = K', Ti = Ti', Td = Td' |
+| series | K'·(1 + 1/(Ti's))·(1 + Td's) | K = K'(1 + Td'/Ti'), Ti = Ti' + Td', Td = Ti'Td'/(Ti' + Td') |
+| parallel | kp + ki/s + kd·s | K = kp, Ti = kp/ki, Td = kd/kp |
 
 Proportional band: K = 100/PB, in % of OP span per % of PV span. A gain in %/% becomes OP units per PV unit when
 multiplied by (width of OP span)/(width of PV span). A direct-acting controller (OP rises with PV) has negative K.

@@ -1,14 +1,12 @@
 """Recordings to try glapp on, as a plant's historian would export them, from loops whose dead band is known.
 
-==========  =================================================  ==================
-recording   what it is                                         true dead band
-==========  =================================================  ==================
-FIC201      a worn valve, a clear cycle                        2.4 %
-PIC305      a worn valve behind measurement noise              3.0 %
-LIC110      a sound valve; the load swings, the loop with it   none
-FIC402      a worn valve, stepped in manual: the step test     1.5 %
-TIC118      a worn valve, and nobody wrote down the settings   1.6 %
-==========  =================================================  ==================
+| recording | what it is | true dead band |
+|---|---|---|
+| FIC201 | a worn valve, a clear cycle | 2.4 % |
+| PIC305 | a worn valve behind measurement noise | 3.0 % |
+| LIC110 | a sound valve; the load swings, the loop with it | none |
+| FIC402 | a worn valve, stepped in manual: the step test | 1.5 % |
+| TIC118 | a worn valve, and nobody wrote down the settings | 1.6 % |
 """
 
 from __future__ import annotations

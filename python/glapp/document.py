@@ -347,9 +347,10 @@ class Answer(_Part):
     """The fit's; the last four are those of the crossings, where nothing was fitted."""
     valve: Literal["gap", "no_gap", "unknown", "refused"]
     """State of the valve; refused: data or settings allow no answer."""
-    confidence: Literal["found", "likely", "cannot_tell", "none_seen", "sound", "refused", "not_judged"]
-    """Confidence that there is a dead band; none_seen: none above `high`; sound: none wider than the limit; not_judged:
-    OP and PV were not fitted, and zero crossings alone do not judge a valve.
+    confidence: Literal["found", "likely", "cannot_tell", "likely_sound", "none_seen", "sound", "refused", "not_judged"]
+    """Confidence that there is a dead band; likely_sound: one wider than the limit is improbable; none_seen: none above
+    `high`; sound: none wider than the limit; not_judged: OP and PV were not fitted, and zero crossings alone do not
+    judge a valve.
     """
     cause: Literal["backlash", "stiction", "both", "dead_band"] | None
     """Cause; dead_band: play or packing, the data do not tell which; null where none is found or likely."""

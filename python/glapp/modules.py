@@ -761,7 +761,7 @@ class BacklashDetection(_Compensating):
         The longest delay with which it may be enabled, as a share of Ti, ≥ 0; a scan always may. Where not given: 0.2
         for `Way.INVERSE` and `Way.ERROR`, a scan alone for `Way.DERIVATIVE`.
     comp_size : float
-        Width of the gap that a person types, ≥ 0, within the range of the output [unit of the output]; 0: none.
+        Width of the gap, entered by hand, ≥ 0, within the range of the output [unit of the output]; 0: none.
     comp_fitted : float, optional
         Lower limit of the fit whose verdict is backlash, ≥ 0 [unit of the output]; 0: the fit found no gap, and the
         on-line estimate is contradicted.

@@ -616,7 +616,7 @@ def nyquist_figure(
     criteria: bool = False,
     window: float = 3.0,
 ) -> go.Figure:
-    """Nyquist plot in the thesis' manner (figures 1.3, 1.5, 1.6, 2.2, 7.4).
+    """Nyquist plot in the thesis' manner (figures 1.3, 1.5, 1.6 and 2.2; the relay of section 7.4).
 
     Parameters
     ----------

@@ -230,11 +230,11 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
 
 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
-    """The result with `Result.plan`: what would decide, where a gap is *likely* or the data *cannot tell*.
+    """The result with `Result.plan`: what would decide, where it is *likely* or *likely_sound*, or *cannot_tell*.
 
     - `recordings`, `result`, `**asked`: as in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
     """
-    if result.answer.confidence not in ("likely", "cannot_tell"):
+    if result.answer.confidence not in ("likely", "cannot_tell", "likely_sound"):
         return result
     try:
         plan = plan_from(recordings, result, **asked)
@@ -334,7 +334,7 @@ class _Fitted:
         gains = _gains(process.kp[0], best["kp_near"], recording.loop.kp())
         if gains is None:
             raise InputError(
-                f"the recording does not tell the process gain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
+                f"the process gain is too uncertain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
                 f"{recording.loop.pv_unit or 'PV unit'} per {_op_unit(result.unit)}",
                 **where,
                 hint="record the loop while OP or the setpoint is stepped once or twice",
@@ -827,7 +827,10 @@ def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
         times, shown = short, sooner
     minutes = times * len(loop.sp_moves) * loop.h / 60
     if shown < WORTH:
-        return Planned("more_hours", f"{minutes / 60:.3g} h more of the same show the gap in {100 * shown:.0f} % only")
+        return Planned(
+            "more_hours",
+            f"{minutes / 60:.3g} h more of the same operation would show the gap in only {100 * shown:.0f} % of cases",
+        )
     return Planned("more_hours", minutes=minutes, power=shown, with_gap=shown, simulations=FITTED)
 
 

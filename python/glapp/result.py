@@ -42,7 +42,7 @@ Crossings = Literal["estimate", "provisional", "no_estimate", "refused"]
 Verdict = Literal[Crossings, "backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
 """The one verdict of a loop: the fit's, or where nothing was fitted that of the crossings."""
 
-Confidence = Literal["found", "likely", "cannot_tell", "none_seen", "sound", "refused", "not_judged"]
+Confidence = Literal["found", "likely", "cannot_tell", "likely_sound", "none_seen", "sound", "refused", "not_judged"]
 """Confidence that there is a dead band."""
 
 Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
@@ -312,9 +312,10 @@ class Answer:
     valve : "gap", "no_gap", "unknown", "refused"
         What that means of the valve.
     confidence : str
-        How sure it is that there is a dead band: *found*, *likely*, *cannot_tell*, *none_seen* (above `high`), *sound*
-        (none wider than is acceptable), *refused* (data or settings allow no answer), *not_judged* (OP and PV
-        were not fitted; zero crossings alone do not judge a valve).
+        How sure it is that there is a dead band: *found*, *likely*, *cannot_tell*, *likely_sound* (one wider than is
+        acceptable is improbable), *none_seen* (above `high`), *sound* (none wider than is acceptable), *refused* (data
+        or settings allow no answer), *not_judged* (OP and PV were not fitted; zero crossings alone do not judge a
+        valve).
     cause : "backlash", "stiction", "both", "dead_band" or None
         What makes it; dead_band: play or packing, the data do not tell which.
     width_kind : "interval", "bound", "unsure" or None

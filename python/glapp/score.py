@@ -199,6 +199,10 @@ def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcom
         if width is None and answer.confidence == "none_seen":
             return "silent", ""
         return "wrong", "the answer sees no dead band"
+    if answer.confidence == "likely_sound":
+        limit = None if answer.limit is None else answer.limit.width
+        within = width is not None and limit is not None and width <= limit
+        return ("right", "") if within else ("wrong", "the answer calls the valve likely sound")
     if answer.confidence not in ("found", "likely"):
         return "silent", ""
     if {label.found, answer.cause} == {"gap", "stiction"} or (label.found, answer.cause) == ("stiction", "backlash"):
@@ -214,7 +218,7 @@ def _of_sound(label: Label, answer: Answer, width: float | None) -> tuple[Outcom
     if answer.confidence in ("found", "likely"):
         within = answer.acceptable == "within"
         return ("right", "") if within else ("wrong", "the answer sees a dead band")
-    if answer.confidence in ("sound", "none_seen") or answer.verdict == "oscillation":
+    if answer.confidence in ("sound", "none_seen", "likely_sound") or answer.verdict == "oscillation":
         return "right", ""
     return "silent", ""
 
@@ -243,7 +247,17 @@ class Count:
 
 def counted(scored: Sequence[Scored]) -> list[Count]:
     """Right, wrong and silent answers by confidence, the surest first; answers that do not count are left out."""
-    order = ("found", "likely", "sound", "none_seen", "oscillation", "cannot_tell", "not_judged", "refused")
+    order = (
+        "found",
+        "likely",
+        "sound",
+        "none_seen",
+        "likely_sound",
+        "oscillation",
+        "cannot_tell",
+        "not_judged",
+        "refused",
+    )
     counts = []
     for confidence in order:
         outcomes = [one.outcome for one in scored if _outcome(one.result.answer) == confidence]

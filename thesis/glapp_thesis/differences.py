@@ -26,7 +26,7 @@ class Difference(NamedTuple):
 
 
 DIFFERENCES = (
-    Difference("4.1", "T is the time of 63 % of the step response, 4.35 s for P2", "4.1", "T"),
+    Difference("4.1", "T is the time of 63 % of the step response (for P2 that makes 4.35 s)", "4.1", "T"),
     Difference("7.2.1", "the Kp part never exceeds 10 % of the rest", "7.4", "highest of all"),
     Difference(
         "7.2.3", "no value of Kp makes the estimate of a 5 % gap too high", "7.5", "P3: highest of all seeds and gains"

@@ -27,7 +27,7 @@ STICTION, SOUND = ((1 + math.sqrt(2)) ** third for third in (1 / 3, 2 / 3))
 
 
 def answer(record: Record) -> MethodAnswer:
-    """The decision."""
+    """Answer by the slope index of the oscillation of OP or PV."""
     if (swing := triangle_or_sine(record)) is None:
         return MethodAnswer("cannot_tell", reason="no regular oscillation")
     index = slope_index(*swing)

@@ -125,7 +125,7 @@ pub enum Reason {
     OpStill,
     /// PV never moves while in auto.
     PvStill,
-    /// The moves of PV and the area of the error do not each show in OP.
+    /// Proportional and integral action cannot be separated in OP.
     Unshown,
     /// R² is below [`R2_USABLE`].
     LittleExplained,

@@ -16,7 +16,7 @@ pub struct Inspected<'a> {
 }
 
 impl Inspected<'_> {
-    /// The first so many rows, or all there are.
+    /// The first `rows` rows, or all where there are fewer.
     pub fn first(&self, rows: usize) -> Self {
         let Self { t, sp, pv, op, flags } = self.even();
         let n = rows.min(t.len());
@@ -29,7 +29,7 @@ impl Inspected<'_> {
         }
     }
 
-    /// The rows that all columns have.
+    /// Columns cut to the length of the shortest.
     pub(crate) fn even(&self) -> Self {
         let optional = [self.sp.map(<[f64]>::len), self.op.map(<[f64]>::len), self.flags.map(<[u8]>::len)];
         let n = optional.into_iter().flatten().fold(self.t.len().min(self.pv.len()), usize::min);

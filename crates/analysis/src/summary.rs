@@ -30,6 +30,8 @@ const HARM_UNKNOWN: f64 = 0.5;
 
 /// Words of a fit that cannot tell, and whose upper limit stands: none and a gap up to it fit alike.
 const OPEN: [&str; 2] = ["may_be_a_gap", "families_disagree"];
+/// Words of a fit that cannot tell, and whose upper limit, where it is acceptable, makes a wider dead band improbable (ADR 33).
+const NARROW_IF_ANY: [&str; 3] = ["may_be_a_gap", "hidden_by_samples", "swings"];
 
 /// Code for the decision of a step test.
 const TEST: &str = "step_test";
@@ -120,6 +122,8 @@ pub enum Confidence {
     Likely,
     /// The data can be explained with a dead band and without.
     CannotTell,
+    /// One wider than the acceptable limit is improbable; whether there is a narrower one the data do not tell.
+    LikelySound,
     /// None shows above the bound that is given.
     NoneSeen,
     /// No dead band wider than the acceptable limit.
@@ -398,7 +402,8 @@ impl Summary {
     /// The answer by the fit.
     fn of_fit(facts: &Facts, fit: &FitFacts) -> Self {
         let judged = fit.judged();
-        let (low, high) = fit.interval();
+        let likely_sound = facts.judged(Some(0.0), fit.narrow_if_any()) == Some(Acceptable::Within);
+        let (low, high) = if likely_sound { (Some(0.0), fit.high) } else { fit.interval() };
         let width = match (judged.confidence, judged.width_kind) {
             _ if fit.verdict == FitVerdict::Oscillation => None,
             (FitConfidence::Found | FitConfidence::Likely, Some(WidthKind::Bound)) => low,
@@ -408,7 +413,7 @@ impl Summary {
         let limit = facts.limit();
         let acceptable = facts.judged(width.and(low), high);
         let next = match fit.verdict {
-            _ if acceptable == Some(Acceptable::Within) => Next::Review,
+            _ if acceptable == Some(Acceptable::Within) || likely_sound => Next::Review,
             FitVerdict::Backlash if judged.cause == Some(Cause::Backlash) && fit.why != MORE => {
                 Next::Inspect(Part::Play)
             }
@@ -437,16 +442,18 @@ impl Summary {
             FitConfidence::Likely => Confidence::Likely,
             FitConfidence::NoneSeen if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
             FitConfidence::NoneSeen => Confidence::NoneSeen,
+            FitConfidence::CannotTell if likely_sound => Confidence::LikelySound,
             FitConfidence::CannotTell => Confidence::CannotTell,
         };
         let claims = confidence != Confidence::CannotTell;
-        let bound = matches!(confidence, Confidence::NoneSeen | Confidence::Sound);
+        let bound = matches!(confidence, Confidence::NoneSeen | Confidence::Sound | Confidence::LikelySound);
         let urgency = match (valve, acceptable) {
             (Valve::Gap, Some(Acceptable::Within)) => Urgency::None,
             (Valve::Gap, Some(Acceptable::Beyond)) => Urgency::High,
             (Valve::Gap, _) => Urgency::Medium,
             (Valve::Unknown, Some(Acceptable::Within)) => Urgency::None,
-            // Only likely: a step test at the next round.
+            (Valve::Unknown, _) if likely_sound => Urgency::None,
+            // No more than likely: a step test at the next round.
             (Valve::Unknown, Some(Acceptable::Beyond)) => Urgency::Medium,
             _ if fit.verdict == FitVerdict::Oscillation => Urgency::Medium,
             (Valve::NoGap, _) if next == Next::Nothing => Urgency::None,
@@ -718,6 +725,12 @@ impl FitFacts {
         }
     }
 
+    /// Upper limit of a dead band that the fit leaves open; none where it says more, or the limit is that of a rejected model.
+    fn narrow_if_any(&self) -> Option<f64> {
+        let open = self.verdict == FitVerdict::CannotTell && self.judged().confidence == FitConfidence::CannotTell;
+        self.high.filter(|_| open && NARROW_IF_ANY.contains(&&*self.why))
+    }
+
     fn evidence(&self) -> Evidence {
         let over = self.lr_no_gap.unwrap_or(0.0) / self.lr_needed.unwrap_or(f64::INFINITY);
         match self.verdict {
@@ -850,6 +863,30 @@ mod tests {
         assert_eq!(up_to(Some(0.9), Some(100.0)), Confidence::Sound);
         assert_eq!(up_to(Some(1.1), Some(100.0)), Confidence::NoneSeen);
         assert_eq!(up_to(Some(0.9), None), Confidence::NoneSeen);
+    }
+
+    #[test]
+    fn a_valve_is_probably_sound_where_all_that_stays_open_is_acceptable() {
+        let open = |why: &str, high, span| {
+            let fit = FitFacts { why: why.into(), ..fit(FitVerdict::CannotTell, 0.0, high) };
+            Summary::of(&Facts { fit: Some(fit), span, ..Facts::default() })
+        };
+        let likely = open("may_be_a_gap", Some(0.9), Some(100.0));
+        assert_eq!((likely.confidence, likely.valve), (Confidence::LikelySound, Valve::Unknown));
+        assert_eq!((likely.low, likely.high, likely.width), (Some(0.0), Some(0.9), None));
+        assert_eq!((likely.acceptable, likely.width_kind), (None, Some(WidthKind::Bound)));
+        assert_eq!((likely.next.step, likely.urgency), (Next::Review, Urgency::None));
+        assert_eq!((likely.compensable, likely.health), (None, Health::Normal));
+        for silent in [
+            open("may_be_a_gap", Some(1.1), Some(100.0)),
+            open("may_be_a_gap", Some(0.9), None),
+            open("may_be_a_gap", None, Some(100.0)),
+            // The limits are those of a rejected model, or a load that swings hides a wider one.
+            open("misfit", Some(0.9), Some(100.0)),
+            open("repeats", Some(0.9), Some(100.0)),
+        ] {
+            assert_eq!((silent.confidence, silent.next.step), (Confidence::CannotTell, Next::RecordMore));
+        }
     }
 
     #[test]

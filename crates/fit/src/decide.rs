@@ -3,9 +3,11 @@
 pub(crate) mod best;
 pub(crate) mod bootstrap;
 pub(crate) mod combine;
+pub(crate) mod evidence;
 pub(crate) mod joint;
 pub(crate) mod judgement;
 pub(crate) mod segment;
+pub(crate) mod segment_fit;
 pub(crate) mod thresholds;
 pub(crate) mod trend;
 pub(crate) mod valve;

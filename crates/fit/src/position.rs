@@ -21,8 +21,8 @@ use crate::data::samples::{Samples, Unfit};
 use crate::data::segment::OpAndPv;
 use crate::decide::combine::{Combined, Reading, combine};
 use crate::decide::joint::{SegmentAnswer, newest};
+use crate::decide::judgement::Verdict;
 use crate::decide::trend::Trend;
-use crate::decide::verdict::Verdict;
 use crate::position::track::{FEWEST, Track};
 use crate::problem::records;
 

@@ -408,7 +408,8 @@ impl Outside {
         })
     }
 
-    /// Takes the outer setpoint and, in the place of the process value, its noise; gives the inner setpoint.
+    /// Step of the outer controller: takes its setpoint and, in `pv`, the noise, to which the process value is added;
+    /// gives the inner setpoint.
     fn before<const MANUAL: bool>(&mut self, sp: f64, pv: &mut f64, h: f64) -> f64 {
         *pv += self.y;
         let yf = self.filter.update(&mut self.filter_state, *pv, h);

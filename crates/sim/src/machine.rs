@@ -68,7 +68,7 @@ pub(crate) fn resolution(name: &'static str, step: f64) -> Result<f64, Parameter
     require(name, step, step >= 0.0, "0 or greater")
 }
 
-/// The samples without process value.
+/// Index ranges of the samples without a process value.
 pub(crate) fn bad(s: &Scenario, n: usize) -> Result<Vec<Range<usize>>, SimError> {
     let samples = |&(from, to): &(f64, f64)| {
         if from.is_finite() && to.is_finite() && from < to {

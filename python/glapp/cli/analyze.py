@@ -46,18 +46,19 @@ def analyze(
         Path | None, typer.Option("--csv", metavar="CSV", help="Write a row per loop; - is standard output.")
     ] = None,
     trust: Annotated[
-        bool, typer.Option("--trust", metavar="", help="Go on with an identification that is not usable.")
+        bool, typer.Option("--trust", metavar="", help="Use K and Ti of an identification that is not usable, too.")
     ] = False,
     no_fit: Annotated[
-        bool, typer.Option("--no-fit", metavar="", help="Leave out the fit of OP and PV, which takes a second a loop.")
+        bool,
+        typer.Option("--no-fit", metavar="", help="Leave out the fit of OP and PV, which takes a second per loop."),
     ] = False,
-    why: Annotated[bool, typer.Option("--why", metavar="", help="Say what each answer stands on.")] = False,
+    why: Annotated[bool, typer.Option("--why", metavar="", help="Show the evidence of each answer.")] = False,
     plan: Annotated[
         bool,
         typer.Option(
             "--plan",
             metavar="",
-            help="Where the answer is open, say which test would decide: up to some minutes a loop.",
+            help="Where the answer is open, plan the test that would decide: up to some minutes per loop.",
         ),
     ] = False,
     op_within: Annotated[
@@ -70,7 +71,7 @@ def analyze(
     ] = None,
     minutes: Annotated[float, typer.Option(metavar="NUMBER", help="With --plan, longest test.")] = 60.0,
 ) -> None:
-    """Estimate the dead band of every loop, and say how sure that is and why not surer."""
+    """Estimate the dead band of every loop, with how sure that is and the reasons."""
     to_output = table is not None and str(table) == "-"
     if json and to_output:
         raise CommandError("--json and --csv - both write to standard output; name a file for --csv")

@@ -13,8 +13,8 @@ from rich.text import Text
 
 from ..errors import InputError
 from ..escape import one_line
+from ..reading.cells import CellFault
 from ..reading.times import moment
-from ..reading.values import CellFault
 from ..result import REASONS, Result
 from .inputs import Refused, open_one
 from .options import Options, with_options
@@ -35,7 +35,7 @@ def explain(
         ),
     ] = None,
     trust: Annotated[
-        bool, typer.Option("--trust", metavar="", help="Go on with an identification that is not usable.")
+        bool, typer.Option("--trust", metavar="", help="Use K and Ti of an identification that is not usable, too.")
     ] = False,
 ) -> None:
     """Show one half-period: its numbers, every test, and which of them rejected it. Without --at: list them all."""

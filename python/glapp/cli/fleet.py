@@ -62,7 +62,7 @@ def make_demo(
     lake: Annotated[Path, typer.Argument(metavar="LAKE", help="Folder for the lake; made if missing, else empty.")],
     loops: Annotated[int, typer.Option(metavar="N", help="Number of loops, 10 to 10000.")] = 200,
     days: Annotated[int, typer.Option(metavar="N", help="Days of history, 1 to 3660.")] = 30,
-    seed: Annotated[int, typer.Option(metavar="N", help="Another seed is another mill.")] = 1,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the simulated mill.")] = 1,
 ) -> None:
     """Write a lake of simulated loops to try the fleet on, with bad data of every kind and the truth beside it."""
     from ..fleet import make_demo
@@ -95,24 +95,28 @@ def analyze(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Settings: a loops.toml, or a CSV or Parquet table with a row a loop. Default: loops.toml, "
-            "loops.parquet or loops.csv in the lake; without any, the loops that tags' names show.",
+            help="Settings: a loops.toml, or a CSV or Parquet table with a row per loop. Default: loops.toml, "
+            "loops.parquet or loops.csv in the lake; without any, the loops found by the names of tags.",
         ),
     ] = None,
     time_zone: Annotated[
         str | None, typer.Option(metavar="ZONE", help="Zone of times without one, such as Europe/Stockholm.")
     ] = None,
     fits: Annotated[
-        int, typer.Option(metavar="N", help="Windows fitted of a loop at most, 1 to 64, a second of a core each.")
+        int, typer.Option(metavar="N", help="Most windows fitted per loop, 1 to 64; each takes a second.")
     ] = 8,
     engine: Annotated[
-        Literal["local", "spark"], typer.Option(help="This machine's cores, or Spark (pip install 'glapp\\[spark]').")
+        Literal["local", "spark"],
+        typer.Option(help="Run on this machine's cores, or on Spark (pip install 'glapp\\[spark]')."),
     ] = "local",
-    workers: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: one per core.")
+    ] = None,
 ) -> None:
     """Judge all valves of a lake; stopped, it goes on where it was, and later it reads only what is new."""
     from .. import fleet as engines
     from ..fleet.report import lost_of
+    from ..report.words import LIKELY
 
     with _bar() as bar:
         tasks: dict[str, Any] = {}
@@ -132,11 +136,13 @@ def analyze(
         out.print(_table(found[:_SHOWN]))
         if len(found) > _SHOWN:
             out.print(f"and {len(found) - _SHOWN} more in the report")
-    counts = {name: sum(row["valve"] == name for row in table.to_pylist()) for name in ("gap", "no_gap", "unknown")}
+    valves = [row["confidence" if row["confidence"] in LIKELY else "valve"] for row in table.to_pylist()]
+    counts = {name: valves.count(name) for name in ("gap", "no_gap", *LIKELY, "unknown")}
     lost = made["lost"]
     out.print(
-        f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['no_gap']} without, {counts['unknown']} "
-        f"cannot be judged, {lost['loops']} refused. {made['seconds']:.0f} s.",
+        f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['likely']} likely with one, {counts['no_gap']} "
+        f"without, {counts['likely_sound']} likely sound, {counts['unknown']} cannot be judged, {lost['loops']} "
+        f"refused. {made['seconds']:.0f} s.",
         soft_wrap=True,
     )
     out.print(f"The report is {results / 'report.html'}, the tables are in {results / made['folder']}.", soft_wrap=True)

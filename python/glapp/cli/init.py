@@ -26,7 +26,7 @@ def init(
     ],
     options: Options,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; else standard output.")
+        Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; default: standard output.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", metavar="", help="Overwrite the file if it exists.")] = False,
 ) -> None:
@@ -44,8 +44,8 @@ def init(
         elif isinstance(entry, Recording):
             try:
                 refuse_without_numbers(entry)
-            except InputError as fault:
-                faults.append(fault)
+            except InputError as unusable:
+                faults.append(unusable)
             else:
                 recordings.append(entry)
     if recordings:

@@ -65,26 +65,26 @@ def _fault(text: str) -> _Fault:
 
 
 def plant(
-    loops: Annotated[int, typer.Option(metavar="N", help="How many loops, 1 to 10000.")] = 5,
+    loops: Annotated[int, typer.Option(metavar="N", help="Number of loops, 1 to 10000.")] = 5,
     settings: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Write the loops.toml that fits it, for glapp watch.")
     ] = None,
-    port: Annotated[int, typer.Option(metavar="PORT", help="Where it listens, 1 to 65535.")] = 4840,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address it listens at.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="PORT", help="Port it listens on, 1 to 65535.")] = 4840,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address it listens on.")] = "127.0.0.1",
     scan: Annotated[float, typer.Option(metavar="S", help="Scan time in s; the loops' times go by it.")] = 1.0,
     speed: Annotated[
         float, typer.Option(metavar="X", help="Seconds of the plant per second, until it is at the present.")
     ] = 1.0,
     days: Annotated[float, typer.Option(metavar="DAYS", help="How many days ago its time begins.")] = 0.0,
     repair: Annotated[
-        float | None, typer.Option(metavar="DAY", help="On which of these days the valves that wear are repaired.")
+        float | None, typer.Option(metavar="DAY", help="Day on which the worn valves are repaired.")
     ] = None,
     history: Annotated[float, typer.Option(metavar="HOURS", help="History that can be read; 0 for none.")] = 1.0,
     watchdog: Annotated[
         float, typer.Option(metavar="S", help="How long its watchdog may stand still until u_FF goes to 0.")
     ] = 10.0,
-    ramp: Annotated[float, typer.Option(metavar="S", help="How long that takes.")] = 30.0,
-    seed: Annotated[int, typer.Option(metavar="N", help="Of noise and disturbances.")] = 1,
+    ramp: Annotated[float, typer.Option(metavar="S", help="Time in which u_FF then goes to 0.")] = 30.0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of noise and disturbances.")] = 1,
     fresh: Annotated[
         bool, typer.Option("--fresh", metavar="", help="New time stamps in every scan for SP and mode too.")
     ] = False,
@@ -92,8 +92,9 @@ def plant(
         list[str] | None,
         typer.Option(
             metavar="AFTER,KIND[,LOOP[,SECONDS]]",
-            help="What goes wrong after how many seconds, in a loop or in all, for how long; may be repeated. Loops: "
-            "silent, bad, stuck, future, late, duplicate, type, back, manual, writer. The server itself: gone, moved.",
+            help="Fault: after how many seconds, of which kind, in which loop (all by default), for how long; may be "
+            "repeated. Of loops: silent, bad, stuck, future, late, duplicate, type, back, manual, writer. Of the "
+            "server: gone, moved.",
         ),
     ] = None,
 ) -> None:
@@ -175,7 +176,7 @@ def tags(
         list[str] | None, typer.Option(metavar="TEXT", help="Only loops with this in their name; may be repeated.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; else standard output.")
+        Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; default: standard output.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", metavar="", help="Overwrite the file if it exists.")] = False,
 ) -> None:

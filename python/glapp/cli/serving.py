@@ -18,14 +18,17 @@ from .screen import out
 __all__ = ["Certificate", "Key", "PlantDays", "PlantLoops", "PlantScan", "need", "say_first_login", "until_stopped"]
 
 PlantLoops = Annotated[
-    int | None, typer.Option(metavar="N", help="Another simulated plant, with so many loops and nothing behind it.")
+    int | None, typer.Option(metavar="N", help="Simulate a new plant, without history, with this number of loops.")
 ]
 PlantDays = Annotated[
-    float | None, typer.Option(metavar="DAYS", help="Another, whose time begins so many days ago: it hurries.")
+    float | None,
+    typer.Option(metavar="DAYS", help="Simulate a new plant that begins this many days ago and catches up."),
 ]
-PlantScan = Annotated[float | None, typer.Option(metavar="S", help="Another, with this scan time in s.")]
-Certificate = Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")]
-Key = Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")]
+PlantScan = Annotated[float | None, typer.Option(metavar="S", help="Simulate a new plant with this scan time in s.")]
+Certificate = Annotated[
+    Path | None, typer.Option(metavar="PEM", help="Certificate for TLS; needed on other addresses than 127.0.0.1.")
+]
+Key = Annotated[Path | None, typer.Option(metavar="PEM", help="Key of the certificate.")]
 
 
 def need(command: str, extra: str, *names: str) -> None:

@@ -25,25 +25,27 @@ _LONGEST = 180.0  # [s]: the demonstration's service takes 4 s on an idle machin
 
 
 def station(
-    data: Annotated[
-        Path, typer.Option("--data", metavar="DIR", help="Folder of the service, which is only read here.")
-    ] = Path("glapp-data"),
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the service; it is only read.")] = Path(
+        "glapp-data"
+    ),
     demo: Annotated[
         bool, typer.Option("--demo", metavar="", help="Start a simulated plant and the service on it, too.")
     ] = False,
     loops: PlantLoops = None,
     days: PlantDays = None,
     scan: PlantScan = None,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the window listens at.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8108,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the window listens on.")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(metavar="PORT", min=0, max=65535, help="Port it listens on; 0: any free one.")
+    ] = 8108,
     certificate: Certificate = None,
     key: Key = None,
     name: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="A name browsers call it by, beside --host; may be repeated."),
+        typer.Option(metavar="NAME", help="Further host name that browsers use; may be repeated."),
     ] = None,
     api_url: Annotated[
-        str | None, typer.Option(metavar="URL", help="Address of the service's API, where the folder does not say it.")
+        str | None, typer.Option(metavar="URL", help="Address of the service's API, where the folder does not have it.")
     ] = None,
     trust: Annotated[
         Path | None, typer.Option(metavar="PEM", help="Certificate of an API that no public authority has signed.")
@@ -51,7 +53,7 @@ def station(
 ) -> None:
     """Show the plant's valves in the browser: overview, loops, events. Commands go through the service's API.
 
-    Everybody logs in with the name and password that the service knows. docs/station.md has all of it.
+    Everybody logs in with the name and password that the service knows. Details: docs/station.md.
     """
     need("station", "station", "nicegui", "httpx", "fastapi", "uvicorn")
     given = {"host": host, "port": port, "certificate": certificate, "key": key}

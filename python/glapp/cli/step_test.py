@@ -29,7 +29,7 @@ def step_test(
     options: Options,
     manual: Annotated[
         bool,
-        typer.Option("--manual", metavar="", help="All was in manual: for a recording without a mode column."),
+        typer.Option("--manual", metavar="", help="The whole recording was in manual: where it has no mode column."),
     ] = False,
     json: Annotated[
         bool, typer.Option("--json", metavar="", help="One JSON object on standard output, nothing else.")
@@ -43,7 +43,7 @@ def step_test(
         float | None,
         typer.Option(
             metavar="PERCENT",
-            help="Widest dead band that passes in --page, in % of span; the loop's own, or 1, where not given.",
+            help="Widest dead band that passes in --page, in % of span; default: that of the loop, else 1.",
         ),
     ] = None,
 ) -> None:

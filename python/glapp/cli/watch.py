@@ -74,13 +74,14 @@ every night, and compensate where an engineer has enabled it. Everything is kept
 {examples("glapp watch login engineer", "glapp watch users add anna --role operator", "glapp watch enable FIC101")}
 """,
     epilog="The first user is engineer, whose password stands in first-login.txt of the folder. "
-    "docs/service.md has all of it.",
+    "Details: docs/service.md.",
 )
 
 Data = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the database and the signals.")]
-Url = Annotated[str, typer.Option("--api-url", metavar="URL", help="Where the service's API is.")]
+Url = Annotated[str, typer.Option("--api-url", metavar="URL", help="Address of the service's API.")]
 User = Annotated[
-    str | None, typer.Option("--user", metavar="NAME", help=f"Who asks; else the token in {TOKEN}, or that of `login`.")
+    str | None,
+    typer.Option("--user", metavar="NAME", help=f"Your user name; default: the token in {TOKEN}, or that of `login`."),
 ]
 
 
@@ -100,7 +101,8 @@ def _server_option(text: str, metavar: str, low: int | None = None, high: int | 
 )
 def run(
     settings: Annotated[
-        Path | None, typer.Argument(metavar="LOOPS.TOML", help="The loops, and how their server is reached.")
+        Path | None,
+        typer.Argument(metavar="LOOPS.TOML", help="Settings of the loops, and of the connection to their server."),
     ] = None,
     data: Data = Path("glapp-data"),
     demo: Annotated[
@@ -111,22 +113,22 @@ def run(
     scan: PlantScan = None,
     repair: Annotated[
         float | None,
-        typer.Option(metavar="DAY", help="On which of these days the simulated plant's worn valves are repaired."),
+        typer.Option(metavar="DAY", help="Day on which the worn valves of the simulated plant are repaired."),
     ] = None,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the API listens at.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8107,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the API listens on.")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(metavar="PORT", min=0, max=65535, help="Port of the API; 0: any free one.")
+    ] = 8107,
     certificate: Certificate = None,
     key: Key = None,
     keep: Annotated[int, typer.Option(metavar="DAYS", help="How long signals are kept.")] = 30,
     fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
     fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
-    fit_longest: Annotated[float, typer.Option(metavar="S", help="How long a fit may take; then it is ended.")] = 600.0,
+    fit_longest: Annotated[float, typer.Option(metavar="S", help="Longest time of a fit; then it is stopped.")] = 600.0,
     wait: Annotated[float, typer.Option(metavar="S", help="How long a sample waits for values that come late.")] = 2.0,
     opcua_port: Annotated[
         int | None,
-        _server_option(
-            "Serve the answers here, to be read only; 0: any free one. Off where not given.", "PORT", 0, 65535
-        ),
+        _server_option("Serve the answers here, read-only; 0: any free one. Off where not given.", "PORT", 0, 65535),
     ] = None,
     opcua_host: Annotated[
         str, _server_option("Address; beyond 127.0.0.1 certificate, key and user are needed.", "ADDRESS")
@@ -262,7 +264,7 @@ async def _serve(
         work = [one.run(source), opened.open(), *api.state.proof.work()]
         if ours is not None:
             answers = await stack.enter_async_context(AnswerServer(one.status, **ours))
-            out.print(f"Answers and DeviceHealth at {answers.url}, to be read only.", soft_wrap=True)
+            out.print(f"Answers and DeviceHealth at {answers.url}, read-only.", soft_wrap=True)
             work.append(answers.run())
         await until_stopped(*work)
 
@@ -295,7 +297,7 @@ def status(
     data: Data = Path("glapp-data"),
     as_json: Annotated[bool, typer.Option("--json", metavar="", help="One JSON object, nothing else.")] = False,
 ) -> None:
-    """Show what the service last saw of every loop; it need not run."""
+    """Show the last known state of every loop; the service need not run."""
     from ..folder_lock import FolderLock
     from ..service.store import Reader
 
@@ -350,13 +352,13 @@ def _cells(loop: dict[str, Any], now: float) -> tuple[str, ...]:
 @watch.command(epilog=examples("glapp watch events --data plant --loop FIC101"))
 def events(
     data: Data = Path("glapp-data"),
-    loop: Annotated[str | None, typer.Option(metavar="NAME", help="Of one loop only.")] = None,
-    most: Annotated[int, typer.Option(metavar="N", min=1, help="The newest so many.")] = 50,
+    loop: Annotated[str | None, typer.Option(metavar="NAME", help="Only events of this loop.")] = None,
+    most: Annotated[int, typer.Option(metavar="N", min=1, help="Number of events, the newest ones.")] = 50,
     commands: Annotated[
-        bool, typer.Option("--commands", metavar="", help="Who asked for what, in their place.")
+        bool, typer.Option("--commands", metavar="", help="Show the commands and their persons instead.")
     ] = False,
 ) -> None:
-    """Show what happened, the newest last."""
+    """Show the events, the newest last."""
     from ..service.store import Reader
 
     with Reader(data) as reader:
@@ -373,7 +375,7 @@ def events(
 
 @watch.command(epilog=examples("glapp watch backup plant.db --data plant"))
 def backup(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The copy; one that is there is replaced.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File of the copy; an old one is replaced.")],
     data: Data = Path("glapp-data"),
 ) -> None:
     """Copy the database, while the service runs or not; signals are files, in DIR/signals."""
@@ -385,10 +387,10 @@ def backup(
 
 @watch.command(epilog=examples("glapp watch restore plant.db --data plant"))
 def restore(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `glapp watch backup` wrote.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Copy that `glapp watch backup` wrote.")],
     data: Data = Path("glapp-data"),
 ) -> None:
-    """Put a copy in the place of the database; the old one is set aside, and compensation is off."""
+    """Replace the database by a copy; the old one is kept aside, and compensation is off."""
     from ..service.store import restore as put_back
 
     aside = put_back(data, file)
@@ -402,7 +404,7 @@ def restore(
 
 @watch.command(epilog=examples("glapp watch login engineer"))
 def login(
-    user: Annotated[str, typer.Argument(metavar="NAME", help="Your name there.")],
+    user: Annotated[str, typer.Argument(metavar="NAME", help="Your user name.")],
     api_url: Url = _API_URL,
 ) -> None:
     """Log in: the token is kept for twelve hours in a file that only you can read."""
@@ -420,9 +422,9 @@ def login(
 def watchdog_test(
     loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None
 ) -> None:
-    """See once that the plant takes a small u_FF away when its watchdog stands still; only then is a loop enabled.
+    """Test once that the plant removes a small u_FF when its watchdog stands still; no loop can be enabled before.
 
-    There is one watchdog for all loops: where it stands still, the plant takes u_FF of every loop away.
+    There is one watchdog for all loops: where it stands still, the plant removes the u_FF of every loop.
     """
     _answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/watchdog-test")
     text = (
@@ -434,19 +436,19 @@ def watchdog_test(
 
 @watch.command(epilog=examples("glapp watch enable FIC101"))
 def enable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
-    """Let a loop be compensated, in your name; an engineer may."""
+    """Enable the compensation of a loop, in your name; needs the role engineer."""
     _print_values(_answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/enable"))
 
 
 @watch.command(epilog=examples("glapp watch disable FIC101"))
 def disable(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
-    """End the compensation of a loop; an operator may."""
+    """End the compensation of a loop; needs the role operator."""
     _print_values(_answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/disable"))
 
 
 @watch.command(epilog=examples("glapp watch fit FIC101"))
 def fit(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _API_URL, user: User = None) -> None:
-    """Have a loop fitted now; an operator may."""
+    """Have a loop fitted now; needs the role operator."""
     _answer_of_service(api_url, user, "POST", f"/loops/{_path_part(loop)}/fit")
     out.print(f"{loop} is fitted: `glapp watch status` shows the answer when it is there.", soft_wrap=True)
 
@@ -457,11 +459,13 @@ def fit(loop: Annotated[str, typer.Argument(metavar="LOOP")], api_url: Url = _AP
 )
 def set_(
     loop: Annotated[str, typer.Argument(metavar="LOOP")],
-    values: Annotated[list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="NAME= is: as before.")] = None,
+    values: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="NAME= restores the default.")
+    ] = None,
     api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
-    """Show the parameters of a loop's detector and compensation, or change some; an engineer may."""
+    """Show the parameters of a loop's detector and compensation, or change some; needs the role engineer."""
     path = f"/loops/{_path_part(loop)}/parameters"
     if not values:
         _print_values(_answer_of_service(api_url, user, "GET", path))
@@ -481,7 +485,7 @@ def set_(
 @watch.command(name="take-over", epilog=examples("glapp watch take-over FIC101"))
 def take_over(
     loop: Annotated[str, typer.Argument(metavar="LOOP")],
-    answer: Annotated[int | None, typer.Option(metavar="ID", help="Which answer; the newest where not given.")] = None,
+    answer: Annotated[int | None, typer.Option(metavar="ID", help="Number of the answer; default: the newest.")] = None,
     api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
@@ -509,7 +513,7 @@ def list_(api_url: Url = _API_URL, user: User = None) -> None:
 def add(
     name: Annotated[str, typer.Argument(metavar="NAME")],
     role: Annotated[str, typer.Option(metavar="ROLE", help="viewer, operator or engineer.")] = "viewer",
-    keep_password: Annotated[bool, typer.Option("--keep-password", metavar="", help="Change the role alone.")] = False,
+    keep_password: Annotated[bool, typer.Option("--keep-password", metavar="", help="Change only the role.")] = False,
     api_url: Url = _API_URL,
     user: User = None,
 ) -> None:
@@ -521,7 +525,7 @@ def add(
 
 @users.command(epilog=examples("glapp watch users remove anna"))
 def remove(name: Annotated[str, typer.Argument(metavar="NAME")], api_url: Url = _API_URL, user: User = None) -> None:
-    """Take a user out."""
+    """Remove a user."""
     _answer_of_service(api_url, user, "DELETE", f"/users/{_path_part(name)}")
     out.print(f"{name} is a user no more.", soft_wrap=True)
 

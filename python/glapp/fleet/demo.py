@@ -159,7 +159,7 @@ def make_demo(
     days : int
         Days of history, 1 to 3660; a loop and day takes some 70 kB.
     seed : int
-        Another seed is another mill.
+        Seed of the simulated mill.
     progress : callable, optional
         Told how many days of how many are written.
 

@@ -32,21 +32,12 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from ..reading.columns import LABELS, SignalColumns, choose, is_long, understand
+from ..reading.cells import CellFault, is_text, plain, words
+from ..reading.columns import LABELS, SignalColumns, choose
+from ..reading.meaning import is_long, understand
+from ..reading.rows import Reader
 from ..reading.times import Clock
-from ..reading.values import (
-    CellFault,
-    Digits,
-    Quality,
-    digits_of,
-    flags_of,
-    is_text,
-    plain,
-    text_of,
-    words,
-    words_for_bad,
-)
-from ..reading.wide import Reader
+from ..reading.values import Digits, Quality, digits_of, flags_of, text_of, words_for_bad
 from .problems import DataIssue
 from .settings import NAMES
 
@@ -722,7 +713,7 @@ def _values(
     cells: pa.Array, role: str, loop: Loop, file: File, name: str, rows: NDArray[np.int64], problems: list[DataIssue]
 ) -> NDArray[np.float64]:
     """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, reported once a file and tag."""
-    reader = Reader(loop, None, file.digits, Quality((), words_for_bad(loop.bad_values)))
+    reader = Reader(loop, file.digits)
     flag = role in _WORDS
     missing = 0.0 if flag else np.nan
     for _ in range(_MOST_WORDS):

@@ -60,7 +60,7 @@ def write_report(out: str | Path) -> Path:
     loops = read(out, "loops").to_pylist()
     scored = [row for row in loops if row["score"] is not None]
     ranked = [row for row in scored if row["acceptable"] != "within"]
-    judged = [row for row in loops if row["valve"] in ("gap", "no_gap")]
+    likely = {of: [row for row in loops if row["confidence"] == of] for of in words.LIKELY}
     page = templates().get_template("fleet.html")
     known = {
         "title": "Valves of the fleet",
@@ -69,9 +69,8 @@ def write_report(out: str | Path) -> Path:
         "loops": loops,
         "ranked": ranked,
         "first": ranked[:FIRST],
-        "judged": judged,
         "scale": _scale(ranked[:FIRST]),
-        "short": _in_short(loops, ranked, judged),
+        "short": _in_short(loops, ranked, likely),
         "paretos": [
             (title, groups, len({row[name] for row in loops if row[name]}) - len(groups))
             for title, name in (("area", "area"), ("type of valve", "valve_type"), ("positioner", "positioner"))
@@ -80,6 +79,8 @@ def write_report(out: str | Path) -> Path:
         "worn": _worn(loops, read(out, "windows").to_pylist()),
         "unjudged": _unjudged(loops),
         "sound": sorted((row for row in loops if row["valve"] == "no_gap"), key=lambda row: str(row["loop"])),
+        "likely": sorted(likely["likely"], key=lambda row: -(row["p_beyond"] or 0.0)),
+        "likely_sound": sorted(likely["likely_sound"], key=lambda row: str(row["loop"])),
         "within": [row for row in scored if row["acceptable"] == "within"],
         "others": [row for row in loops if row["score"] is None and row["valve"] == "gap"],
         "problems": _problems(read(out, "problems").to_pylist()),
@@ -112,15 +113,18 @@ def lost_of(lost: Mapping[str, int]) -> str:
     return " ".join(sentences)
 
 
-def _in_short(loops: Sequence[Any], ranked: Sequence[Any], judged: Sequence[Any]) -> str:
+def _in_short(loops: Sequence[Any], ranked: Sequence[Any], likely: Mapping[str, Sequence[Any]]) -> str:
     """The summary of a run in a sentence."""
     beyond = [row for row in ranked if row["acceptable"] == "beyond"]
-    gaps = sum(row["valve"] == "gap" for row in loops)
+    gaps, none = (sum(row["valve"] == valve for row in loops) for valve in ("gap", "no_gap"))
     worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
     sentences = [
         to_text("fleet.gaps", {"gaps": gaps, "all": len(loops), "beyond": len(beyond)}),
-        to_text("fleet.rest", {"none": len(judged) - gaps, "unjudged": len(loops) - len(judged)}),
+        to_text("fleet.rest", {"none": none, "unjudged": len(loops) - gaps - none - sum(map(len, likely.values()))}),
     ]
+    if any(likely.values()):
+        counts = {"gap": len(likely["likely"]), "sound": len(likely["likely_sound"])}
+        sentences.insert(1, to_text("fleet.likely", counts))
     if beyond:
         sentences.append(to_text("fleet.first", {"names": ", ".join(row["loop"] for row in beyond[:3])}))
     if worn:

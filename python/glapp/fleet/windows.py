@@ -537,7 +537,7 @@ def _known_unfit(day: dict[str, Any]) -> Any:
 
 
 def _window(loop: Loop, recording: Samples, fitted: Any, day: dict[str, Any]) -> dict[str, Any]:
-    """A row of `WINDOWS`."""
+    """Row of a fitted window in the table `WINDOWS`."""
     fit: Fit = fitted.fit
     whole = recording.beginning(recording.rows or 0)
     law = (day["k"], day["ti"])
@@ -660,7 +660,7 @@ def _loop_row(
         "next_text": words.next_step(result),
         "reason_code": code,
         "reason": fit.reason if fit is not None else result.reason,
-        "hindrance": None if answer.valve in ("gap", "no_gap") else _hindrance(looks, code, findings),
+        "hindrance": None if words.judged(result) else _hindrance(looks, code, findings),
         "findings": " ".join(findings),
         "lr_no_gap": None if fit is None else fit.lr_no_gap,
         "lr_needed": None if fit is None else fit.lr_needed,
@@ -675,7 +675,7 @@ def _loop_row(
 
 
 def _reason_code(fit: Fit) -> str:
-    """The word for what decided; where no window could be fitted, that of most of them."""
+    """Code of the reason of a fit; where no window could be fitted, the commonest code of the windows."""
     words = [one.fit.why for one in fit.recordings]
     return fit.why or (max(sorted(set(words)), key=words.count) if words else "")
 

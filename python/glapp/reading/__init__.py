@@ -12,21 +12,22 @@ from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
 from . import apart, bounds
-from .columns import SignalColumns, choose, is_long, with_own_qualities
+from .cells import words
+from .columns import SignalColumns, each_with_columns
 from .csv import PACKED, CsvSource, encoding_of
-from .each import all_or_none, each
+from .each import all_or_none
 from .excel import sheets
 from .files import check_file, name_of
 from .influx import annotated, is_annotated, is_line_protocol, line_protocol
 from .long import long_recordings
 from .markup import is_markup, page
+from .meaning import is_long, with_own_qualities
 from .parquet import IpcSource, ParquetSource
 from .passes import Passes
 from .shape import shaped, tagged
 from .source import Source
 from .structured import parsed, table_of
 from .tables import TableSource, to_table
-from .values import words
 from .wide import WideRecording
 
 _BEGINNING = 1 << 16
@@ -220,17 +221,12 @@ def _recordings(
         return long_recordings(source, stem, loops, defaults)
     source.call(with_own_qualities(source.names))
     signals = SignalColumns(source.names, source.time)
-    found: dict[str, str] = {}
-    if loops is None:
-        found = signals.loops(stem)
-        loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
     passes = Passes(source)
 
-    def make(loop: Loop) -> Recording:
-        group = found[loop.name] if found else signals.group_of(loop)
-        return WideRecording(passes, loop, choose(signals, loop, group, source.label))
+    def make(loop: Loop, chosen: dict[str, str]) -> Recording:
+        return WideRecording(passes, loop, chosen)
 
-    return each(loops, make, source.label)
+    return each_with_columns(signals, loops, defaults, make, stem=stem, label=source.label)
 
 
 def _pv_column_given(loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None) -> bool:

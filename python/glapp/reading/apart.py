@@ -224,6 +224,8 @@ class ApartSource(Source):
                     yield _unpacked(data), fraction
                 more = False
             finally:
+                # As Python ends no thread starts that could time an answer: the process ends with it.
+                worker.sound = worker.sound and not sys.is_finalizing()
                 if more and worker.sound:
                     worker.ask(self.label, "close")
 

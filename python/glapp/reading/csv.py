@@ -16,7 +16,7 @@ import re
 import sys
 from bisect import bisect_right
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import chain, repeat
@@ -30,7 +30,6 @@ from ..errors import InputError
 from . import bounds
 from .heads import NO_ROWS, begins_with_data, body_end, head_of, holds_data
 from .source import Source
-from .values import digits_of, null_spellings, unit_of
 
 __all__ = ["PACKED", "CsvSource", "encoding_of"]
 
@@ -107,8 +106,7 @@ class CsvSource(Source):
             raise self._ragged(None)
         self._head = body_cells
         self._tail = [cells for cells in tail if len(cells) == width]
-        cells = [cell.strip() for row in body_cells + tail for cell in row]
-        self.digits = digits_of([found[0] if (found := unit_of(cell)) else cell for cell in cells], label)
+        self.learn_digits(cell for row in body_cells + tail for cell in row)
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First rows of the columns, as text."""
@@ -123,7 +121,7 @@ class CsvSource(Source):
     ) -> Iterator[tuple[list[pa.Array], float]]:
         """Pass over the file, in blocks that are parsed side by side and handed out in order."""
         names = [str(i) for i in range(len(self.names))]
-        nulls = null_spellings(bad_words)
+        nulls = _null_spellings(bad_words)
 
         def parse(block: bytes, skip: int, types: Mapping[int, pa.DataType]) -> list[pa.ChunkedArray]:
             items = list(types.items())
@@ -395,6 +393,12 @@ def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[s
             raise fault
         raise InputError("has only one column", file=label, hint="separate the columns by comma, semicolon, tab or '|'")
     return best[1], best[2]
+
+
+def _null_spellings(words: Iterable[str]) -> list[str]:
+    """The spellings of `words` that a CSV parser compares bytewise; any other one takes the slower, exact road."""
+    cases = {s for w in words for s in (w, w.upper(), w.capitalize(), w.title(), w.replace("nan", "NaN"))}
+    return sorted(cases | {" " + s for s in cases})
 
 
 def _column(rows: list[list[str]], column: int) -> pa.Array:

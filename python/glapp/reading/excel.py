@@ -23,10 +23,9 @@ import pyarrow as pa
 
 from ..errors import InputError
 from . import apart, bounds
-from .columns import understand
 from .heads import NO_ROWS, begins_with_data, body_end, head_of, holds_data
+from .meaning import understand
 from .source import Source
-from .values import digits_of
 
 __all__ = ["SheetSource", "sheets"]
 
@@ -222,8 +221,8 @@ class SheetSource(Source):
         self.names = [self.names[i] for i in kept]
         self.units = [self.units[i] for i in kept]
         self._columns = [_array([row[i] for row in body]) for i in kept]
-        words = [text for column in self._columns if pa.types.is_string(column.type) for text in column.to_pylist()]
-        self.digits = digits_of([text.strip() for text in words if text], label)
+        written = [column for column in self._columns if pa.types.is_string(column.type)]
+        self.learn_digits(text for column in written for text in column.to_pylist())
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First 1000 rows of the columns."""

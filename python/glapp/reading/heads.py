@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .columns import understand
+from .meaning import understand
 from .names import FACTS, FOOTER, UNITS, folded
 from .times import looks_like_moment, looks_like_stamp
 

@@ -15,11 +15,10 @@ from collections.abc import Iterator, Sequence
 import pyarrow as pa
 
 from ..errors import InputError
-from .columns import understand
 from .heads import NO_ROWS
+from .meaning import understand
 from .source import Source
 from .tables import TableSource
-from .values import digits_of
 
 __all__ = ["annotated", "is_annotated", "is_line_protocol", "line_protocol"]
 
@@ -80,7 +79,7 @@ class _Rows:
         columns = {"time": self.times, "tag": self.tags, "value": self.values}
         table = pa.table({name: pa.array(column, pa.string()) for name, column in columns.items()})
         source = TableSource(table, label, self.lines)
-        source.digits = digits_of(self.values[:5000], label)
+        source.learn_digits(self.values[:5000])
         return source
 
 

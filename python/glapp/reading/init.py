@@ -11,10 +11,9 @@ import numpy as np
 from ..errors import InputError
 from ..escape import one_line
 from ..recording import Recording
-from . import open_recordings
 from .settings import _key, _value
 
-__all__ = ["first_settings", "refuse_without_numbers", "settings_of"]
+__all__ = ["refuse_without_numbers", "settings_of"]
 
 _HEAD = """\
 # What glapp knows about the loops in {file}. Remove the '#' in front of what you know and correct the value;
@@ -47,23 +46,6 @@ file = {file}
 """
 
 
-def first_settings(path: str | Path, directory: str | Path = ".") -> str:
-    """Text of a loops.toml for every loop found in a recording; it can be parsed as it stands.
-
-    Columns, units and the time between rows come from the file. Spans and controller are comments to fill in.
-
-    - `path`: recording.
-    - `directory`: where the loops.toml will lie; the text names the recording relative to it, unless `path` is
-      absolute.
-
-    Raises InputError where the file or its columns cannot be used, or a signal holds no number.
-    """
-    recordings = open_recordings(path)
-    for recording in recordings:
-        refuse_without_numbers(recording)
-    return settings_of(recordings, directory)
-
-
 def refuse_without_numbers(recording: Recording) -> None:
     """Read a recording until SP, PV and OP, those that are recorded, each have a number.
 
@@ -83,7 +65,13 @@ def refuse_without_numbers(recording: Recording) -> None:
 
 
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:
-    """A first loops.toml of recordings that are open, from one file or several."""
+    """Text of a loops.toml of recordings that are open, from one file or several; it can be parsed as it is.
+
+    Columns, units and the time between rows come from the files. Spans and controller are comments to fill in.
+
+    - `directory`: place of the loops.toml; the text names the recordings relative to it, unless their paths are
+      absolute.
+    """
     files = list(dict.fromkeys(Path(recording.source) for recording in recordings))
     head = _HEAD.format(file=", ".join(one_line(file.name) for file in files))
     return head + "".join(_loop(_relative(Path(recording.source), directory), recording) for recording in recordings)

@@ -33,14 +33,13 @@ from ..errors import InputError
 from ..loop import Loop
 from ..quality import Finding, newest_first, own_times
 from ..recording import BAD, Batch, Recording, finished
-from .columns import LABELS, SignalColumns, choose, understand
-from .each import each
+from .cells import CellFault, plain, words
+from .columns import LABELS, SignalColumns, each_with_columns
+from .meaning import understand
 from .names import folded
-from .newest_first import FromLast, clock_from_last
+from .rows import OrderedRows, Reader
 from .source import Source
-from .times import Clock
-from .values import CellFault, Quality, flags_of, plain, text_of, words, words_for_bad
-from .wide import Reader, check_one_unit, unused_settings, with_units
+from .wide import check_one_unit, unused_settings, with_units
 
 __all__ = ["LongRecording", "long_recordings"]
 
@@ -65,7 +64,7 @@ class _Store:
 
     def __init__(self, source: Source, loops: Sequence[Loop]) -> None:
         self.source = source
-        self.fraction: float | None = None
+        self.rows = OrderedRows(source)
         # Columns and the way of writing times belong to the file: the first loop that says something wins.
         roles = ("time", "tag", "value", "quality")
         alone = source.tags is not None
@@ -79,26 +78,10 @@ class _Store:
         self._types = {i: pa.string() for i in self.at.values() if i is not None}
         zone = next((loop.time_zone for loop in loops if loop.time_zone), None)
         form = next((loop.time_format for loop in loops if loop.time_format), None)
-
-        def clock_of(first: pa.Array, others: pa.Array | None) -> Clock:
-            return Clock(first, others, form, zone, source.names[time], source.unit(time))
-
-        self._last_row: int | None = None
-        try:
-            self.clock = clock_of(head, source.tail(time))
-        except CellFault as fault:
-            raise self.fault(fault, "time", 0) from None
-        late = clock_from_last(source, self.clock, time, lambda first: clock_of(first, head), self.at["tag"])
-        self.clock, self.from_last = late or self.clock, late is not None
+        self.clock = self.rows.read_clock(time, form, zone, self.at["tag"])
         self._types[time] = self.clock.arrow_type
-        at = self.at["quality"]
-        try:
-            first = [] if at is None else words(source.head([at])[0]).to_pylist()
-        except CellFault as fault:
-            raise self.fault(fault, "quality", 0) from None
         marked = any(folded(name) == "marker" for name in source.names)
-        name = "" if at is None else source.names[at]
-        self._quality = Quality(map(text_of, first), words_for_bad(()), name, marked=marked)
+        self._quality = self.rows.quality_of(self.at["quality"], marked=marked)
         self._tags: dict[str, _Tag] | InputError | None = None
         self._faults: dict[str, InputError] = {}
         self._reading = Lock()
@@ -139,7 +122,7 @@ class _Store:
             try:
                 tags = words(columns[0])
             except CellFault as fault:
-                raise self.fault(fault, "tag", 0) from None
+                raise self.rows.fault(fault, 0, at) from None
             seen.update(dict.fromkeys(str(v) for v in pc.unique(tags).to_pylist() if v is not None))
         return list(seen)
 
@@ -169,12 +152,7 @@ class _Store:
         order = list(self._types)
         place = {role: order.index(i) for role, i in self.at.items() if i is not None}
         done = 0
-        stream: Iterable[tuple[list[pa.Array], float]] = self.source.stream(self._types, frozenset({""}))
-        if self.from_last:
-            stream = turned = FromLast(stream, self._tell)
-            self._last_row = turned.rows - 1
-        for columns, fraction in stream:
-            self.fraction = fraction
+        for columns in self.rows.of(self.source.stream(self._types, frozenset({""}))):
             columns = [plain(column) for column in columns]  # rows are picked from them, words may go
             n = len(columns[0])
             role = "time"
@@ -190,7 +168,7 @@ class _Store:
                 role = "quality"
                 bad = np.zeros(len(rows), np.bool_)
                 if role in place:
-                    bad = flags_of(columns[place[role]].take(keep), self._quality) != 0
+                    bad = self._quality(columns[place[role]].take(keep)) != 0
                 role = "value"
                 values = columns[place[role]]
                 for code in np.unique(codes):
@@ -204,43 +182,19 @@ class _Store:
                         x = reader.flag(kind, cells).astype(np.float64) if kind in _WORDS else reader.number(cells)
                     except CellFault as fault:  # harms the loop of this tag and no other
                         fault.index = int(rows[mine[fault.index]])
-                        self._faults[tag] = self.fault(fault, role, done, tag)
+                        self._faults[tag] = self.rows.fault(fault, done, self.at[role], tag)
                         continue
                     parts[tag].append(_Tag(t[mine], x, bad[mine]))
             except CellFault as fault:
                 if len(rows):
                     fault.index = int(rows[fault.index])
-                raise self.fault(fault, role, done) from None
+                raise self.rows.fault(fault, done, self.at[role]) from None
             done += n
-        self.fraction = 1.0
         return {
             tag: _Tag(*(np.concatenate([getattr(p, f) for p in part]) for f in ("t", "value", "bad")))
             for tag, part in parts.items()
             if part
         }
-
-    def _tell(self, fraction: float) -> None:
-        self.fraction = fraction
-
-    def fault(self, fault: CellFault, role: str, done: int, tag: str | None = None) -> InputError:
-        """The error of a cell, with its place."""
-        record = done + fault.index
-        if self._last_row is not None:
-            record = self._last_row - record
-        at = self.at[role]
-        column = None if at is None else self.source.names[at]
-        if tag is not None and self.source.tags is not None:
-            column, tag = tag, None
-        return InputError(
-            fault.what,
-            file=self.source.label,
-            row=self.source.row_number(record),
-            column=column,
-            tag=tag,
-            value=fault.value,
-            hint=fault.hint,
-            asks=fault.asks,
-        )
 
 
 class LongRecording(Recording):
@@ -269,12 +223,12 @@ class LongRecording(Recording):
     def found(self) -> Sequence[Finding]:  # type: ignore[override]
         """Findings of opening and reading."""
         clock = self._store.clock
-        turned = [newest_first(clock.name)] if self._store.from_last else []
+        turned = [newest_first(clock.name)] if self._store.rows.from_last else []
         return [*turned, *clock.found, *self._unused, *self._found_here]
 
     def fraction_read(self) -> float | None:
         """Share of the file that is read; the file is read once for all its loops."""
-        return self._store.fraction
+        return self._store.rows.fraction
 
     def batches(self, rows: int = 65536) -> Iterator[Batch]:
         """See `Recording.batches`."""
@@ -345,19 +299,12 @@ def long_recordings(
     Raises InputError where the table cannot be used.
     """
     store = _Store(source, loops or [Loop(**{**(defaults or {}), "name": stem})])
-    signals = SignalColumns(store.names())
-    found: dict[str, str] = {}
-    if loops is None:
-        found = signals.loops(stem)
-        loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
 
-    def make(loop: Loop) -> Recording:
-        group = found[loop.name] if found else signals.group_of(loop)
-        kind = "tag" if source.tags is None else "column"
-        chosen = choose(signals, loop, group, source.label, tags=True, kind=kind)
-        reader = Reader(loop, None, source.digits, Quality((), words_for_bad(loop.bad_values)))
+    def make(loop: Loop, chosen: dict[str, str]) -> Recording:
+        reader = Reader(loop, source.digits)
         for role, tag in chosen.items():
             store.readers[tag] = (role, reader)
         return LongRecording(store, loop, chosen)
 
-    return each(loops, make, source.label)
+    signals, kind = SignalColumns(store.names()), "tag" if source.tags is None else "column"
+    return each_with_columns(signals, loops, defaults, make, stem=stem, label=source.label, tags=True, kind=kind)

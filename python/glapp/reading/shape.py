@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from .columns import SignalColumns, is_long, time_of, understand
+from .cells import CellFault, plain, words
+from .columns import SignalColumns
+from .meaning import is_long, time_of, understand
 from .names import MILLISECONDS, folded
 from .source import Source
 from .times import is_date, is_time_of_day, looks_like_stamp
-from .values import CellFault, is_number, plain, words
+from .values import is_number
 
 __all__ = ["AloneSource", "shaped", "tagged"]
 

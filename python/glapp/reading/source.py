@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from queue import Empty, Full, Queue
@@ -14,8 +15,10 @@ from typing import TypeVar
 import pyarrow as pa
 
 from ..errors import InputError
-from .columns import understand
-from .values import Digits
+from .cells import plain
+from .meaning import understand
+from .names import MISSING
+from .values import Digits, digits_of, unit_of
 
 __all__ = ["Head", "Source", "ahead"]
 
@@ -79,6 +82,25 @@ class Source(ABC):
     def unit(self, column: int) -> str | None:
         """Unit that stands below a column's name, or in it."""
         return self.units[column] or understand(self.names[column]).unit
+
+    def unit_in_cells(self, column: int) -> str | None:
+        """Unit behind the numbers of a column, as in 48.20 m³/h; None where the first cells have none or several."""
+        if self.typed:
+            return None
+        head = plain(self.head([column])[0])
+        if not pa.types.is_string(head.type):
+            return None
+        found = {unit_of(cell) for cell in head.to_pylist() if cell and cell.strip().lower() not in MISSING}
+        units = {None if one is None else one[1] for one in found}
+        return units.pop() if len(units) == 1 else None
+
+    def learn_digits(self, cells: Iterable[str | None]) -> None:
+        """Take the notation of numbers from cells of text.
+
+        Raises InputError where some have a decimal comma and others a decimal point.
+        """
+        texts = [cell.strip() for cell in cells if cell]
+        self.digits = digits_of([found[0] if (found := unit_of(text)) else text for text in texts], self.label)
 
     @abstractmethod
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
@@ -161,10 +183,11 @@ def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:
                 return
             yield item  # type: ignore[misc]
     finally:
-        stop.set()
-        try:
-            while True:
-                shelf.get_nowait()
-        except Empty:
-            pass
-        thread.join()
+        if not sys.is_finalizing():  # the end of Python has stopped the thread, which may hold the locks
+            stop.set()
+            try:
+                while True:
+                    shelf.get_nowait()
+            except Empty:
+                pass
+            thread.join()

@@ -16,11 +16,10 @@ import pyarrow as pa
 
 from ..errors import InputError
 from . import bounds
-from .columns import understand
+from .meaning import understand
 from .names import folded
 from .source import Source
 from .tables import TableSource
-from .values import digits_of
 
 __all__ = ["parsed", "table_of"]
 
@@ -69,10 +68,8 @@ def table_of(data: Any, label: str) -> Source:
     bounds.check_columns(len(names), label)
     columns = [_column([row[i] for row in rows]) for i in range(len(names))]
     source = TableSource(pa.table(columns, names=list(names)), label)
-    texts = [
-        cell for column in columns if pa.types.is_string(column.type) for cell in column.slice(0, 1000).to_pylist()
-    ]
-    source.digits = digits_of([text.strip() for text in texts if text], label)
+    texts = (column.slice(0, 1000) for column in columns if pa.types.is_string(column.type))
+    source.learn_digits(text for column in texts for text in column.to_pylist())
     return source
 
 

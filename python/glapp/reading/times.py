@@ -21,8 +21,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..quality import Finding, assumed_time
+from .cells import CellFault, is_text, plain
 from .names import MONTHS
-from .values import CellFault, is_text, plain
 
 __all__ = ["Clock", "is_date", "is_time_of_day", "looks_like_moment", "looks_like_stamp", "moment"]
 

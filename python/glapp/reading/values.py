@@ -14,22 +14,19 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..recording import BAD, NOT_AUTO
 from . import names
+from .cells import CellFault, is_text, plain, words
 
 __all__ = [
-    "CellFault",
     "Digits",
     "Quality",
     "digits_of",
     "flags_of",
     "is_number",
-    "is_text",
     "limit_flag",
     "mode_flag",
-    "null_spellings",
     "numbers",
     "text_of",
     "unit_of",
-    "words",
     "words_for_bad",
 ]
 
@@ -58,16 +55,6 @@ _PARTED = ((".", ","), (",", "."))
 def _grouped(group: str) -> str:
     """Cells that may have one: 9.700."""
     return rf"^[+-]?[0-9]{{1,3}}({re.escape(group)}[0-9]{{3}})+$"
-
-
-class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputError does)
-    """A cell that cannot be used: its index in the present batch, its text, and the error."""
-
-    def __init__(
-        self, index: int, what: str, hint: str | None = None, value: object = None, asks: str | None = None
-    ) -> None:
-        super().__init__(what)
-        self.index, self.what, self.hint, self.value, self.asks = index, what, hint, value, asks
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,12 +121,6 @@ def words_for_bad(extra: Iterable[str | float]) -> frozenset[str]:
     return names.MISSING | {w.strip().lower() for w in extra if isinstance(w, str)}
 
 
-def null_spellings(words: Iterable[str]) -> list[str]:
-    """The spellings of `words` that a CSV parser compares bytewise; any other one takes the slower, exact road."""
-    cases = {s for w in words for s in (w, w.upper(), w.capitalize(), w.title(), w.replace("nan", "NaN"))}
-    return sorted(cases | {" " + s for s in cases})
-
-
 def is_number(text: str) -> bool:
     """Whether a cell is a number, however its digits are parted.
 
@@ -151,37 +132,6 @@ def is_number(text: str) -> bool:
     return bool(
         _PLAIN.fullmatch(text) or re.match(_SPACED, text) or any(re.match(_thousands(*p), text) for p in _PARTED)
     )
-
-
-def is_text(kind: pa.DataType) -> bool:
-    """Whether values of this Arrow type are text."""
-    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
-
-
-def plain(column: pa.Array) -> pa.Array:
-    """The column without a dictionary or runs, and text always as `string`."""
-    if pa.types.is_run_end_encoded(column.type):
-        column = pc.run_end_decode(column)
-    if pa.types.is_dictionary(column.type):
-        column = column.dictionary_decode()
-    return column.cast(pa.string()) if is_text(column.type) and not pa.types.is_string(column.type) else column
-
-
-def words(column: pa.Array) -> pa.Array:
-    """A column of words, or of numbers that stand for them, without a dictionary.
-
-    Raises CellFault where it holds neither.
-    """
-    column = plain(column)
-    kind = column.type
-    if pa.types.is_null(kind):
-        return column.cast(pa.string())
-    if pa.types.is_float16(kind):  # which Arrow cannot compare
-        return column.cast(pa.float32())
-    numeric = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
-    if not (is_text(kind) or numeric or pa.types.is_boolean(kind)):
-        raise CellFault(0, f"holds {kind}, not words or numbers", value=str(kind))
-    return column
 
 
 def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits()) -> NDArray[np.float64]:
@@ -346,7 +296,7 @@ class Quality:
             if not self._da and (code == 0 or code >= 1 << 16):
                 return 0 if code >> 30 == 0 else BAD
             raise ValueError(
-                "is neither an OPC UA nor, as the first rows go, an OPC DA quality",
+                "is neither an OPC UA quality nor, judging by the first rows, an OPC DA quality",
                 'write Good and Bad, or leave the column out: columns = { quality = "" }',
             )
         if word in names.GOOD or word.startswith("good"):

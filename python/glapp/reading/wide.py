@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from datetime import datetime
-from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -16,59 +14,17 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loop import Loop
 from ..quality import Finding, newest_first, setting_unused
-from ..recording import AT_HIGH, AT_LOW, Batch, Recording, finished
+from ..recording import Batch, Recording, finished
+from .cells import CellFault, plain
 from .columns import LABELS
-from .names import MISSING, SAME_UNITS, UNITS, folded
-from .newest_first import FromLast, clock_from_last
+from .names import SAME_UNITS, UNITS, folded
 from .passes import Passes
+from .rows import OrderedRows, Reader
 from .source import ahead
-from .times import Clock
-from .values import (
-    CellFault,
-    Digits,
-    Quality,
-    flags_of,
-    limit_flag,
-    mode_flag,
-    numbers,
-    plain,
-    text_of,
-    unit_of,
-    words,
-    words_for_bad,
-)
 
-__all__ = ["Reader", "WideRecording", "check_one_unit", "unused_settings", "with_units"]
+__all__ = ["WideRecording", "check_one_unit", "unused_settings", "with_units"]
 
 _NUMBERS = ("sp", "pv", "op", "position")
-
-
-@dataclass(frozen=True)
-class Reader:
-    """Rules of one loop for turning columns into a `Batch`: words, flags, clock."""
-
-    loop: Loop
-    clock: Clock | None
-    digits: Digits
-    quality: Quality
-
-    def number(self, column: pa.Array) -> NDArray[np.float64]:
-        """Numbers, with NaN for everything that means missing."""
-        x = numbers(column, words_for_bad(self.loop.bad_values), self.digits)
-        for bad in self.loop.bad_values:
-            if not isinstance(bad, str):
-                x = np.where(x == bad, np.nan, x)
-        return x
-
-    def flag(self, role: str, column: pa.Array) -> NDArray[np.uint8]:
-        """Bits of a mode, quality or limit flag column."""
-        rules: dict[str, Callable[[str], int]] = {
-            "mode": mode_flag(self.loop.auto_values, words_for_bad(self.loop.bad_values)),
-            "quality": self.quality,
-            "op_low_flag": limit_flag(AT_LOW),
-            "op_high_flag": limit_flag(AT_HIGH),
-        }
-        return flags_of(column, rules[role])
 
 
 def with_units(loop: Loop, units: dict[str, str]) -> Loop:
@@ -133,8 +89,7 @@ class WideRecording(Recording):
     def __init__(self, passes: Passes, loop: Loop, chosen: dict[str, str]) -> None:
         source = passes.source
         self.name, self.loop, self.source, self.rows = loop.name, loop, source.label, source.rows
-        self._source = source
-        self._fraction: float | None = None
+        self._ordered = OrderedRows(source)
         for name in chosen.values():
             if (same := len(source.places[name])) > 1:
                 what = f"there are {same} columns of this name"
@@ -150,23 +105,8 @@ class WideRecording(Recording):
         if len(head) == 1:
             raise InputError("has only one row", file=source.label, hint="a recording needs many rows")
         clock = None
-        self._from_last = False
-        self._last_row: int | None = None  # of the latest pass, where rows are taken from the last
         if (at := self._at.get("time")) is not None:
-            name, unit = chosen["time"], source.unit(at)
-
-            def clock_of(first: pa.Array, others: pa.Array | None) -> Clock:
-                return Clock(first, others, loop.time_format, loop.time_zone, name, unit)
-
-            try:
-                clock = clock_of(head, source.tail(at))
-            except CellFault as fault:
-                raise self._fault(fault, "time", 0) from None
-            late = passes.clock_from_last(
-                (at, loop.time_format, loop.time_zone),
-                partial(clock_from_last, source, clock, at, lambda first: clock_of(first, head)),
-            )
-            clock, self._from_last = late or clock, late is not None
+            clock = self._ordered.read_clock(at, loop.time_format, loop.time_zone, once=passes.clock_from_last)
         elif loop.sample_time is None:
             raise InputError(
                 f"no time column among: {', '.join(source.names[:20])}",
@@ -176,21 +116,16 @@ class WideRecording(Recording):
                 "apart: --sample-time SECONDS, or sample_time in loops.toml",
                 asks="columns",
             )
-        at = self._at.get("quality")
-        try:
-            first = [] if at is None else words(source.head([at])[0]).to_pylist()
-        except CellFault as fault:
-            raise self._fault(fault, "quality", 0) from None
-        bad_words = words_for_bad(loop.bad_values)
-        self._reader = Reader(
-            loop, clock, source.digits, Quality(map(text_of, first), bad_words, chosen.get("quality", ""))
-        )
+        self._quality = self._ordered.quality_of(self._at.get("quality"), loop.bad_values)
+        self._reader = Reader(loop, source.digits)
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
         self.found = [*(clock.found if clock else ()), *unused_settings(loop, self.columns)]
-        if self._from_last:
+        if self._ordered.from_last:
             self.found.insert(0, newest_first(chosen["time"]))
-        self._ends = {role: end for role in _NUMBERS if role in self._at and (end := self._end(role))}
+        self._ends = {
+            role: end for role in _NUMBERS if role in self._at and (end := source.unit_in_cells(self._at[role]))
+        }
         self.units = {LABELS[role]: end for role, end in self._ends.items()} | self.units
         self.loop = with_units(self.loop, self.units)
         check_one_unit(self.units, given, source.label, chosen.get("sp"))
@@ -200,7 +135,7 @@ class WideRecording(Recording):
         }
         if clock is not None:
             types[self._at["time"]] = clock.arrow_type
-        self._share = passes.share(types, bad_words)
+        self._share = passes.share(types, self._reader.bad_words)
 
     def release(self) -> None:
         """See `Recording.release`."""
@@ -208,7 +143,7 @@ class WideRecording(Recording):
 
     def fraction_read(self) -> float | None:
         """Share of the file or table that the latest pass has read."""
-        return self._fraction
+        return self._ordered.fraction
 
     def batches(self, rows: int = 65536) -> Iterator[Batch]:
         """See `Recording.batches`."""
@@ -221,47 +156,41 @@ class WideRecording(Recording):
 
     def _pass(self) -> Iterator[Batch]:
         """Batches of the recording, in one pass over the file."""
-        reader = self._reader
-        clock = reader.clock.reader() if reader.clock else None
+        reader, clock = self._reader, self._ordered.clock
+        seconds = clock.reader() if clock else None
         order = list(self._share.types)
         done, alive = 0, False
-        self._fraction = 0.0
-        stream: Iterable[tuple[list[pa.Array], float]] = self._share.stream()
-        if self._from_last:
-            stream = turned = FromLast(stream, self._tell)
-            self._last_row = turned.rows - 1
-        for columns, fraction in stream:
+        for columns in self._ordered.of(self._share.stream()):
             n = len(columns[0])
             if n == 0:
                 continue
             rows = None
-            if clock is not None:
+            if seconds is not None:
                 columns, rows = self._without_empty_rows(columns, order)
             values: dict[str, NDArray[np.float64]] = {}
             flags: NDArray[np.uint8] | None = None
             role = "time"
             try:
-                if clock is None:
+                if seconds is None:
                     t = np.arange(done, done + n, dtype=np.float64) * (self.loop.sample_time or 0.0)
                 else:
-                    t = clock(columns[order.index(self._at["time"])])
+                    t = seconds(columns[order.index(self._at["time"])])
                 for role, at in self._at.items():
                     if role in _NUMBERS:
                         values[role] = reader.number(self._without_unit(role, columns[order.index(at)]))
                     elif role != "time":
-                        bits = reader.flag(role, columns[order.index(at)])
+                        cells = columns[order.index(at)]
+                        bits = self._quality(cells) if role == "quality" else reader.flag(role, cells)
                         flags = bits if flags is None else flags | bits
             except CellFault as fault:
                 if rows is not None:
                     fault.index = int(rows[fault.index])
-                raise self._fault(fault, role, done) from None
+                raise self._ordered.fault(fault, done, self._at[role]) from None
             done += n
-            self._fraction = fraction
             if len(t):
                 batch = finished(t, values, flags)
                 alive = alive or bool(np.isfinite(batch.pv).any())
                 yield batch
-        self._fraction = 1.0
         if not alive:
             raise InputError(
                 f"holds no number in {done} rows",
@@ -269,21 +198,6 @@ class WideRecording(Recording):
                 column=self.columns["PV"],
                 hint="is it the right column?",
             )
-
-    def _tell(self, fraction: float) -> None:
-        self._fraction = fraction
-
-    def _end(self, role: str) -> str | None:
-        """Unit behind the numbers of a signal, as in 48.20 m³/h; None where the first cells have none or several."""
-        if self._source.typed:
-            return None
-        [head] = self._source.head([self._at[role]])
-        head = plain(head)
-        if not pa.types.is_string(head.type):
-            return None
-        found = {unit_of(cell) for cell in head.to_pylist() if cell and cell.strip().lower() not in MISSING}
-        ends = {None if one is None else one[1] for one in found}
-        return ends.pop() if len(ends) == 1 else None
 
     def _without_unit(self, role: str, column: pa.Array) -> pa.Array:
         """A column without the units written in its cells."""
@@ -307,21 +221,6 @@ class WideRecording(Recording):
             return columns, None
         rows = np.flatnonzero(~empty)
         return [column.take(pa.array(rows)) for column in columns], rows
-
-    def _fault(self, fault: CellFault, role: str, done: int) -> InputError:
-        """The error of a cell, with its row and column."""
-        record = done + fault.index
-        if self._last_row is not None:
-            record = self._last_row - record
-        return InputError(
-            fault.what,
-            file=self.source,
-            row=self._source.row_number(record),
-            column=self.columns[LABELS[role]],
-            value=fault.value,
-            hint=fault.hint,
-            asks=fault.asks,
-        )
 
 
 def _empty(column: pa.Array) -> NDArray[np.bool_] | None:

@@ -188,6 +188,8 @@ def simulation_figure(simulation: Simulation) -> go.Figure:
         t, y = _drawn(simulation.t, values)
         figure.add_scatter(x=t, y=y, name=name, mode="lines", line={"color": colour, "width": 1.5}, row=row, col=1)
     figure.update_xaxes(title="time [s]", row=rows, col=1)
+    for row, title in enumerate(("SP, PV [PV unit]", "OP, position [OP unit]", "load [OP unit]")[:rows], 1):
+        figure.update_yaxes(title=title, row=row, col=1)
     figure.update_layout(height=200 * rows + 80, showlegend=True)
     return figure
 

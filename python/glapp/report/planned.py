@@ -41,7 +41,9 @@ def text(test: Planned, plan: Plan) -> str:
         return f"No: {test.reason}."
     if test.kind == "more_hours":
         more = f"{number(test.minutes / 60)} h" if test.minutes > 120 else f"{test.minutes:.0f} min"
-        return f"{more} more of the same show the gap in {_share(test.power)}, if there is one."
+        return (
+            f"{more} more of the same operation would show the gap in {_share(test.power)} of cases, if there is one."
+        )
     assert test.hold is not None
     what, unit = ("OP", op_unit(plan.unit)) if test.kind == "by_hand" else ("SP", plan.pv_unit)
     sentences = f"{what} {_moves(test.moves)} {unit}, {_time(test.hold)} each, {number(test.minutes)} min in all. "

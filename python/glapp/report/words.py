@@ -46,8 +46,8 @@ NAMES = tuple(REASONS)
 #: The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
 VERDICTS = _catalogue_of("verdict")
 
-#: In place of the verdict, where the ladder calls a gap likely.
-LIKELY = to_text("answer.likely", {})
+#: In place of the verdict: names of a confidence that says more.
+LIKELY = {confidence: to_text(f"answer.{confidence}", {}) for confidence in ("likely", "likely_sound")}
 
 #: What is known of a valve.
 VALVES = _catalogue_of("valve")
@@ -144,7 +144,7 @@ def ranked(results: Sequence[Result]) -> list[Result]:
 
 def judged(result: Result) -> bool:
     """Tell whether something is known of the valve; of the others a list says why not, and what would help."""
-    return result.answer.valve in ("gap", "no_gap")
+    return result.answer.valve in ("gap", "no_gap") or result.answer.confidence in LIKELY
 
 
 def summary(results: Sequence[Result]) -> str:
@@ -165,8 +165,8 @@ def verdict(result: Result) -> str:
 
 
 def named(confidence: str | None, verdict: str) -> str:
-    """Name a verdict: where a dead band is likely, that."""
-    return LIKELY if confidence == "likely" else VERDICTS.get(verdict, verdict)
+    """Name a verdict: where a dead band is likely, or a sound valve is, that."""
+    return LIKELY.get(confidence or "", VERDICTS.get(verdict, verdict))
 
 
 def headline(result: Result) -> str:

@@ -479,7 +479,7 @@ def _user_routes(app: FastAPI, api: _Api) -> None:
 
     @app.delete("/users/{user}")
     async def remove_user(person: engineer, user: Annotated[str, InPath(max_length=64)]) -> dict[str, Any]:
-        """Take a user out."""
+        """Remove a user."""
 
         async def go() -> None:
             await asyncio.to_thread(api.users.remove, user)

@@ -91,7 +91,7 @@ class Journal:
         del self._backlog[: len(backlog)]
         del self._events[: len(events)]
         if self._failing_since is not None:
-            text = f"the store is written again, after {now - self._failing_since:.0f} s"
+            text = f"the store can be written again, after {now - self._failing_since:.0f} s"
             self._failing_since = self.failing = None
             self.add_event(Event(now, None, "memory_again", text))
 

@@ -658,7 +658,7 @@ class SimPlant:
                 await self._write(key, t, value)
 
     async def _faulty(self, loop: SimLoop, key: tuple[str, Signal], value: float, t: float) -> None:
-        """Write a value as the loop's fault has it."""
+        """Write a value with the simulated fault of its loop: of another type, in the future, twice or late."""
         faults = loop.faults
         if "type" in faults:
             await self._as(key, ua.VariantType.String, t, f"{value:.3f}")
@@ -684,7 +684,7 @@ class SimPlant:
             await self._as(key, kind, t, _PYTHON[kind](value))
 
     async def _as(self, key: tuple[str, Signal], kind: ua.VariantType, t: float, value: object) -> None:
-        """Write a value of another type than the tag had."""
+        """Write a value of another type, and change the type of the tag."""
         if self._server is None:
             return
         node_id, aspace = self._ids[key], self._server.iserver.aspace

@@ -239,7 +239,7 @@ class Resampler:
         return out
 
     def _open(self) -> float:
-        """The last time before a sample of a still PV that may yet come."""
+        """End of the times that are decided: just before the next sample that a still PV may have."""
         if self._last == -math.inf:
             return math.inf
         return math.nextafter(max(self._last + self.period, self._lives_from), -math.inf)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..loop import Loop, Tags
-from ..reading.columns import understand
+from ..reading.meaning import understand
 from ..reading.settings import block, write_settings
 from .connection import Connection
 

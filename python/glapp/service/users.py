@@ -150,12 +150,12 @@ class Tries:
         return found
 
     def attempt(self, name: str, address: str, now: float) -> Attempt:
-        """Count a try.
+        """Count a login that is tried, before its password is checked.
 
-        - `name`, `address`: whose password it is said to be, and where it comes from.
+        - `name`, `address`: the name it gives, and the address that it comes from.
         - `now`: by a clock that never goes back [s].
 
-        Raises Refused where it must not be looked at.
+        Raises Refused after too many wrong passwords.
         """
         if address in self.known.get(name, ()):
             return self._slowed(Attempt(name, address, True, _at=now), (name, address), now)
@@ -171,7 +171,7 @@ class Tries:
         return found
 
     def _slowed(self, attempt: Attempt, key: tuple[str, str], now: float) -> Attempt:
-        """One at a known address: never refused; beyond `TRIES` one waits, and the newest takes its place."""
+        """Slow a login from a known address, never refuse it: after `TRIES` it waits, and a newer one displaces it."""
         starts = self._paced.setdefault(key, deque(maxlen=TRIES))
         _forget(starts, now)
         waiting = self._waits.get(key)
@@ -203,7 +203,7 @@ class Tries:
 
 
 def _forget(times: deque[float], now: float) -> None:
-    """Drop tries that are too old to count."""
+    """Drop the times of logins that are too old to count."""
     while times and now - times[0] >= TRIES_WITHIN:
         times.popleft()
 
@@ -252,7 +252,7 @@ class Users:
             self._names.add(name)
 
     def remove(self, name: str) -> None:
-        """Take a user out.
+        """Remove a user.
 
         Raises InputError where there is none of that name, or it is the last engineer.
         """
@@ -316,7 +316,7 @@ class Users:
         return token, person
 
     def log_out(self, token: str) -> None:
-        """The token is good for nothing any more."""
+        """End the login of a token."""
         with self._writing:
             self._logins.pop(digest_of(token), None)
             self._store.end_login(digest_of(token))

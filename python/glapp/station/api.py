@@ -190,7 +190,8 @@ def api_of(station: Station) -> FastAPI:
 
     @app.get("/events", response_model=list[Happened], dependencies=reads)
     async def events(
-        loop: Annotated[str | None, Query(max_length=200, description="Of one loop only.")] = None, most: Most = 200
+        loop: Annotated[str | None, Query(max_length=200, description="Only events of this loop.")] = None,
+        most: Most = 200,
     ) -> Any:
         """Everything that happened and that was asked for, the newest first."""
         return await asyncio.to_thread(all_events, station, most, loop)

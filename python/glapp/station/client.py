@@ -142,11 +142,12 @@ class ApiClient:
         if asking is None:
             asking = self._live[token, path] = asyncio.ensure_future(self.asked("GET", path, token))
 
-            def answered(one: asyncio.Future[Any]) -> None:
+            def forget(one: asyncio.Future[Any]) -> None:
+                """Forget the request once it is answered."""
                 del self._live[token, path]
                 one.cancelled() or one.exception()  # every tab that has asked may be closed by now
 
-            asking.add_done_callback(answered)
+            asking.add_done_callback(forget)
         found: dict[str, Any] = (await asyncio.shield(asking))[loop]  # one tab that is closed ends it for no other
         return found
 

@@ -159,7 +159,7 @@ class _Page:
                     auto_size_columns=False,
                 ).classes("grid short")
                 self.grid.on("cellValueChanged", self._edited)
-                ui.label("What is underlined can be changed while it runs.").classes("small muted")
+                ui.label("Underlined values can be changed while it runs.").classes("small muted")
                 search.on_value_change(
                     lambda: self.grid.run_grid_method("setGridOption", "quickFilterText", search.value or "")
                 )
@@ -200,6 +200,7 @@ class _Page:
         }
 
     def _drawn(self) -> dict[str, list[list[float]]]:
+        """Points of each curve of the window, by its label."""
         return {self.lab.label(name): points for name, points in self.lab.curves(self.window).items()}
 
     def _detected(self) -> None:

@@ -141,8 +141,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             text = f"The database cannot be read: {view.why}"
         elif late is not None:
             text = (
-                f"The service has written nothing for {age(late)}: what you see is how it was at {moment(view.at)}. "
-                "No command is done until it is back."
+                f"The service has written nothing for {age(late)}: you see the state of {moment(view.at)}. "
+                "No command is carried out until it is back."
             )
         elif catching is not None:
             left = "" if catching["left"] is None else f", and needs about {duration(catching['left'])} for it"

@@ -39,7 +39,7 @@ PARAMETERS: dict[str, Parameter] = {
     "tf": Parameter("time constant of the detector's filter", "chosen from the data"),
     "n": Parameter("length of the filter of detections, odd", "9"),
     "acceptable_dead_band": Parameter("the widest gap that needs no work", "none"),
-    "comp_size": Parameter("width of the gap that a person types; 0: none", "0"),
+    "comp_size": Parameter("width of the gap, entered by hand; 0: none", "0"),
     "comp_fitted": Parameter("lower limit of the fit that was taken over", "none"),
     "comp_source": Parameter("which width counts: 1 typed, 2 fitted, 3 the estimate", "2 where there is one, else 1"),
     "comp_way": Parameter("how the direction is found: 1 error, 2 derivative, 3 inverse", "3"),

@@ -3,19 +3,17 @@
 Every rule gives a `Tuning`: the controller in ideal form, its robustness on the process it is meant for (dead time
 exact), and what a load step does. The closed forms are in the core, this module describes the process to them.
 
-==============================  ==========================================================  =========================
-rule                            needs                                                       source
-==============================  ==========================================================  =========================
-`ziegler_nichols_step`          tangent of the step response                                Ziegler & Nichols 1942
-`ziegler_nichols_frequency`     ultimate gain and period                                    Ziegler & Nichols 1942
-`lambda_tuning`                 FOTD model, the time constant λ wished for                  Dahlin 1968
-`amigo_step`                    FOTD model                                                  APC ch. 7
-`amigo_frequency`               ultimate gain and period, static gain                       APC ch. 7
-`point_placement`               ultimate gain and period                                    Åström & Hägglund 1984
-`simc`                          one or two lags and a dead time                             Skogestad 2003
-`migo`                          the process                                                 Åström et al. 1998, 2004
-`design`                        the process                                                 Garpinger & Hägglund 2008
-==============================  ==========================================================  =========================
+| rule | needs | source |
+|---|---|---|
+| `ziegler_nichols_step` | tangent of the step response | Ziegler & Nichols 1942 |
+| `ziegler_nichols_frequency` | ultimate gain and period | Ziegler & Nichols 1942 |
+| `lambda_tuning` | FOTD model, the time constant λ wished for | Dahlin 1968 |
+| `amigo_step` | FOTD model | APC ch. 7 |
+| `amigo_frequency` | ultimate gain and period, static gain | APC ch. 7 |
+| `point_placement` | ultimate gain and period | Åström & Hägglund 1984 |
+| `simc` | one or two lags and a dead time | Skogestad 2003 |
+| `migo` | the process | Åström et al. 1998, 2004 |
+| `design` | the process | Garpinger & Hägglund 2008 |
 
 APC: Åström and Hägglund, *Advanced PID Control*, 2006.
 """

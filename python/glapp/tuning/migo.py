@@ -32,11 +32,11 @@ def migo(
     1/ki is the integral of the error after a load step, so this is the best rejection of loads among controllers that
     do not swing. Robust means that the Nyquist curve stays out of circles with centre −C and radius R:
 
-    ============  =============================================================================
-    Ms ≤ ms       C = 1, R = 1/ms
-    Mt ≤ mt       C = mt²/(mt² − 1), R = mt/(mt² − 1)
-    m: both       C = (2m² − 2m + 1)/(2m(m − 1)), R = (2m − 1)/(2m(m − 1)), around both circles
-    ============  =============================================================================
+    | bound | C | R |
+    |---|---|---|
+    | Ms ≤ ms | 1 | 1/ms |
+    | Mt ≤ mt | mt²/(mt² − 1) | mt/(mt² − 1) |
+    | m: both, a circle around both circles | (2m² − 2m + 1)/(2m(m − 1)) | (2m − 1)/(2m(m − 1)) |
 
     At each frequency a circle forbids an ellipse of (k, ki); the lower envelope of the ellipses over all frequencies
     is ki(k), and its top the controller. For PID this is repeated over the derivative gain kd, of which the largest

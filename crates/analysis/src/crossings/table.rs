@@ -194,6 +194,7 @@ impl Crossings {
         self.saved().to_string()
     }
 
+    /// [`Self::save`] as a JSON value.
     pub(super) fn saved(&self) -> Value {
         let Self { settings, state, reasons, .. } = self;
         json!({ "format": FORMAT, "settings": settings, "state": state, "reasons": reasons })

@@ -177,12 +177,12 @@ fn agrees(width: f64, narrowest: f64) -> bool {
     narrowest.is_finite() && width <= AGREEING * narrowest
 }
 
-/// Whether an interval of the setpoint weight tells it.
+/// Whether the interval of the setpoint weight is narrow enough to give it.
 fn tells(b: Interval) -> bool {
     b.high - b.low < WEIGHT_WIDTH
 }
 
-/// Whether K or Ti is known too badly to be used.
+/// Whether the interval of K or Ti is too wide to be used.
 fn too_wide(k: Interval, ti: Interval) -> bool {
     (k.high / k.low).max(ti.high / ti.low) > WIDEST
 }

@@ -286,7 +286,7 @@ fn independent(columns: &[Vec<f64>]) -> bool {
     values.min() > values.max() * n * f64::EPSILON
 }
 
-/// F ratio of what levels of their own for all holds explain beyond the model; none where that is little.
+/// F ratio of a fit with a free level for each hold against the model; None where it is too small to show a misfit.
 fn misfit(blocks: &Blocks, axes: &Axes, tight: &Posterior, extra: f64) -> Option<f64> {
     let mut columns = blocks.levels();
     columns.extend(blocks.drift(false));

@@ -29,7 +29,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "so backlash dead_band": "The valve of {name} has a dead band of {width:op}{span}", interval!(),
         " from packing or play{beside}.";
     "so backlash unsure":
-        "The valve of {name} has a dead band of about {width:about}, but how wide it is is not sure{beside}.";
+        "The valve of {name} has a dead band of about {width:about}, but its width is uncertain{beside}.";
     "so stiction": "The valve of {name} sticks, then jumps by {jump:op}{beside}.";
     "so both": "The valve of {name} has a dead band of {width:op}{span}", interval!(),
         " and jumps by {jump:op}{beside}.";
@@ -44,6 +44,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "so likely stiction": "The valve of {name} probably sticks, then jumps by about {jump:about}{beside}.";
     "so sound": "The valve of {name} has no dead band wider than {high:op}.";
     "so none_seen": "{name} shows no dead band, but one of up to {high:about} would not show.";
+    "so likely_sound": "The valve of {name} probably has no dead band wider than {percent:number}\u{a0}% of span.";
     "so oscillation": "{name} swings in a smooth wave that its valve does not cause.";
     "so cannot_tell": "OP and PV of {name} do not show whether the valve has a dead band.";
     "so cannot_tell contradicts": "The valve position and PV of {name} contradict each other.";
@@ -85,8 +86,9 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "more_than_nominal": ", more than the usual {percent:number}\u{a0}% of span";
     "up_from": ", up from {from:number} in {lasted:duration}";
     "down_from": ", down from {from:number} in {lasted:duration}";
-    // Replaces the verdict where the ladder calls a gap likely.
+    // Replace the verdict where a gap is likely, or one that matters is improbable.
     "likely": "Likely a gap";
+    "likely_sound": "Likely sound";
     // The one width that a list shows, in OP units and in % of span.
     "headline": "{width:op}";
     "headline at_least": "> {low:op}";
@@ -113,17 +115,18 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "do tuning": "Check the tuning, or look for a disturbance from elsewhere.";
     "do nothing": "Nothing now.";
     "do review": "Nothing now; analyse again at the next review.";
+    "do review likely_sound": "Nothing now; analyse again at the next review.";
     "do review given": "Nothing now: all of it is within the {percent:number}\u{a0}% of span allowed. Analyse again \
          at the next review.";
     "do review nominal":
         "Nothing now: all of it is within the usual {percent:number}\u{a0}% of span. Analyse again at the next review.";
     "do confirm": "Confirm with a step test in manual, then plan work on valve, linkage and positioner.";
     "do confirm tested": "Where it agrees, plan work on valve, linkage and positioner.";
-    "do compare": "Compare with what this valve may have; confirm with a step test before work is ordered.";
-    "do compare tested": "Compare with what this valve may have.";
+    "do compare": "Compare with the acceptable limit of this valve; confirm with a step test before work is ordered.";
+    "do compare tested": "Compare with the acceptable limit of this valve.";
     "do record_longer": "Record for longer, then analyse again.";
     "do probably_too_wide": "Probably too wide: record for longer, or confirm with a step test in manual.";
-    "do step_test": "A step test in manual tells of the valve; this recording does not.";
+    "do step_test": "A step test in manual can judge the valve; this recording cannot.";
     "do tested": "Use the step test in this recording: it gives {d:op} ({low:number} to {high:number}).";
     // Next step, in a word or two.
     "short correct": "correct";
@@ -142,9 +145,9 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "short remedy": "step test";
     "short tested": "read test";
     // Probability of a dead band.
-    "probable": "gap: {p_gap:share} likely";
-    "probable beyond": "gap: {p_gap:share} likely, wider than {percent:number}\u{a0}% of span: {p_beyond:share}";
-    "so probable": "{so}; gap: {p_gap:share} likely.";
+    "probable": "gap probability {p_gap:share}";
+    "probable beyond": "gap probability {p_gap:share}, wider than {percent:number}\u{a0}% of span {p_beyond:share}";
+    "so probable": "{so} (gap probability {p_gap:share}).";
     // Why.
     "why counted": "{counted} of {all} recordings count.";
     "why crossings": "The simple method reads {d_hat:about}.";
@@ -152,8 +155,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "why crossings below": "The simple method reads {d_hat:about}, too low; ignore it.";
     "why crossings sound": "The simple method reads {d_hat:about}, from noise or load; ignore it.";
     "why crossings none": "The simple method gives no width: {reason}.";
-    "why probable": "A dead band is {p_gap:share} likely{beyond}, if {prior:share} of the plant's valves have one.";
-    "why beyond": ", one wider than {percent:number}\u{a0}% of span {p_beyond:share}";
+    "why probable": "The probability of a dead band is {p_gap:share}{beyond}, if {prior:share} of the plant's valves have one.";
+    "why beyond": ", of one wider than {percent:number}\u{a0}% of span {p_beyond:share}";
     "why for": "For a dead band: {terms}.";
     "why against": "Against it: {terms}.";
     "why term": "{label} (odds × {times:number})";
@@ -184,7 +187,9 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "run high": "{n:count valve}: act now.";
     "run tuning": "{n:count loop}: check the tuning.";
     "run medium": "{n:count valve}: check at the next round.";
+    "run likely": "{n:count valve}: probably a dead band; a step test settles it.";
     "run within": "{n:count valve}: within the limit.";
+    "run likely_within": "{n:count valve}: probably within the limit.";
     "run simple": "{n:count valve}: a width by the simple method alone, to be confirmed.";
     "run no_gap": "{n:count valve}: no dead band seen.";
     "run unknown": "{n:count loop}: cannot tell yet.";
@@ -220,7 +225,7 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let (cause, kind) = (facts.cause.as_deref().unwrap_or_default(), facts.width_kind.as_deref().unwrap_or_default());
     let confidence = facts.confidence.as_deref().unwrap_or_default();
     let verdict = match confidence {
-        "likely" | "none_seen" => confidence,
+        "likely" | "likely_sound" | "none_seen" => confidence,
         _ => &facts.verdict,
     };
     let reason = facts.fit.as_ref().map_or("", |fit| &fit.why);
@@ -246,7 +251,9 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let span = facts.width_percent_span.filter(|_| reader.op_unit != "%");
     let span = clause(span.map(|percent| Message::new("answer.of_span").with("percent", percent)));
     let reason = facts.crossings.reason.clone().unwrap_or_default();
+    let percent = facts.limit.as_ref().and_then(|limit| limit.percent_span);
     let message = facts.message(code).with("span", span).with("beside", beside(facts)).with("reason", bare(&reason));
+    let message = message.with("percent", percent);
     let message = text(&message.code, &message.numbers, reader)?;
     // A certain answer states itself; for an open one the planner chooses by the probability of a gap.
     match facts.p_gap.filter(|_| ["likely", "cannot_tell"].contains(&confidence)) {
@@ -311,10 +318,14 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
     if code == "remedy" {
         return text(&format!("half_period_remedy.{of}"), &facts.message("").numbers, reader);
     }
-    let likely = if facts.confidence.as_deref() == Some("likely") { "likely" } else { "" };
+    let confidence = facts.confidence.as_deref().unwrap_or_default();
     let origin = facts.limit.as_ref().map_or("", |limit| &limit.origin);
-    let codes =
-        [format!("do {code} {likely}"), format!("do {code} {of}"), format!("do {code} {origin}"), format!("do {code}")];
+    let codes = [
+        format!("do {code} {confidence}"),
+        format!("do {code} {of}"),
+        format!("do {code} {origin}"),
+        format!("do {code}"),
+    ];
     let code = first(codes.iter().map(String::as_str)).unwrap_or(code);
     let percent = facts.limit.as_ref().and_then(|limit| limit.percent_span);
     let message = facts.message(code).with("percent", percent);
@@ -598,7 +609,8 @@ pub struct Headline {
 }
 
 /// Groups in which a run counts its loops, in the order in which they are shown.
-const RUN: [&str; 8] = ["high", "tuning", "medium", "within", "simple", "no_gap", "unknown", "refused"];
+const RUN: [&str; 10] =
+    ["high", "tuning", "medium", "likely", "within", "simple", "no_gap", "likely_within", "unknown", "refused"];
 
 impl Headline {
     /// The group of [`RUN`] in which the loop is counted.
@@ -611,6 +623,8 @@ impl Headline {
             ("gap", _) if self.acceptable.as_deref() == Some("within") => "within",
             ("gap", _) => "simple",
             ("no_gap", _) => "no_gap",
+            ("unknown", "none") => "likely_within",
+            ("unknown", _) if self.next == "confirm" => "likely",
             _ => "unknown",
         }
     }
@@ -625,7 +639,7 @@ pub fn overview(run: &[Headline], reader: &Reader) -> Result<String, TextError> 
     let tell =
         |code: &str, n: usize| text(&format!("answer.run {code}"), &Message::new("").with("n", n).numbers, reader);
     let mut sentences = Vec::new();
-    if counted[..3].iter().all(|(_, n)| *n == 0) {
+    if counted[..4].iter().all(|(_, n)| *n == 0) {
         sentences.push(tell("calm", 0)?);
     }
     for (kind, n) in counted.into_iter().filter(|(_, n)| *n > 0) {

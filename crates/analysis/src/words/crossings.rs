@@ -11,7 +11,7 @@ macro_rules! gain_too_low {
 }
 
 const SENTENCES: &[(&str, &str)] = sentences! {
-    "no_sp": "SP is not recorded, and half-periods are told by where PV crosses it: name its column (--sp, columns.sp)";
+    "no_sp": "SP is not recorded, and half-periods begin where PV crosses it: name its column (--sp, columns.sp)";
     "no_law": "K and Ti are not given, and without an OP column they cannot be identified: name the column (--op, \
          columns.op), or give the controller";
     "not_identified": "K and Ti are not given and could not be identified: {reason}";
@@ -27,7 +27,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "few": "{detections} of the {n} detections that an estimate needs";
     "place primary": "primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead";
     "place split_range": "split range: OP works on several valves, and a width of OP belongs to none of them";
-    "place shared_valve": "the valve is shared with {partner}: this OP is not what moves it all the time";
+    "place shared_valve": "the valve is shared with {partner}: this OP does not move it all the time";
 };
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {

@@ -12,7 +12,7 @@ pub struct AnswerFacts {
     pub verdict: String,
     /// State of the valve.
     pub valve: String,
-    /// *found*, *likely*, *cannot_tell*, *none_seen*, *sound*, *refused*, *not_judged*.
+    /// *found*, *likely*, *cannot_tell*, *likely_sound*, *none_seen*, *sound*, *refused*, *not_judged*.
     pub confidence: Option<String>,
     /// *backlash*, *stiction*, *both*, *dead_band*.
     pub cause: Option<String>,

@@ -87,7 +87,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "cannot_tell hidden_by_samples": "no gap shows, but samples {h:.3g} s apart would not show one: the process \
          settles in {settles:.3g} s, and 4 samples are needed in that. Record faster, and PV before any filter";
     "cannot_tell hidden_by_lag":
-        "no gap shows, but only if the process lags by {lag:.3g} s, longer than what was recorded. Record for longer";
+        "no gap shows, but only with a lag of {lag:.3g} s, which is longer than the recording. Record for longer";
     "cannot_tell hidden_by_changes": "no gap shows, but {load_steps:count change} of the load may hide one: OP \
          turned no more often than the load. Record while the setpoint moves, or on calmer days";
     "cannot_tell no_answer": "PV does not follow OP: a process at rest explains PV as well (likelihood ratio \
@@ -115,7 +115,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "recordings alone": "by {alone} alone, of {all} recordings: {said}";
     "recordings": "by {counted} of {all} recordings together: {said}";
     "not_counted": "Not counted, since {why}: {names}";
-    "repeated": "{share:share} of {name} stands in an earlier one, and counts there";
+    "repeated": "{share:share} of {name} is in an earlier recording too, and counts there";
     "no_recording": "none of {all} recordings tells: {said}";
     "more": "Where the valve turns, PV strays from what a gap alone would do: the valve may stick as well.";
 };
@@ -146,10 +146,10 @@ const UNFIT_SENTENCES: &[(&str, &str)] = sentences! {
     "same": "OP and {signal} are the same signal: check which columns were taken";
     "pv_still": "{signal} stands still at {number:.4g} all the time";
     "coarse": "OP takes only {number:.0f} values: it is recorded too coarsely";
-    "broken": "no 20 samples stand together without a hole";
+    "broken": "there are no 20 samples in a row without a gap in time";
     "copy": copy!();
     "few position": "fewer than 50 rows have a position";
-    "few": "fewer than 50 samples stand together, or OP does not move in them";
+    "few": "there are no 50 samples in a row in which OP moves";
 };
 
 fn of_position(_: &str, n: &dyn Numbers) -> Vec<String> {

@@ -19,7 +19,7 @@ const HINDRANCES: &[(&str, &str)] = sentences! {
 };
 
 const HELPS: &[(&str, &str)] = sentences! {
-    "no_op": "Record OP beside PV: without it nothing but a step test tells of the valve.";
+    "no_op": "Record OP beside PV: without it only a step test can judge the valve.";
     "compression":
         "Switch compression and exception reporting off for these tags, or set their band to the last digit.";
     "sampling": "Record faster: five samples at least while PV answers OP.";
@@ -34,6 +34,7 @@ const HELPS: &[(&str, &str)] = sentences! {
 const SENTENCES: &[(&str, &str)] = sentences! {
     "gaps": "{gaps} of {all:count valve} have a dead band, {beyond} of them wider than the limit.";
     "gaps one": "1 of {all:count valve} has a dead band, {beyond} of them wider than the limit.";
+    "likely": "Likely: {gap:count valve} with one, {sound:count valve} without one wider than the limit.";
     "rest": "{none} show none, {unjudged} cannot be judged.";
     "first": "First: {names}.";
     "grows": "{n:count dead band} plainly grow.";

@@ -24,7 +24,7 @@ const MEANINGS: &[(&str, &str)] = sentences! {
     "gap": "its beginning was not recorded: it is the first one, or samples are missing before or in it";
     "bad_quality": "a sample is missing or marked bad";
     "not_auto": "the controller was not in automatic for all of it";
-    "saturated": "the output stood at a limit, so the integral does not tell how far the valve moved";
+    "saturated": "the output was at a limit, so the integral does not tell how far the valve moved";
     "too_short": "the swing is too fast for this method: Δt is not longer than 5·TI";
     "not_square":
         "e_max is not below 2·Δy (5.2): the error is peaked or noisy, where a dead band gives a near-square shape";
@@ -40,7 +40,7 @@ const REMEDIES: &[(&str, &str)] = sentences! {
     "not_auto": "Record the loop while it runs in automatic. If this is a step test, glapp step-test reads it.";
     "saturated": "Record at a load where the valve is away from its limits.";
     "too_short":
-        "Nothing to measure here. If it oscillates, check tuning and load. Only a step test tells of the valve.";
+        "Nothing to measure here. If it oscillates, check tuning and load. Only a step test can judge the valve.";
     "not_square": "A smooth wave points to the tuning or to a load that oscillates rather than to the valve.";
     "uneven": "The load changes, or the two sides of the cycle differ. Record for longer, and while the load is calm.";
     "sp_moved": "Record at a fixed setpoint. For a cascade slave, put the master in manual while recording.";

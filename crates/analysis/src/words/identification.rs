@@ -9,10 +9,10 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "no_sp": "the recording has no SP, so K and Ti must be given";
     "few_steps": "only {samples} steps between samples are in auto, good, off the limits and without a gap; at \
          least 50 are needed: give K and Ti, or a longer recording in auto";
-    "op_still": "OP never moves while in auto, so nothing shows K and Ti: give them";
-    "pv_still": "PV never moves while in auto, so nothing shows K and Ti: give them";
+    "op_still": "OP never moves in automatic, so K and Ti cannot be found: give them";
+    "pv_still": "PV never moves in automatic, so K and Ti cannot be found: give them";
     "unshown":
-        "the moves of PV and the area of the error do not each show in OP (a single step, a ramp?): give K and Ti";
+        "proportional and integral action cannot be told apart in OP (a single step, a ramp?): give K and Ti";
     "little_explained": "no PI or PID law explains enough of OP's moves (R² {r2:.3g}, needed 0.9): give K and Ti, \
          or take a recording in auto that is neither compressed nor averaged";
     "no_gain": "K may be 0 ({k:.3g} +- {error:.2g} OP units per PV unit): give K and Ti";

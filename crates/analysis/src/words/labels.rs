@@ -47,17 +47,17 @@ const STRENGTHS: &[(&str, &str)] =
 
 /// Meaning of each verdict.
 const MEANINGS: &[(&str, &str)] = sentences! {
-    "backlash": "OP and PV show a gap, and how wide it is. The valve does not follow OP until OP has crossed it.";
+    "backlash": "OP and PV show a gap and its width. The valve does not follow OP until OP has crossed it.";
     "stiction": "the valve sticks and then jumps. There is no gap beside it.";
     "both": "there is a gap, and the valve jumps when it breaks loose.";
-    "at_least": "there is a gap, and only how wide it is at least: OP did not move far enough, or PV is too noisy.";
+    "at_least": "there is a gap, and only a lower limit of its width: OP did not move far enough, or PV is too noisy.";
     "sound": "no gap wider than the limit that is given. A narrower one may be there.";
-    "oscillation": "the loop swings in a smooth wave, and its valve is not why. A gap beside it does not show.";
+    "oscillation": "the loop swings in a smooth wave, and its valve is not the cause. A gap beside it does not show.";
     "cannot_tell":
         "a valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean \
          that all is well.";
     "estimate": "nothing was fitted. At least N detections of the zero crossings stand behind the width.";
     "provisional": "nothing was fitted. Fewer than N detections stand behind the width, and it may still move.";
-    "no_estimate": "nothing was fitted, and no half-period could be measured on.";
+    "no_estimate": "nothing was fitted, and no half-period could be measured.";
     "refused": "data or settings do not allow an analysis. The reason is named.";
 };

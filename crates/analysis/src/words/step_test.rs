@@ -50,7 +50,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "at_least": "{subject} did not answer the reversal of {reversal:.3g} {unit}: the gap is at least {at_least:.3g} \
          {unit}; step back further";
     // Notes.
-    "first_holds": "read are the first {read} holds; {left} follow";
+    "first_holds": "the first {read} holds are used; {left} more follow";
     "disagree": disagree!();
     "reaches_zero": "the interval reaches 0: there may be no gap, or one of up to {high:.3g} {unit}";
     "positioner": "the positioner's own part of it, by its settings: {percent:.3g} % of travel";

@@ -119,12 +119,15 @@ fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
         "terms": {"noise": 0.69, "likelihood": 1.4, "limit": 0.01, "plateau": -0.7},
     });
     let likely = texts_for(with(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})), weighed.clone()));
-    assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%; gap: 84\u{a0}% likely.");
-    assert_eq!(likely.probable, "gap: 84\u{a0}% likely, wider than 1\u{a0}% of span: 60\u{a0}%");
+    assert_eq!(
+        likely.so,
+        "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}% (gap probability 84\u{a0}%)."
+    );
+    assert_eq!(likely.probable, "gap probability 84\u{a0}%, wider than 1\u{a0}% of span 60\u{a0}%");
     assert_eq!(
         likely.why[1..4],
         [
-            "A dead band is 84\u{a0}% likely, one wider than 1\u{a0}% of span 60\u{a0}%, if 25\u{a0}% of the plant's valves have one.",
+            "The probability of a dead band is 84\u{a0}%, of one wider than 1\u{a0}% of span 60\u{a0}%, if 25\u{a0}% of the plant's valves have one.",
             "For a dead band: how much better a gap explains PV than none (odds × 4.06), how far the gap moves PV beside its \
              noise (odds × 1.99).",
             "Against it: whether PV stands still while OP crosses the gap (odds × 0.497).",
@@ -132,7 +135,7 @@ fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
     );
     let found = texts_for(with(with(gap(), json!({"confidence": "found"})), weighed));
     assert_eq!(found.so, texts_for(gap()).so, "what is found needs no probability");
-    assert!(found.why.iter().all(|text| !text.contains("% likely")));
+    assert!(found.why.iter().all(|text| !text.contains("probability")));
     assert_eq!((texts_for(gap()).probable.as_str(), texts_for(gap()).why.len()), ("", 2));
 }
 
@@ -156,11 +159,19 @@ fn an_answer_has_three_parts() {
     let bound = texts_for(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})));
     assert_eq!(bound.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%.");
     let unsure = texts_for(with(gap(), json!({"width_kind": "unsure"})));
-    assert_eq!(unsure.so, "The valve of FIC1 has a dead band of about 4.0\u{a0}%, but how wide it is is not sure.");
+    assert_eq!(unsure.so, "The valve of FIC1 has a dead band of about 4.0\u{a0}%, but its width is uncertain.");
     let either = texts_for(with(gap(), json!({"cause": "dead_band"})));
     assert!(either.so.contains("from packing or play"));
     let none = texts_for(with(gap(), json!({"confidence": "none_seen", "width": null, "high": 2.0})));
     assert_eq!(none.so, "FIC1 shows no dead band, but one of up to 2\u{a0}% would not show.");
+
+    let sound = texts_for(with(
+        gap(),
+        json!({"confidence": "likely_sound", "verdict": "cannot_tell", "width": null, "low": 0.0, "high": 0.4, "p_gap": 0.17,
+        "limit": {"percent_span": 1.0, "origin": "nominal"}, "next": {"code": "review"}}),
+    ));
+    assert_eq!(sound.so, "The valve of FIC1 probably has no dead band wider than 1\u{a0}% of span.");
+    assert_eq!(sound.doing, "Nothing now; analyse again at the next review.");
 
     let beyond = json!({"acceptable": "beyond", "limit": {"percent_span": 1.0, "origin": "nominal"}});
     assert!(texts_for(with(gap(), beyond)).so.ends_with(", 95 %), more than the usual 1\u{a0}% of span."));
@@ -213,6 +224,9 @@ fn a_run_is_told_by_what_is_to_be_done() {
     run.push(one("unknown", "low", "record_more"));
     let found = overview(&run, &Reader::default()).unwrap();
     assert_eq!(found, "4 valves: act now. 1 loop: check the tuning. 1 loop: cannot tell yet.");
+    let likely = [one("unknown", "none", "review"), one("unknown", "medium", "confirm")];
+    let likely = overview(&likely, &Reader::default()).unwrap();
+    assert_eq!(likely, "1 valve: probably a dead band; a step test settles it. 1 valve: probably within the limit.");
     let calm = overview(&[one("no_gap", "none", "nothing")], &Reader::default()).unwrap();
     assert_eq!(calm, "Nothing is urgent. 1 valve: no dead band seen.");
 }

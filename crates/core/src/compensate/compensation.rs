@@ -610,7 +610,7 @@ impl<R: Real> Compensation<R> {
         state.delta / R::of(2.0)
     }
 
-    /// The first cause to do nothing.
+    /// Compensation state at this sample: the first cause why u_FF is not in force, else active.
     #[inline(always)]
     fn standing(
         &self,

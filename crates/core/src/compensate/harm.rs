@@ -153,13 +153,13 @@ impl<R: Real> Harm<R> {
             || beyond(since.reversals.value - R::of(1.5) * before.reversals.value, of_n, chance * scatter)
     }
 
-    /// Begins anew with the values since it is in force.
+    /// Discards the values under compensation, as it comes into force or goes out of it.
     pub(crate) fn begin(&self, state: &mut HarmState<R>, in_force: bool) {
         (state.in_force, state.burst, state.since) = (in_force, 0, Blocks::default());
         self.interrupt(state);
     }
 
-    /// Begins the block anew, and where OP goes, after samples that were not seen.
+    /// Discards the block under way and the direction of OP, after samples that were not seen.
     pub(crate) fn interrupt(&self, state: &mut HarmState<R>) {
         (state.time, state.area) = (R::Sum::default(), R::Sum::default());
         (state.reversals, state.direction) = (R::ZERO, 0);

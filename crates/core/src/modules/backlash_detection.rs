@@ -277,7 +277,7 @@ impl<R: Real> BacklashDetection<R> {
         (settings.source != Source::Typed || settings.size > R::ZERO).then_some(settings.source)
     }
 
-    /// The width that the source of compensation gives.
+    /// Width from the chosen source of compensation.
     pub(super) fn width(&self, state: &BacklashDetectionState<R>) -> R {
         self.compensation.as_ref().map_or(R::ZERO, |(compensation, _)| compensation.width(&state.compensation))
     }

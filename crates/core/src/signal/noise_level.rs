@@ -93,6 +93,7 @@ impl<R: Real> NoiseLevel<R> {
         }
     }
 
+    /// Takes the first differences: the smallest size so far is the median.
     #[cold]
     fn begin(&mut self, size: R) {
         if size > R::ZERO {

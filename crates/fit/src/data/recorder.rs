@@ -137,6 +137,7 @@ pub(crate) fn quantile(x: &mut [f64], share: f64) -> f64 {
     *x.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
+/// Largest less smallest value, NaN left out.
 pub(crate) fn span(x: &[f64]) -> f64 {
     let numbers = || x.iter().copied().filter(|x| !x.is_nan());
     (numbers().fold(f64::MIN, f64::max) - numbers().fold(f64::MAX, f64::min)).max(0.0)

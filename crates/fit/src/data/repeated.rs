@@ -52,8 +52,8 @@ pub(crate) fn once(recordings: &[Recorded]) -> Vec<Once> {
     all
 }
 
-/// Keys that distinguish the rows from each row on from others; None where they are too few, one is missing, or PV
-/// hardly moves.
+/// Hash of the [`REPEATED_ROWS`] rows that begin at each row, to find rows that are the same; None where one is missing
+/// or PV hardly moves.
 fn marks(samples: &Samples) -> Vec<Option<u64>> {
     let Some(op) = samples.op else { return Vec::new() };
     let of = |(pv, op): (&[f64], &[f64])| {

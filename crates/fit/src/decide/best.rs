@@ -2,8 +2,8 @@
 
 use crate::data::cells::{Cells, Positions};
 use crate::decide::bootstrap::bootstrap_threshold;
+use crate::decide::evidence::{lr_asked, lr_asked_of_changes};
 use crate::decide::thresholds::*;
-use crate::decide::verdict::{lr_asked, lr_asked_of_changes};
 use crate::loads::cycle::lr_beside_cycle;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{Point, Search};

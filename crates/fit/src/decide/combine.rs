@@ -1,6 +1,6 @@
 //! One answer from the widths that a valve's position shows in several records.
 
-use crate::decide::verdict::Verdict;
+use crate::decide::judgement::Verdict;
 
 /// Facts of a record that the whole needs.
 #[derive(Clone, Copy, Debug)]

@@ -4,21 +4,23 @@ use crate::data::segment::Segment;
 use crate::data::signal::Unit;
 use crate::decide::best::as_likely;
 use crate::decide::combine::Reading;
-use crate::decide::judgement::Judgement;
-use crate::decide::segment::{Fitted, SegmentFit};
+use crate::decide::evidence::{Evidence, lr_asked, lr_asked_of_changes, often};
+use crate::decide::judgement::{Judgement, Verdict};
+use crate::decide::segment::Fitted;
+use crate::decide::segment_fit::SegmentFit;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
-use crate::decide::verdict::{Evidence, Verdict, judge, lr_asked, lr_asked_of_changes, often};
+use crate::decide::verdict::judge;
 use crate::search::likelihood::Search;
 use crate::search::profile::Profile;
 use rayon::prelude::*;
 
-/// What several records say of the width that they share.
+/// Joint result of several records on the width that they share.
 #[derive(Clone, Debug)]
 pub struct Together {
-    /// What they say.
+    /// Judgement of all records.
     pub judgement: Judgement,
-    /// The same in one word, which claims only what is found.
+    /// Verdict in one word, which claims only what is found.
     pub verdict: Verdict,
     /// Width [OP unit].
     pub d: f64,
@@ -32,9 +34,9 @@ pub struct Together {
     pub lr_needed: f64,
     /// Times that OP goes through the whole width up and down.
     pub traversals: [usize; 2],
-    /// By how much the records differ more than their intervals allow, 1 where they do not.
+    /// Ratio of the records' differences to their intervals, 1 where the intervals allow them.
     pub dispersion: f64,
-    /// What all that rests on.
+    /// Evidence of the judgement.
     pub evidence: Evidence,
     /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
     pub reason: &'static str,
@@ -46,7 +48,7 @@ pub struct Together {
 /// The records of one recording, and what they say together.
 #[derive(Clone, Debug)]
 pub struct JointAnswer {
-    /// What all say.
+    /// Joint result of all records.
     pub whole: Together,
     /// The records, in the order of time.
     pub records: Vec<SegmentAnswer<SegmentFit>>,
@@ -54,18 +56,18 @@ pub struct JointAnswer {
     pub shown: usize,
 }
 
-/// What one record says, and when that was.
+/// Result of one record, and its time.
 #[derive(Clone, Debug)]
 pub struct SegmentAnswer<A> {
-    /// When its first step is [s].
+    /// Time of its first step [s].
     pub start: f64,
-    /// When its last step is [s].
+    /// Time of its last step [s].
     pub end: f64,
-    /// When each of its stretches starts [s].
+    /// Start of each of its stretches [s].
     pub starts: Vec<f64>,
     /// Time between two steps [s].
     pub h: f64,
-    /// What it says.
+    /// Result of the record.
     pub answer: A,
 }
 
@@ -75,7 +77,7 @@ impl<A> SegmentAnswer<A> {
         Self { start, end, starts: record.starts(), h: record.h, answer }
     }
 
-    /// What else is said of the same record.
+    /// Another result of the same record.
     fn with<B>(&self, answer: B) -> SegmentAnswer<B> {
         SegmentAnswer { start: self.start, end: self.end, starts: self.starts.clone(), h: self.h, answer }
     }
@@ -93,13 +95,14 @@ impl SegmentAnswer<SegmentFit> {
     }
 }
 
-/// One record, and all that the likelihood says there of another width.
+/// One record with its likelihood over the width.
 pub(crate) struct Curve {
-    /// When the record is.
+    /// Time of the record.
     when: SegmentAnswer<()>,
     pub(crate) fitted: Fitted,
     pub(crate) sign: f64,
-    /// What a unit of its likelihood is worth: the innovations' trust over what chance makes of records without a gap.
+    /// Weight of a unit of its likelihood: the innovations' information ratio over the scatter by chance in records
+    /// without a gap.
     pub(crate) worth: f64,
 }
 
@@ -128,7 +131,7 @@ impl Curve {
         costs
     }
 
-    /// The same from the widths that were looked at, on a line between each two.
+    /// Cost at a width, on a line between the computed widths.
     pub(crate) fn interpolated_cost(&self, d: f64) -> Vec<f64> {
         let Fitted { profiles, sticking, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| p.interpolated_cost(d.min(p.points[p.points.len() - 1].lost.d)));
@@ -148,14 +151,14 @@ impl Curve {
         between.chain([low, high]).map(|d| self.off(&self.interpolated_cost(d))).fold(f64::INFINITY, f64::min)
     }
 
-    /// What a slip jump brings; less than 0 where it costs more than it brings.
+    /// Gain of a slip jump; less than 0 where its price is higher.
     pub(crate) fn jumps(&self) -> f64 {
         let Fitted { profiles, sticking, .. } = &self.fitted;
         sticking.first().map_or(0.0, |p| profiles[0].penalised() - p.penalised())
     }
 
-    /// How much each of the [`Curve::costs`] counts, its parameters' price, and the cost from which it rises: the least; of a valve that
-    /// sticks the one at which it is as likely as a gap, as for the record's own limits.
+    /// Weight of each of the [`Curve::costs`], its parameters' price, and the cost from which it rises: the least; of a
+    /// valve that sticks the one at which it is as likely as a gap, as for the record's own limits.
     fn weights(&self) -> Vec<(f64, f64, f64)> {
         let Fitted { profiles, sticking, sticks_in, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
@@ -170,20 +173,20 @@ impl Curve {
         all.fold(f64::INFINITY, f64::min)
     }
 
-    /// How far the likelihood rises from costs to others in the family that rises least.
+    /// Rise of the likelihood from costs to others in the family that rises least.
     pub(crate) fn rise(&self, from: &[f64], to: &[f64]) -> f64 {
         let pairs = from.iter().zip(to).zip(self.weights());
         let known = pairs.filter(|((from, to), _)| from.is_finite() && to.is_finite());
         known.map(|((from, to), (weight, ..))| weight * (to - from)).fold(f64::INFINITY, f64::min)
     }
 
-    /// How far costs lie above those from which each family rises, in that where they do least.
+    /// Distance of costs above those from which each family rises, in the family where it is least.
     pub(crate) fn off(&self, costs: &[f64]) -> f64 {
         let above = costs.iter().zip(self.weights()).map(|(cost, (weight, _, least))| weight * (cost - least));
         above.fold(f64::INFINITY, f64::min).max(0.0)
     }
 
-    /// The same in units of which the record's own limits allow [`RISE`].
+    /// [`Self::off`] in units of which the record's own limits allow [`RISE`].
     pub(crate) fn off_within_limits(&self, costs: &[f64]) -> f64 {
         RISE / self.fitted.answer.rise * self.off(costs)
     }
@@ -194,12 +197,12 @@ fn costs_at(curves: &mut [Curve], d: f64) -> Vec<Vec<f64>> {
     curves.par_iter_mut().map(|curve| curve.costs(d)).collect()
 }
 
-/// What all records cost at best.
+/// Least cost of all records.
 fn total_cost(curves: &[Curve], costs: &[Vec<f64>]) -> f64 {
     curves.iter().zip(costs).map(|(curve, costs)| curve.worth * curve.least(costs)).sum()
 }
 
-/// How far the likelihood rises in each record from costs to others.
+/// Rise of the likelihood in each record from costs to others.
 fn rises(curves: &[Curve], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
     curves.iter().zip(from).zip(to).map(|((curve, from), to)| curve.worth * curve.rise(from, to)).collect()
 }
@@ -228,7 +231,7 @@ pub(crate) fn joint(curves: &mut [Curve], op: Unit, pv: Unit) -> Option<JointAns
     };
     joint.shown = joint.clearest();
     joint.in_units(op, pv);
-    // In the order of time, with the place of the one that is shown.
+    // Records in the order of time, with the index of the one that is shown.
     let start = joint.records[joint.shown].start;
     joint.records.sort_by(|a, b| a.start.total_cmp(&b.start));
     joint.shown = joint.records.iter().position(|r| r.start == start)?;
@@ -248,7 +251,7 @@ pub(crate) fn newest(trend: Option<Trend>, readings: &[Reading]) -> Option<usize
 }
 
 impl Together {
-    /// What the evidence of several records says.
+    /// Joint result by the evidence of several records.
     pub(crate) fn judged(evidence: Evidence) -> Self {
         let (judgement, reason) = judge(&evidence);
         let verdict = judgement.verdict(evidence.low);
@@ -271,7 +274,7 @@ impl Together {
         }
     }
 
-    /// What one record says.
+    /// Joint result of one record.
     fn from(answer: &SegmentFit) -> Self {
         let SegmentFit { judgement, verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
         let evidence = answer.evidence.clone();
@@ -294,7 +297,7 @@ impl Together {
 }
 
 impl JointAnswer {
-    /// The record that shows best what all say.
+    /// The record that shows the joint result best.
     fn clearest(&self) -> usize {
         let rank = |i: &usize| {
             let SegmentFit { verdict, lr_no_gap, .. } = self.records[*i].answer;
@@ -338,7 +341,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         known.insert(known.partition_point(|(at, _)| *at < d), (d, costs));
     };
     let (d, here) = known[best].clone();
-    // How far each record's own optimum lies off.
+    // Distance of the joint width from the optimum of each record alone.
     let off: f64 = curves.iter().zip(&here).map(|(curve, costs)| curve.worth * curve.off(costs)).sum();
     let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
     let rise = |curves: &[Curve], costs: &[Vec<f64>]| rises(curves, &here, costs).iter().sum::<f64>();
@@ -378,7 +381,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
     let asked = LR_JOINT.max(lr_asked(traversals)).max(lr_asked_of_changes(traversals, marks));
     let lr_needed = (dispersion * asked).max(most + dispersion * LR_MIN);
-    // What a slip jump brings over all, where it brings nothing it counts against it.
+    // Gain of a slip jump over all; where it gains nothing it counts against it.
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
     let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.answer.evidence)).sum::<f64>() / n;
@@ -429,7 +432,7 @@ pub(crate) fn clearest<'e>(of: impl Iterator<Item = &'e Evidence>) -> &'e Eviden
     of.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).expect("there are records")
 }
 
-/// How near the most likely width is found, part of itself.
+/// Relative accuracy of the most likely width.
 const NEAR: f64 = 0.01;
 
 /// The upper one of the two middle values where their number is even.

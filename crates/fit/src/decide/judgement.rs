@@ -1,6 +1,5 @@
 //! The ladder: the judgement on a valve, in fields that do not mix questions.
 
-use crate::decide::verdict::Verdict;
 use serde::{Deserialize, Serialize};
 
 /// Confidence that there is a gap, or none.
@@ -41,6 +40,30 @@ pub enum WidthKind {
     Bound,
     /// The most likely width only: the gap is there, its limits are not to be trusted.
     Unsure,
+}
+
+/// Verdict of the record on the valve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// A gap.
+    Backlash,
+    /// A valve that sticks and jumps, no gap beside it.
+    Stiction,
+    /// Backlash and stiction.
+    Both,
+    /// No gap wider than the upper limit.
+    Sound,
+    /// A gap, wider than the lower limit; OP never went through the whole of it often enough.
+    AtLeast,
+    /// The record cannot tell.
+    CannotTell,
+}
+
+impl Verdict {
+    /// Whether it says that there is a gap, or a valve that sticks.
+    pub fn claims(self) -> bool {
+        !matches!(self, Self::Sound | Self::CannotTell)
+    }
 }
 
 /// Judgement on a valve.

@@ -108,7 +108,7 @@ impl Trend {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decide::verdict::Verdict;
+    use crate::decide::judgement::Verdict;
 
     fn reading(t: f64, d: f64) -> Reading {
         Reading { verdict: Verdict::Backlash, d, low: d - 0.05, high: Some(d + 0.05), lr_no_gap: 100.0, t }

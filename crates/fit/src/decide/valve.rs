@@ -10,12 +10,12 @@
 use crate::data::samples::Unfit;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
+use crate::decide::evidence::{Evidence, lr_asked_of_changes, lr_asked_of_passes};
 use crate::decide::joint::{Curve, JointAnswer, Together, clearest, middle, newest};
-use crate::decide::judgement::{Confidence, Judgement};
+use crate::decide::judgement::{Confidence, Judgement, Verdict};
 use crate::decide::segment::swings_evenly;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
-use crate::decide::verdict::{Evidence, Verdict, lr_asked_of_changes, lr_asked_of_passes};
 use crate::loads::cycle::lr_beside_cycle;
 use crate::model::backlash_model::BacklashModel;
 use rayon::prelude::*;

@@ -15,10 +15,10 @@
 //! What the rules of the ladder say is one of the quantities, and the rungs follow from both ([`judge`](super::verdict::judge)). They stand on
 //! the usual share π, so that another one moves no rung.
 
+use crate::decide::evidence::{Evidence, rules};
 use crate::decide::judgement::Confidence;
-use crate::decide::segment::SegmentFit;
+use crate::decide::segment_fit::SegmentFit;
 use crate::decide::thresholds::{ANSWERS, CYCLES_IF_CLEAR, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
-use crate::decide::verdict::{Evidence, rules};
 use crate::decide::weights::{BASE, CURVES};
 use serde::{Deserialize, Serialize};
 

@@ -5,56 +5,16 @@ use crate::data::cells::{Cells, Strip};
 use crate::decide::thresholds::*;
 use crate::loads::marks::{calm_theta, mark, prune, relocate, too_many};
 use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Noise, Structure, Theta};
+use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::screen::{PILOT, theta_for};
 use rayon::prelude::*;
-
-/// What a load does between its marks.
-#[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Load {
-    /// It stands still, and steps.
-    Levels,
-    /// It goes along lines, and bends.
-    Lines,
-}
-
-impl Load {
-    /// The disturbance of a load that does nothing but that, and of one that walks as well.
-    pub(crate) fn noises(self) -> [Noise; 2] {
-        match self {
-            Self::Levels => [Noise::Still, Noise::Input],
-            Self::Lines => [Noise::Lines, Noise::Bends],
-        }
-    }
-
-    pub(crate) fn of(structure: Structure) -> Self {
-        if matches!(structure.noise, Noise::Lines | Noise::Bends) { Self::Lines } else { Self::Levels }
-    }
-
-    /// Fewest steps or bends.
-    pub(super) fn fewest(self) -> usize {
-        if self == Self::Levels { FEWEST_STEPS } else { FEWEST_BENDS }
-    }
-
-    /// Cells that lie between two steps at least, when they are marked and when they are moved. Two bends beside each other are a
-    /// step, which a wrong process needs.
-    pub(super) fn apart(self) -> [f64; 2] {
-        if self == Self::Levels { [4.0, 2.0] } else { [15.0, 15.0] }
-    }
-
-    /// ln of the variance by which the load, or its slope, walks in a cell, in units of the noise: while steps are looked
-    /// for, and where the search begins once they are known and while they are not.
-    pub(super) fn walks(self) -> [f64; 3] {
-        if self == Self::Levels { [-5.0, -8.0, -4.0] } else { [-12.0, -20.0, -12.0] }
-    }
-}
 
 /// Beginnings with bends that are looked at nearer, and followed, with a lost motion and without.
 const LOOKED_AT: usize = 6;
 const FOLLOWED: usize = 2;
 
-/// A record with steps marked, the point that goes with them, and what it costs with them [−2·ln L].
+/// A record with marked steps, the point that fits them, and the cost of both [−2·ln L].
 #[derive(Clone)]
 pub(crate) struct Marked {
     pub(crate) record: Cells,
@@ -68,7 +28,7 @@ impl Marked {
         Self { record, point, cost }
     }
 
-    /// Whether both have the same changes and the same process, so that what begins at one ends as at the other.
+    /// Whether both have the same changes and the same process: a search from one ends as from the other.
     fn same(&self, other: &Self) -> bool {
         let (here, there) = (&self.point, &other.point);
         self.cost == other.cost
@@ -83,7 +43,7 @@ fn marked_alike(a: &Cells, b: &Cells) -> bool {
     a.stretches.iter().map(|s| &s.changes).eq(b.stretches.iter().map(|s| &s.changes))
 }
 
-/// What becomes of each of them. Of those that are the `same` it is worked out once.
+/// Results of `becomes` for all. It is called once for those that are the `same`.
 fn each<T: Sync, R: Clone + Send>(
     all: &[T],
     same: impl Fn(&T, &T) -> bool,
@@ -96,12 +56,12 @@ fn each<T: Sync, R: Clone + Send>(
     first.iter().map(|i| once[*i].clone().expect("it is worked out for the first of those that are the same")).collect()
 }
 
-/// That which costs least.
+/// The one with the least cost.
 fn cheapest(marked: impl IntoIterator<Item = Marked>) -> Marked {
     marked.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least")
 }
 
-/// `point` with the large steps of a load that walks, where they pay; the record's own are left aside.
+/// `point` with the large steps of a load that walks, where they pay; the marks that the record already has are ignored.
 pub(crate) fn with_large_steps(search: &Search, point: &Point) -> Marked {
     let (structure, sign) = (search.structure, search.sign);
     let ended = |record: Cells| {
@@ -115,8 +75,8 @@ pub(crate) fn with_large_steps(search: &Search, point: &Point) -> Marked {
     if record.changes() == 0 { ended(plain) } else { cheapest([ended(plain), ended(record)]) }
 }
 
-/// The steps of a load that stands still between them, with the lost motion that goes with them best; and those without a
-/// lost motion. None where there are more of them than can be told. `hints`: the record with marks near which others may lie.
+/// Steps of a load that is constant between them, with the lost motion that fits them best; and those without a lost
+/// motion. None where there are more of them than the record can tell. `hints`: the record with marks near which others may lie.
 pub(crate) fn detect_changes(
     record: &Cells,
     seeds: &[Theta],
@@ -148,7 +108,7 @@ pub(crate) fn detect_changes(
         };
         begun.par_iter().map(near).collect::<Vec<Marked>>()
     };
-    // With a lost motion and without one the same changes may be marked.
+    // Fits with a dead band and without one may mark the same changes.
     let near = each(hints, marked_alike, hinted);
     let mut begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
     begun.extend(near.into_iter().flatten());
@@ -158,7 +118,7 @@ pub(crate) fn detect_changes(
     if too_many(&begun.record) {
         return None;
     }
-    // From the best beginning every width, as a gap, a gap with a jump in it, and a jump alone.
+    // Every width from the best beginning: as a gap, as a gap with a jump in it, and as a jump alone.
     let widths = [0.0, 0.015, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8];
     let often = |part: f64| record.traversals(part * record.range).iter().all(|n| *n >= CYCLES);
     let kinds = widths.into_iter().flat_map(|part| [0.0, 0.4, 1.0].map(|share| (part, share)));
@@ -179,7 +139,7 @@ pub(crate) fn detect_changes(
     Some((cheapest([best, again]), none))
 }
 
-/// The same with the width and the jump that cost least with its steps, `by` which part they are moved in turn.
+/// A candidate with the width and the jump that cost least with its steps, `by` which part they are moved in turn.
 fn nearer(structure: Structure, sign: f64, marked: Marked, by: [f64; 3]) -> Marked {
     let mut best = marked;
     for by in by {
@@ -195,8 +155,8 @@ fn nearer(structure: Structure, sign: f64, marked: Marked, by: [f64; 3]) -> Mark
     best
 }
 
-/// `point` of a record in which steps are marked, with those that go with other widths: steps that were marked beside a wrong
-/// width make up for it, and hold it.
+/// `point` with steps that are marked anew beside other widths: steps that were marked beside a wrong width make up for
+/// it, and hold it.
 pub(crate) fn marked_anew(record: &Cells, structure: Structure, sign: f64, point: &Point) -> (Marked, Structure) {
     let walks = Load::of(structure).noises()[1];
     let family = Structure { noise: walks, ..structure };
@@ -241,7 +201,7 @@ fn shortlist(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Mar
     vec![best(none), best(some)]
 }
 
-/// Steps found with two lags, for the family that goes with them best.
+/// Steps found with two lags, and the family of processes that fits them best.
 pub(crate) fn choose_family(record: &Cells, marked: Marked, sign: f64, load: Load) -> (Marked, Structure) {
     let of = |record: &Cells, structure: Structure, theta: Theta, lost: &BacklashModel| {
         let point = Search { record, structure, sign }.descend(theta, lost, 12, 1e-2, f64::INFINITY);
@@ -264,20 +224,20 @@ pub(crate) fn choose_family(record: &Cells, marked: Marked, sign: f64, load: Loa
     if load == Load::Lines {
         return (best, family);
     }
-    // What is left may drift at the output instead.
+    // What remains may be a drift at the output instead.
     let drifts = Structure { noise: Noise::Output, ..family };
     let other = of(&best.record, drifts, in_family(drifts, &best.point.theta), &best.point.lost);
     if other.cost < best.cost - 2.0 { (other, drifts) } else { (best, family) }
 }
 
-/// The same process in a family with another disturbance.
+/// The process in a family with another disturbance.
 fn in_family(family: Structure, theta: &Theta) -> Theta {
     let mut other = family.beginning(1.0, 0.0);
     other[..=family.lags].copy_from_slice(&theta[..=family.lags]);
     other
 }
 
-/// From a beginning to a process whose load stands still between steps: steps and process in turns.
+/// Steps, and the process under a load that stands still between them, estimated in turns from a beginning.
 fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &BacklashModel) -> Marked {
     let plain = record.unmarked();
     let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
@@ -313,10 +273,11 @@ fn refine(structure: Structure, sign: f64, marked: Marked) -> Marked {
         let point = search.descend(theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
         prune_and_relocate(walks, sign, Marked::new(marked.record, walks, sign, point))
     };
-    // Where the model is not quite that of the record, a load that walks needs fewer steps from the first.
+    // A load that walks needs fewer steps from the first, where the model is not quite that of the record.
     cheapest([walking(prune_and_relocate(still, sign, marked.clone()), known), walking(marked, unknown)])
 }
 
+/// Steps pruned, relocated and fitted in turns, until a turn gains less than 1 [−2·ln L].
 fn prune_and_relocate(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
     for _ in 0..4 {
         let record = prune(&Search { record: &marked.record, structure, sign }, &marked.point);
@@ -334,7 +295,7 @@ fn prune_and_relocate(structure: Structure, sign: f64, mut marked: Marked) -> Ma
     marked
 }
 
-/// All bends earlier or later at once: PV shows a bend as late where it comes earlier and the process lags more, and OP's own
+/// The candidate with all bends earlier or later by the same time, where that costs less: PV shows a bend as late where it comes earlier and the process lags more, and OP's own
 /// moves where its dead time is shorter by as much.
 fn shift_all(structure: Structure, sign: f64, marked: Marked) -> Marked {
     let last = |y: &[f64]| y.len() as f64 - 5.0;

@@ -2,15 +2,13 @@
 
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
-use crate::loads::changes::{Load, Marked, choose_family, detect_changes, marked_anew, with_large_steps};
+use crate::loads::changes::{Marked, choose_family, detect_changes, marked_anew, with_large_steps};
 use crate::loads::plausible::{all_large, few, plausible};
 use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Noise, Structure, Theta};
+use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
-use crate::search::profile::Profile;
-use crate::search::screen::{
-    FINE_TOLERANCE, MOST_FAMILIES, PILOT, best_of, full_profile, pilot, screen, screening_margin,
-};
+use crate::search::profile::{FINE_TOLERANCE, Profile};
+use crate::search::screen::{MOST_FAMILIES, PILOT, best_of, full_profile, pilot, screen, screening_margin};
 use glapp_core::Model;
 use rayon::prelude::*;
 

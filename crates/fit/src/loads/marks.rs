@@ -5,11 +5,10 @@
 //! What a mark that is taken out or moved is worth is then told by the filter itself, by the cells around the mark.
 
 use crate::data::cells::Cells;
-use crate::decide::thresholds::CELLS_A_CHANGE;
-use crate::loads::changes::Load;
+use crate::decide::thresholds::{CELLS_A_CHANGE, FEWEST_BENDS, FEWEST_STEPS};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::lanes::{LANES, Wide, Work, widest};
-use crate::model::structure::{Structure, Theta};
+use crate::model::structure::{Load, Structure, Theta};
 use crate::search::elsewhere::Elsewhere;
 use crate::search::likelihood::{Point, Search};
 use pulp::Simd;
@@ -22,6 +21,25 @@ const ROUNDS: usize = 25;
 
 /// While they are sought twice as many may be marked: some are taken out again. Where more would be, the load does not step.
 const MARKED_AT_MOST: usize = 2;
+
+impl Load {
+    /// Fewest steps or bends.
+    pub(super) fn fewest(self) -> usize {
+        if self == Self::Levels { FEWEST_STEPS } else { FEWEST_BENDS }
+    }
+
+    /// Fewest cells between two steps: when they are marked, and when they are moved. Two bends beside each other are a
+    /// step, which a wrong process needs.
+    pub(super) fn apart(self) -> [f64; 2] {
+        if self == Self::Levels { [4.0, 2.0] } else { [15.0, 15.0] }
+    }
+
+    /// ln of the variance by which the load, or its slope, walks in a cell [ln of the noise's variance]: while steps are
+    /// sought, at the beginning of a search with known steps, and at that of a search without them.
+    pub(super) fn walks(self) -> [f64; 3] {
+        if self == Self::Levels { [-5.0, -8.0, -4.0] } else { [-12.0, -20.0, -12.0] }
+    }
+}
 
 /// Whether so many steps are marked that more would be if they might.
 pub(super) fn too_many(record: &Cells) -> bool {

@@ -2,9 +2,9 @@
 
 use crate::data::cells::Cells;
 use crate::decide::thresholds::*;
-use crate::loads::changes::{Load, Marked};
+use crate::loads::changes::Marked;
 use crate::loads::marks::{ANSWER, calm_theta};
-use crate::model::structure::Structure;
+use crate::model::structure::{Load, Structure};
 use crate::search::likelihood::{Point, Search};
 
 /// Whether so many steps can be those of a load.

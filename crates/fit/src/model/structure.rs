@@ -66,6 +66,30 @@ macro_rules! by_states {
     };
 }
 
+/// Kind of a load between its marks.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Load {
+    /// Constant, with steps.
+    Levels,
+    /// Along straight lines, with bends.
+    Lines,
+}
+
+impl Load {
+    /// Disturbances of a load that does only that, and of one that walks as well.
+    pub(crate) fn noises(self) -> [Noise; 2] {
+        match self {
+            Self::Levels => [Noise::Still, Noise::Input],
+            Self::Lines => [Noise::Lines, Noise::Bends],
+        }
+    }
+
+    /// Kind of the load in a family.
+    pub(crate) fn of(structure: Structure) -> Self {
+        if matches!(structure.noise, Noise::Lines | Noise::Bends) { Self::Lines } else { Self::Levels }
+    }
+}
+
 /// Variance by which a load that stands still may yet walk in a cell: nothing, but for the rounding of the filter.
 const STILL: f64 = 1e-5;
 /// Variance of the walk of a slope that stands still.

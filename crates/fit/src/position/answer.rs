@@ -1,11 +1,11 @@
 //! Verdict and interval from the best motions.
 
 use crate::data::recorder::Recorder;
+use crate::decide::judgement::Verdict;
 use crate::decide::thresholds::{
     CYCLES_IF_CLEAR, LEAST_LOW, LR_IF_SELDOM, LR_JUMP, LR_MIN, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
     RISE_OF_STICKING, SOUND_BELOW,
 };
-use crate::decide::verdict::Verdict;
 use crate::position::track::{LANES, Motion, Track, Tried};
 use crate::position::{AtValve, Shown};
 

@@ -6,9 +6,9 @@ use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::Sums;
 use crate::model::lanes::{LANES, Lanes};
 use crate::model::structure::{MOST, Theta};
-use crate::search::likelihood::{Point, Search, gain};
+use crate::search::likelihood::{Point, Search, Wanted, gain};
 use crate::search::linear::solve;
-use crate::search::pass::{BEGUN, DESCENDED, Wanted, Workspace};
+use crate::search::pass::{BEGUN, DESCENDED, Workspace};
 
 /// Cells after which what the filter was told at first is forgotten.
 const SETTLED: usize = 100;

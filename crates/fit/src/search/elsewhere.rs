@@ -4,8 +4,7 @@ use crate::data::cells::{Positions, Strip};
 use crate::model::kalman::{Asked, Sides, Totals, UNKNOWN, union};
 use crate::model::lanes::{Lanes, Work, wide_enough};
 use crate::model::structure::{Structure, Theta};
-use crate::search::likelihood::{Search, gain};
-use crate::search::pass::delayed;
+use crate::search::likelihood::{Search, delayed, gain};
 use pulp::Simd;
 use std::ops::Range;
 

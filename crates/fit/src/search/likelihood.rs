@@ -15,7 +15,6 @@ use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::{Sums, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide};
 use crate::model::structure::{Noise, Structure, Theta};
-use crate::search::pass::{Wanted, delayed};
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -55,6 +54,19 @@ impl Innovations {
     pub(crate) fn lane(&self, lane: usize) -> Vec<f64> {
         self.residual.iter().map(|r| r[lane]).collect()
     }
+}
+
+/// Purpose of a pass.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Wanted {
+    /// The sums of the innovations of PV and of the answer.
+    Sums,
+    /// The sum of the squares of the residuals.
+    Least,
+    /// Every residual.
+    Residuals,
+    /// The products of the residuals.
+    Products,
 }
 
 /// Cells in which a slope of the load may go through OP's range.
@@ -222,4 +234,24 @@ impl Search<'_> {
         };
         self.record.stretches.iter().zip(positions).map(of).collect()
     }
+}
+
+/// Appends `v`, late by the whole cells of `delay`, to `shifted`: one cell more than `v`, from the cell before its first
+/// on. Before its beginning `v` is what it is there.
+#[inline(always)]
+pub(super) fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
+    let (n, from) = (v.len() as isize, shifted.len());
+    let whole = delay.floor() as isize;
+    let unseen = (whole + 1).clamp(0, n + 1);
+    let skipped = (-1 - whole).clamp(0, n);
+    shifted.resize(from + unseen as usize, v[0]);
+    shifted.extend(v[skipped as usize..].iter().take((n + 1 - unseen) as usize));
+    shifted.resize(from + v.len() + 1, v[v.len() - 1]);
+}
+
+/// `v`, late by `delay` [cells].
+pub(super) fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
+    let (mut shifted, part) = (Vec::new(), delay - delay.floor());
+    shift(v, delay, &mut shifted);
+    shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect()
 }

@@ -4,43 +4,30 @@ use crate::data::cells::{Positions, Strip};
 use crate::model::kalman::{Delayed, LoadChange, Sums, Whitened};
 use crate::model::lanes::{LANES, Lanes, Work, wide_enough, widest};
 use crate::model::structure::{MOST, Noise, Structure, Theta};
-use crate::search::likelihood::{Innovations, Point, Search};
+use crate::search::likelihood::{Innovations, Point, Search, Wanted, shift};
 use pulp::Simd;
 use std::cell::RefCell;
 use std::sync::Arc;
 
-/// What a pass is made for.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Wanted {
-    /// The sums of the innovations of PV and of the answer.
-    Sums,
-    /// The sum of the squares of the residuals.
-    Least,
-    /// Every residual.
-    Residuals,
-    /// The products of the residuals.
-    Products,
-}
-
-/// Room for one pass, kept from one to the next.
+/// Memory of one pass, kept from one to the next.
 #[derive(Default)]
 pub(super) struct Workspace {
     pub(super) delayed: Vec<Lanes>,
     pub(super) shifted: Vec<f64>,
     /// Jumps of each stretch.
     pub(super) changes: Vec<Vec<LoadChange>>,
-    /// Where a descent begins, and where it has come to: the next often begins at one of them.
+    /// Results of passes at the beginning of a descent and at its present end: the next often begins at one of them.
     pub(super) kept: [Kept; 2],
-    /// Which of them the last pass has left.
+    /// Index of the one that the last pass has left.
     pub(super) last: usize,
     pub(super) found: Innovations,
 }
 
-/// What a pass has left.
+/// Results of a pass.
 #[derive(Default)]
 pub(super) struct Kept {
     white: Whitened,
-    /// What its gains are of, where they are of the record's own changes.
+    /// Models of its gains, where they are of the record's own changes.
     known: Option<Known>,
 }
 
@@ -49,24 +36,24 @@ impl Workspace {
         &self.kept[self.last].white
     }
 
-    /// Where the gains of these models are kept.
+    /// Index of the kept gains of these models.
     pub(super) fn place_of(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> Option<usize> {
         self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas, lanes)))
     }
 }
 
-/// Where a pass leaves what no pass before has left.
+/// Index of the results of a pass without a predecessor.
 pub(super) const BEGUN: usize = 0;
 pub(super) const DESCENDED: usize = 1;
 
-/// What the gains of a pass and the innovations of PV hang on: PV, the changes of the load, and the models but for their dead time,
-/// which is the answer's alone.
+/// Inputs that the gains of a pass and the innovations of PV depend on: PV, the changes of the load, and the models but
+/// for their dead time, which is the answer's alone.
 struct Known {
     structure: Structure,
     thetas: [Theta; LANES],
-    /// How many of them count.
+    /// Number of lanes that count.
     lanes: usize,
-    /// Of each stretch its PV, which is the same only as itself, and its changes.
+    /// PV of each stretch, compared by identity, and its changes.
     stretches: Vec<(Arc<[f64]>, Vec<f64>)>,
 }
 
@@ -76,7 +63,7 @@ impl Known {
         Self { structure: search.structure, thetas: *thetas, lanes, stretches }
     }
 
-    /// Whether the first so many models are these.
+    /// Whether the first `lanes` models, their process and the record are those of the kept pass.
     fn holds(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> bool {
         let Search { record, structure, .. } = search;
         let dead = structure.dead_time_at();
@@ -94,7 +81,7 @@ thread_local! {
     static WORKSPACE: RefCell<Workspace> = RefCell::default();
 }
 
-/// A pass over a record: eight sets of parameters at once, of which the first so many `lanes` count.
+/// A pass over a record: eight sets of parameters at once, of which the first `lanes` count.
 struct Pass<'r, 's> {
     search: &'s Search<'s>,
     workspace: &'r mut Workspace,
@@ -168,7 +155,7 @@ impl Work for Pass<'_, '_> {
     }
 }
 
-/// The sums of the answers of the first model to eight starts in one stretch, whose gains a pass has left.
+/// Sums of the answers of the first model to eight starts in one stretch, with the gains that a pass has left.
 struct Beginning<'r, 's> {
     search: &'s Search<'s>,
     white: &'r mut Whitened,
@@ -205,8 +192,8 @@ impl Work for Response<'_> {
 }
 
 impl Search<'_> {
-    /// Eight sets of parameters at once, of which the first so many `lanes` count, each with the positions of one lost motion; `then`
-    /// takes what it needs of it.
+    /// Innovations of eight sets of parameters at once, of which the first `lanes` count, all with the same positions;
+    /// `then` takes what it needs of them.
     pub(super) fn innovations<T>(
         &self,
         thetas: &[Theta; LANES],
@@ -218,14 +205,15 @@ impl Search<'_> {
         self.pass(thetas, lanes, &|_, i| &positions[i], wanted, BEGUN, |workspace| then(&workspace.found))
     }
 
-    /// How late the answer is [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first
-    /// step on. OP never acts on the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
+    /// Delay of the answer [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from
+    /// the first step on. OP never acts on the PV of its own step: it is the controller's answer to that PV, and would
+    /// explain it all too well.
     pub(super) fn delay(&self, theta: &Theta) -> f64 {
         let cell = self.record.cell as f64;
         theta[self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell)
     }
 
-    /// See [`Pass`].
+    /// Runs a [`Pass`]; `then` takes what it needs of its results.
     pub(super) fn pass<'s, T>(
         &'s self,
         thetas: &'s [Theta; LANES],
@@ -241,9 +229,9 @@ impl Search<'_> {
         })
     }
 
-    /// Sums over the beginning of one stretch, each lane with positions of its own.
+    /// Sums over the beginning of one stretch, each lane with its own positions.
     pub(super) fn beginnings(&self, point: &Point, stretch: usize, positions: &[Lanes]) -> Sums {
-        // The gains with which the point was found, so that they do not hang on what else was passed before.
+        // The gains with which the point was found, so that they do not depend on earlier passes.
         let (thetas, _) = self.perturbed(&point.theta);
         let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas, self.lanes()));
         let held = held().unwrap_or_else(|| {
@@ -257,8 +245,8 @@ impl Search<'_> {
         })
     }
 
-    /// What a unit step of the load (of its slope, where that is what changes), with gain 1, leaves in the innovations over the
-    /// `cells` after it, once the filter has settled.
+    /// Effect of a unit step of the load (of its slope, where that is what changes), with gain 1, on the innovations
+    /// over the `cells` after it, once the filter has settled.
     pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
         let before = 400;
         let lines = matches!(self.structure.noise, Noise::Lines | Noise::Bends);
@@ -277,7 +265,7 @@ impl Search<'_> {
         white.of_v()[before..].iter().map(|v| v[0]).collect()
     }
 
-    /// Whitened PV, and what a unit of each of the inputs makes of it.
+    /// Whitened PV, and the whitened answer to each of the inputs with gain 1.
     pub(crate) fn answers(&self, theta: &Theta, inputs: &[&Positions]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let (mut of_y, mut answers) = (Vec::new(), Vec::new());
         for eight in inputs.chunks(LANES) {
@@ -292,25 +280,6 @@ impl Search<'_> {
     }
 }
 
-/// `v` as many whole cells before as are in `delay`, from the cell before its first on; before its beginning what it was there.
-#[inline(always)]
-fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
-    let (n, from) = (v.len() as isize, shifted.len());
-    let whole = delay.floor() as isize;
-    let unseen = (whole + 1).clamp(0, n + 1);
-    let skipped = (-1 - whole).clamp(0, n);
-    shifted.resize(from + unseen as usize, v[0]);
-    shifted.extend(v[skipped as usize..].iter().take((n + 1 - unseen) as usize));
-    shifted.resize(from + v.len() + 1, v[v.len() - 1]);
-}
-
-/// `v` so many cells late.
-pub(super) fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
-    let (mut shifted, part) = (Vec::new(), delay - delay.floor());
-    shift(v, delay, &mut shifted);
-    shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -318,8 +287,8 @@ mod tests {
     use crate::model::backlash_model::BacklashModel;
     use pulp::Scalar;
 
-    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`: of a point and
-    /// its derivatives.
+    /// Results of a pass over a record with a hole and a change of the load, in registers of the instructions `S`: of a
+    /// point and its derivatives.
     fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> Vec<u64> {
         let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
         let mut y: Vec<f64> =

@@ -5,7 +5,6 @@ use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::{dot, solve};
-use crate::search::screen::FINE_TOLERANCE;
 use serde::{Deserialize, Serialize};
 
 /// Likelihood over d of one family; `points` in rising order of d, the first at d = 0.
@@ -16,6 +15,9 @@ pub(crate) struct Profile {
     /// Place of the best point.
     pub(crate) best: usize,
 }
+
+/// Gain of a step below which a descent of a whole profile ends [−2·ln L].
+pub(crate) const FINE_TOLERANCE: f64 = 0.03;
 
 /// Relative accuracy of the likelihood at a limit of the interval.
 const NEAR: f64 = 0.1;

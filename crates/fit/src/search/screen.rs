@@ -1,11 +1,10 @@
 //! First looks at a record: which processes and which loads may have made it.
 
 use crate::data::cells::Cells;
-use crate::loads::changes::Load;
 use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Noise, Structure, Theta};
+use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
-use crate::search::profile::Profile;
+use crate::search::profile::{FINE_TOLERANCE, Profile};
 use rayon::prelude::*;
 
 /// Relative excess of the innovations allowed after a coarse look, which may miss a narrow valley.
@@ -13,9 +12,8 @@ const NEARLY_AS_GOOD: f64 = 0.05;
 
 pub(crate) const PILOT: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
 
-/// Less than this gained by a step ends a descent of a coarse look, of a whole profile [−2·ln L].
+/// Gain of a step below which a descent of a coarse look ends [−2·ln L].
 const COARSE_TOLERANCE: f64 = 0.3;
-pub(crate) const FINE_TOLERANCE: f64 = 0.03;
 /// Accuracy of a coarse look's best width, as a fraction of OP's range.
 const NARROW: f64 = 0.003;
 /// Families of which more widths are tried around the best.

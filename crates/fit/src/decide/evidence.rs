@@ -1,0 +1,313 @@
+//! Evidence of one record or of several, and what the rules of the ladder say of it.
+
+use crate::data::signal::Unit;
+use crate::decide::judgement::{Confidence, Judgement, WidthKind};
+use crate::decide::thresholds::*;
+use crate::decide::witness::cycle::Cycle;
+use crate::decide::witness::plateau::Plateau;
+use serde::{Deserialize, Serialize};
+
+/// Reason why a gap may be hidden.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Hidden {
+    /// The process settles in too few samples.
+    Samples,
+    /// The process lags by more than the record is long.
+    Lag,
+    /// The load changes as often as OP goes through the gap.
+    Changes,
+}
+
+impl Hidden {
+    /// The word for it.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Samples => "hidden_by_samples",
+            Self::Lag => "hidden_by_lag",
+            Self::Changes => "hidden_by_changes",
+        }
+    }
+}
+
+/// Evidence of the judgement. It says enough to judge again without a fit.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Evidence {
+    pub(crate) autocorrelation: f64,
+    pub(crate) d: f64,
+    /// Likelihood ratio of no gap.
+    pub(crate) lr_no_gap: f64,
+    pub(crate) lr_needed: f64,
+    pub(crate) lr_no_answer: f64,
+    pub(crate) low: f64,
+    pub(crate) high: Option<f64>,
+    pub(crate) range: f64,
+    /// Whether the valve of the best model hardly moves.
+    pub(crate) immobile: bool,
+    /// Whether OP went through the lower limit often enough for a width.
+    pub(crate) traversed: bool,
+    /// Whether OP went through the width one way only.
+    pub(crate) one_way: bool,
+    /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap or for a jump in it.
+    pub(crate) coarse: bool,
+    /// Whether the process settles within a sample, so that a load that ramps leaves PV as a gap does.
+    pub(crate) at_once: bool,
+    /// Width below which PV's noise hides the effect of a gap.
+    pub(crate) noisy_below: f64,
+    /// Whether PV strays from the model where d matters, as where the valve turns.
+    pub(crate) misfit_at_turns: bool,
+    /// Whether a slip jump shows, and whether it may be all of the width.
+    pub(crate) slips: bool,
+    pub(crate) slips_wholly: bool,
+    /// Whether a load that repeats itself leaves the gap less than others do.
+    pub(crate) periodic_load: bool,
+    /// Whether OP swings to and fro in almost even time, though no gap makes this process do that.
+    pub(crate) even_swing: bool,
+    /// Width that makes too little of PV for how coarsely the lines bend that PV is recorded as.
+    pub(crate) lined_below: f64,
+    /// Width through which OP may shake the valve between two samples.
+    pub(crate) unsampled_below: f64,
+    /// Whether a family that predicts nearly as well as the best sees a gap.
+    pub(crate) dissent: bool,
+    /// Why a PV that answers each turn of OP is no evidence of a sound valve, where it is none.
+    pub(crate) hidden: Option<Hidden>,
+    /// Times that OP goes through the most likely width, up and down.
+    pub(crate) passes: [usize; 2],
+    /// Passes through the upper limit of a valve in which no gap is seen.
+    pub(crate) passes_high: [usize; 2],
+    /// Whether OP swings to and fro in almost even time.
+    pub(crate) oscillates: bool,
+    /// Swing of the fitted loop without a load; None where there is nothing to compare with.
+    pub(crate) cycle: Option<Cycle>,
+    /// Response of PV to OP within the gap.
+    pub(crate) plateau: Plateau,
+    /// Standard deviation of Kp·OP as a fraction of that of PV: far above 1 where the load of the model undoes the
+    /// valve's effect. 0 behind an integrator.
+    pub(crate) cancels: f64,
+    /// Standard error of the lags, part of them.
+    pub(crate) lag_error: f64,
+    /// Records whose own width is that of all, and records.
+    pub(crate) agree: [usize; 2],
+    /// Ratio of the records' differences to their intervals, 1 where the intervals allow them.
+    pub(crate) dispersion: f64,
+    /// Windows of one recording in which a gap shows, of those in `agree`; None where that does not matter.
+    pub(crate) shows: Option<usize>,
+}
+
+impl Evidence {
+    /// Whether noise may hide a gap of the most likely width.
+    pub(super) fn noisy(&self) -> bool {
+        self.d < self.noisy_below
+    }
+
+    /// Whether only a bound is given, whatever the likelihood ratio is.
+    fn bound(&self) -> bool {
+        self.high.is_none() || !self.traversed || self.noisy()
+    }
+
+    /// Likelihood ratio of no gap that a found gap must exceed: more for an even swing. Some loads that swing, triangles above
+    /// all, look like a gap whose cycle is the loop's own.
+    pub(crate) fn needed(&self) -> f64 {
+        self.lr_needed.max(if self.even_swing { LR_IF_EVEN_SWING } else { 0.0 })
+    }
+
+    /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
+    pub fn cycles(&self) -> bool {
+        self.cycle.as_ref().is_some_and(Cycle::is_own)
+    }
+
+    /// Whether OP swings, or the load repeats itself, as the loop of process, gap and controller does by itself, and the gap explains clearly
+    /// more than any load: of some loads that swing the fitted loop makes the same period and swing.
+    pub(super) fn own_swing(&self) -> bool {
+        let clear = self.lr_no_gap > self.lr_needed.max(LR_IF_CLEAR) && self.low_is_near();
+        self.cycles() && self.swings() && self.crossed_twice() && clear && self.veto().is_none()
+    }
+
+    /// Whether the lower limit is no small part of the width.
+    pub(super) fn low_is_near(&self) -> bool {
+        self.low > NEAR_LOW * self.d
+    }
+
+    /// Whether OP went through the width both ways as often as a gap that is plain needs.
+    pub(super) fn crossed_twice(&self) -> bool {
+        self.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR)
+    }
+
+    /// Whether a load that swings would look like this gap.
+    pub(super) fn swings(&self) -> bool {
+        self.even_swing || self.periodic_load
+    }
+
+    /// Kind of the width of a gap.
+    pub(super) fn width_kind(&self) -> WidthKind {
+        let coarse = (self.coarse || self.at_once) && !self.all_agree();
+        match () {
+            _ if coarse || self.low < LEAST_LOW * self.d || self.dispersion > DISAGREE => WidthKind::Unsure,
+            _ if self.bound() => WidthKind::Bound,
+            _ => WidthKind::Interval,
+        }
+    }
+
+    /// Both limits for display; `high`: the upper one with what the samples may hide.
+    pub(crate) fn limits(&self, judgement: &Judgement, high: Option<f64>) -> (f64, Option<f64>) {
+        match (judgement.confidence, judgement.width_kind) {
+            (Confidence::Found, Some(WidthKind::Bound)) => (self.low / LOW_OFF, None),
+            (Confidence::NoneSeen, _) => (0.0, high.map(|high| high.max(self.unsampled_below))),
+            (Confidence::Found | Confidence::Likely, _) => (self.low / LOW_OFF, high.map(|high| high * HIGH_OFF)),
+            _ => (self.low, high.map(|high| high.max(self.unsampled_below))),
+        }
+    }
+
+    /// Converts where OP's unit was `op`.
+    pub(crate) fn in_units(&mut self, op: Unit) {
+        let widths = [
+            &mut self.d,
+            &mut self.low,
+            &mut self.range,
+            &mut self.noisy_below,
+            &mut self.lined_below,
+            &mut self.unsampled_below,
+        ];
+        widths.into_iter().for_each(|width| *width *= op.size);
+        self.high = self.high.map(|high| high * op.size);
+    }
+
+    /// Judgement on a valve whose gap is narrower than `below`.
+    ///
+    /// A record earns it: OP turns through the limit, the model's load does not undo what its valve does, and the lags are known.
+    fn none(&self, below: f64) -> Option<(Confidence, &'static str)> {
+        let high = self.high.filter(|high| *high < below)?;
+        let silent = |why| Some((Confidence::CannotTell, why));
+        match self.hidden {
+            _ if high < self.lined_below => silent("lined"),
+            _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
+            Some(hidden) => silent(hidden.name()),
+            _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
+            _ if self.cancels > CANCELS_IF_SOUND || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
+            None => Some((Confidence::NoneSeen, "no_gap")),
+        }
+    }
+
+    /// Allowed relative error of the lags for a verdict of no gap. One swing tells of one frequency, and few turns tell
+    /// little: the lags hang together with the gap there.
+    fn lag_may_err(&self) -> f64 {
+        let few = self.passes_high.iter().any(|n| *n < CYCLES);
+        if self.oscillates || few { LAG_KNOWN_IF_FEW } else { 1.0 }
+    }
+
+    /// Reason why no gap is found although the likelihood ratio speaks for one: something else looks like it.
+    pub(super) fn veto(&self) -> Option<&'static str> {
+        let vetoes = [
+            (self.immobile, "still"),
+            ((self.coarse || self.at_once) && !self.all_agree(), "coarse"),
+            (self.d < self.lined_below, "lined"),
+            (self.one_way, "once"),
+            (self.cancels > CANCELS, "cancelled"),
+            (self.low < LEAST_LOW * self.d, "families_disagree"),
+        ];
+        vetoes.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
+    }
+
+    /// Whether every window or recording has by itself the width that all share: how far apart its rows are does not matter then. A load
+    /// that ramps leaves PV as a gap does, and gives another width each time.
+    fn all_agree(&self) -> bool {
+        let [agree, all] = self.agree;
+        agree >= FEWEST_RECORDINGS && agree == all
+    }
+
+    /// Whether enough records have by themselves the width that all share: what each of them could not say, all say together.
+    pub(crate) fn agrees(&self) -> bool {
+        let [agree, all] = self.agree;
+        agree >= FEWEST_RECORDINGS && agree as f64 >= AGREE * all as f64
+    }
+}
+
+/// Judgement by the rules before the evidence is weighed, and a code of the reason why it says no more: a gap is
+/// *likely* here only where the loop swings with it by itself.
+pub(super) fn rules(e: &Evidence) -> (Confidence, &'static str) {
+    let (together, why) = rules_together(e);
+    let tells = matches!(together, Confidence::Found | Confidence::Likely);
+    // Records that agree make likely what each alone cannot say.
+    let likely = if tells && e.agrees() { Confidence::Likely } else { Confidence::CannotTell };
+    let windows = e.shows.is_some();
+    let too_few = e.shows.is_some_and(|shows| (shows as f64) < WINDOWS_THAT_SHOW * e.agree[1] as f64);
+    if e.dispersion > DISAGREE {
+        (likely, if windows { "windows_disagree" } else { "recordings_disagree" })
+    } else if tells && too_few {
+        (likely, "windows_silent")
+    } else {
+        (together, why)
+    }
+}
+
+/// Judgement by the rules as if all were one record.
+fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
+    if e.autocorrelation.abs() > MAX_AUTOCORRELATION {
+        return (Confidence::CannotTell, "misfit");
+    }
+    if e.lr_no_answer < ANSWERS {
+        return (Confidence::CannotTell, "no_answer");
+    }
+    if e.lr_no_gap <= e.needed() {
+        let none = if e.low <= 0.0 && !e.dissent { e.none(SOUND_BELOW * e.range) } else { None };
+        let why = match () {
+            _ if e.periodic_load => "repeats",
+            _ if e.even_swing => "swings",
+            _ => "may_be_a_gap",
+        };
+        let rung = if e.own_swing() { Confidence::Likely } else { Confidence::CannotTell };
+        return none.unwrap_or((rung, why));
+    }
+    if let Some(none) = e.none(TRIFLE * e.range) {
+        return none;
+    }
+    if let Some(why) = e.veto() {
+        return (Confidence::CannotTell, why);
+    }
+    let why = match () {
+        _ if e.high.is_none() || !e.traversed => "not_traversed",
+        _ if e.noisy() => "noisy",
+        _ if e.slips && e.slips_wholly => "jumps",
+        _ if e.slips => "jumps_in_a_gap",
+        _ if e.misfit_at_turns => "gap_and_more",
+        _ => "gap",
+    };
+    (Confidence::Found, why)
+}
+
+/// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
+pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
+    let least = if lr_no_gap > LR_IF_CLEAR { CYCLES_IF_CLEAR } else { CYCLES };
+    // At the most likely width the count may be one too many.
+    low.iter().all(|n| *n >= least) && d.iter().all(|n| *n > least)
+}
+
+/// Reason why a gap may be hidden, for a process that settles in so many steps and lags by so many, in a record of
+/// `steps` in which OP went through a width so often and so many steps or bends of the load are marked.
+pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<Hidden> {
+    if settles < SAMPLES_IN_LAG_IF_SOUND {
+        Some(Hidden::Samples)
+    } else if lag > steps {
+        Some(Hidden::Lag)
+    } else if marks >= up + down {
+        Some(Hidden::Changes)
+    } else {
+        None
+    }
+}
+
+/// Likelihood ratio of no gap that OP's traversals of a width demand.
+pub(crate) fn lr_asked([up, down]: [usize; 2]) -> f64 {
+    if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(LR_MIN) } else { LR_IF_SELDOM }
+}
+
+/// Likelihood ratio demanded where each pass adds a little.
+pub(crate) fn lr_asked_of_passes([up, down]: [usize; 2]) -> f64 {
+    LR_EACH_PASS * (up + down) as f64
+}
+
+/// Likelihood ratio demanded by marked steps and bends of the load where there are as many of them as traversals of OP,
+/// else 0: they lie where they suit the best width, and make the others look worse than they are.
+pub(crate) fn lr_asked_of_changes([up, down]: [usize; 2], marks: usize) -> f64 {
+    if marks < up + down { 0.0 } else { LR_EACH_CHANGE * marks as f64 }
+}

@@ -34,6 +34,8 @@ BESIDE = {
     "labels of figures, tables and pictures": [
         ", the usual limit: none was given",
         "OP travel by the PI law",
+        "SP, PV [PV unit]",
+        "OP, position [OP unit]",
         "not excluded by OP and PV",
         "width of the gap [",
         "OP to the valve's position",

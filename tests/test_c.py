@@ -167,11 +167,11 @@ def test_the_programs_of_the_page_compile(tmp_path: Path) -> None:
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
     # The functions for a microcontroller have a header of their own: test_embedded.py.
     programs = [one for one in re.findall(r"```c\n(.*?)```", page, re.DOTALL) if "_f32(" not in one]
-    assert len(programs) == 2
+    assert len(programs) == 3
     around = "#include <glapp.h>\n#include <stdio.h>\n"
-    around += "void report(glapp_graph *loop, double pv, double seconds, double op);\n"
-    around += "void report(glapp_graph *loop, double pv, double seconds, double op) {\n(void)op;"
-    around += "(void)loop; (void)pv; (void)seconds;\n"
+    given = "glapp_graph *loop, const glapp_columns *columns, double pv, double seconds, double op"
+    around += f"void report({given});\nvoid report({given}) {{\n(void)op;"
+    around += "(void)loop; (void)columns; (void)pv; (void)seconds;\n"
     for number, program in enumerate(programs):
         source = tmp_path / f"{number}.c"
         source.write_text(around + program + "}\n", encoding="utf-8")
@@ -267,6 +267,19 @@ def test_fit_has_the_bits_of_python(library: Path, tmp_path: Path, cpp: bool, sh
     expected = f"{width}\nprocess: gain {kp}, dead time {dead_time} s, lag {lag} s"
     program = compiled("fit", library, tmp_path, cpp=cpp, shared=shared)
     assert same_numbers(output_of(program, "1", fed=rows_of(sim))) == same_numbers(expected)
+
+
+@built
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "arguments"), [("detector", ["1", "10", "1"]), ("fit", ["1"])])
+def test_a_row_that_cannot_be_read_ends_an_example(
+    library: Path, tmp_path: Path, name: str, arguments: list[str]
+) -> None:
+    """The rows after it were left out without a word."""
+    program = compiled(name, library, tmp_path, cpp=False, shared=True)
+    for rows in ("0 1 2 3\n1 1 x 3\n2 1 2 3\n", "0 1 2 3\n1 1 2\n"):
+        done = subprocess.run([program, *arguments], input=rows, capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stderr) == (1, "after row 1: four numbers are needed\n")
 
 
 class Columns(ctypes.Structure):
@@ -380,6 +393,18 @@ def test_the_answer_document_is_that_of_python(loaded: ctypes.CDLL) -> None:
     assert asked(json.dumps(task | {"fit": False}), 100) == BAD_LENGTH and b"must have" in loaded.glapp_error()
     assert asked('{"acceptabel": 1}', len(room)) == REFUSED and b"task: unknown field" in loaded.glapp_error()
     assert asked('{"n": 0, "controller": {"k": 1, "ti": 1, "td": 0, "b": 1}}', len(room)) == REFUSED
+    # They were taken as they came, and an answer was made of them.
+    wrong = {
+        "kp": 0,
+        "setpoint_weight": 2,
+        "pv_span": [9, 9],
+        "acceptable": -1,
+        "prior": 1,
+        "positioner_dead_band": 101,
+    }
+    for name, value in wrong.items():
+        assert asked(json.dumps({name: value}), len(room)) == REFUSED, name
+        assert loaded.glapp_error().startswith(f"{name} = ".encode()), loaded.glapp_error()
 
 
 @built
@@ -399,6 +424,18 @@ def test_a_message_is_told_as_in_python(loaded: ctypes.CDLL) -> None:
     assert asked(message, None, 10) == BAD_LENGTH and b"must have" in loaded.glapp_error()
     assert asked('{"code": "crossings.none"}', None) == REFUSED and b"no message" in loaded.glapp_error()
     assert asked("{", None) == BAD_TEXT and asked(message, "1") == BAD_TEXT
+
+
+def test_every_key_of_a_task_is_explained() -> None:
+    """The header sends its reader to docs/c.md for the keys, which did not have them."""
+    rust = (ROOT / "crates/analysis/src/analysis.rs").read_text(encoding="utf-8")
+    members = re.search(r"pub struct Task \{(.*?)\n\}", rust, re.DOTALL)
+    assert members
+    keys = re.findall(r"pub (\w+):", members[1])
+    page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
+    table = page.split("| key | value |\n|---|---|\n")[1].split("\n\n")[0]
+    explained = [key for line in table.splitlines() for key in re.findall(r"`(\w+)`", line.split("|")[1])]
+    assert len(keys) > 10 and sorted(explained) == sorted(keys)
 
 
 # Wrong input ----------------------------------------------------------------------------------------------------------
@@ -445,7 +482,9 @@ def test_every_setting_of_the_catalogue_is_known(loaded: ctypes.CDLL) -> None:
         (GOOD | {"op_low": 0.0}, "op_high: is missing beside op_low"),
         (GOOD | {"op_low": 9.0, "op_high": 8.0}, "op_low = 9: must be a number below op_high"),
         (GOOD | {"too_short": 2.0}, "too_short = 2: must be 0 (no) or 1 (yes)"),
+        (GOOD | {"h": math.inf}, "h = inf: must be greater than 0 s"),
         (GOOD | {"tI": 1.0}, "tI: there is no such setting of a detector"),
+        ({"K": 0.5, "ti": 10.0, "h": 1.0}, "K: there is no such setting of a detector"),
     ],
 )
 def test_a_setting_that_is_refused_is_named(loaded: ctypes.CDLL, settings: dict[str, float], message: str) -> None:

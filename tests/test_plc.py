@@ -18,6 +18,8 @@ import fits
 import pytest
 from programs import built
 
+import glapp
+
 ROOT = Path(__file__).resolve().parent.parent
 BUILDS = ("LREAL", "REAL")
 READ_BY_BLARK = ROOT / "target" / "blark"
@@ -266,6 +268,63 @@ def check(kind: str, name: str, *args: object, **environment: str) -> str:
     """Output of such a program."""
     program = built("check", kind, name)
     return run(program, *args, folder=ROOT / "plc/check", **environment)
+
+
+PAGE = (ROOT / "docs/plc.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_program_of_ones_own_runs_as_the_page_shows(tmp_path):
+    [program] = re.findall(r"```st\n(PROGRAM .*?)```", PAGE, re.DOTALL)
+    arguments = re.search(r"example run -- \\\n +MyLoop.st (.*)", PAGE)[1].split()
+    # As an editor on Windows saves it.
+    (tmp_path / "MyLoop.st").write_text(program, newline="\r\n")
+    printed = check("example", "run", tmp_path / "MyLoop.st", *arguments).split()
+    shown = re.search(r"```\n(scan,.*?)```", PAGE, re.DOTALL)[1].split()
+    assert len(printed) == 21 and len(shown) > 3 and set(shown) <= set(printed)
+    real = check("example", "run", tmp_path / "MyLoop.st", *arguments, "REAL").split()
+    assert real[0] == printed[0] and abs(float(real[9].split(",")[3]) - 2.0) < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("body", "arguments", "message"),
+    [
+        ("Y := 1.0 / X;", [], "scan 1: Mine:6: a division by zero"),
+        ("Y := 1.0 + X;", ["X=NaN@3"], "scan 3: Mine:6: a result that is no number"),
+        ("Y := 1 + X;", [], "Mine:6: Int(1) where Lreal is meant"),
+        ("Y := X;", ["Z=1"], "no pin Z"),
+        ("Y := X;", ["X=much"], "X=much: much is not a number, TRUE or FALSE"),
+        ("Y := X;", ["0"], "one scan at least"),
+    ],
+)
+def test_what_is_wrong_in_a_program_of_ones_own_is_named(tmp_path, body, arguments, message):
+    text = f"PROGRAM Mine\nVAR_INPUT\n    X : LREAL;\nEND_VAR\nVAR_OUTPUT Y : LREAL; END_VAR\n{body}\nEND_PROGRAM\n"
+    (tmp_path / "Mine.st").write_text(text)
+    command = [built("check", "example", "run"), tmp_path / "Mine.st", *arguments]
+    done = subprocess.run([*map(str, command)], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1 and message in done.stderr
+
+
+def test_other_forms_of_a_pid_are_converted_as_in_a_loops_toml():
+    given = {"G": 2.0, "PB": 80.0, "R": 3.0, "Tmin": 0.5, "OpSpan": 50.0, "PvSpan": 10.0}
+    given |= {"Kp": 2.0, "Ki": 0.1, "Kd": 4.0, "Ks": 2.0, "Tis": 30.0, "Tds": 5.0}
+    plain = {"k": 2.0, "gain_unit": "OP/PV"}
+    controllers = [
+        {"k": 2.0, "gain_unit": "%/%", "ti": 30.0},
+        {"pb": 80.0, "ti": 30.0},
+        plain | {"ti": 3.0, "ti_unit": "repeats/min"},
+        plain | {"ti": 0.5, "ti_unit": "min"},
+        {"form": "parallel", "kp": 2.0, "ki": 0.1, "kd": 4.0, "gain_unit": "OP/PV"},
+        plain | {"form": "series", "ti": 30.0, "td": 5.0},
+    ]
+    table = PAGE.split("| your PID shows | write |\n|---|---|\n")[1].split("\n\n")[0].splitlines()
+    for row, controller in zip(table, controllers, strict=True):
+        ideal = glapp.Loop(name="F", pv_span=(0, 10), op_span=(0, 50), controller=controller).ideal()
+        formulas = re.findall(r"(K|Ti|Td) = `([^`]+)`", row)
+        assert formulas, row
+        for name, formula in formulas:
+            assert eval(formula, {}, given) == pytest.approx(getattr(ideal, name.lower())), row
 
 
 @pytest.mark.verify

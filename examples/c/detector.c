@@ -24,7 +24,8 @@ int main(int argc, char **argv) {
     glapp_half_period ended;
     glapp_estimate estimate;
     double t, sp, pv, op;
-    int k;
+    unsigned long rows = 0;
+    int k, read;
 
     if (argc != 4) {
         fprintf(stderr, "detector K TI H < recording.txt\n");
@@ -32,9 +33,14 @@ int main(int argc, char **argv) {
     }
     for (k = 0; k < 3; k++) settings[k].value = atof(argv[k + 1]);
     must(glapp_detector_new(settings, 3, &detector));
-    while (scanf("%lf %lf %lf %lf", &t, &sp, &pv, &op) == 4) {
+    while ((read = scanf("%lf %lf %lf %lf", &t, &sp, &pv, &op)) == 4) {
         if (must(glapp_detector_update(detector, t, sp, pv, &op, 0, &ended)) == GLAPP_YES)
             printf("%.17g s to %.17g s: d = %.17g, reason %u\n", ended.t_start, ended.t_end, ended.d, (unsigned)ended.reason);
+        rows++;
+    }
+    if (read != EOF) {
+        fprintf(stderr, "after row %lu: four numbers are needed\n", rows);
+        return 1;
     }
     if (must(glapp_detector_estimate(detector, &estimate)) == GLAPP_YES)
         printf("estimate %.17g from %u detections\n", estimate.value, (unsigned)estimate.count);

@@ -16,12 +16,19 @@ int main(int argc, char **argv) {
     glapp_columns columns = {0, t, sp, pv, op, NULL, NULL};
     glapp_width width;
     size_t n = 0;
+    int read = EOF;
 
     if (argc != 2 || t == NULL) {
         fprintf(stderr, "fit SIGN < recording.txt\n");
         return 2;
     }
-    while (n < MOST && scanf("%lf %lf %lf %lf", &t[n], &sp[n], &pv[n], &op[n]) == 4) n++;
+    while (n < MOST && (read = scanf("%lf %lf %lf %lf", &t[n], &sp[n], &pv[n], &op[n])) == 4) n++;
+    /* A part of a recording would be another recording. */
+    if (read != EOF) {
+        fprintf(stderr, n == MOST ? "%lu rows or more: too many for this example\n" : "after row %lu: four numbers are needed\n", (unsigned long)n);
+        free(t);
+        return 1;
+    }
     columns.rows = n;
     if (glapp_fit(&columns, atof(argv[1]), &width) < 0) {
         fprintf(stderr, "%s\n", glapp_error());

@@ -101,6 +101,28 @@ impl Default for Task {
 }
 
 impl Task {
+    /// Refuses what no loop has. The controller, the filter and OP's span are checked where they are used.
+    fn check(&self) -> Result<(), ParameterError> {
+        let spans = |span: Option<(f64, f64)>| {
+            span.filter(|(low, high)| !(high - low).is_normal() || low > high).map(|(low, _)| low)
+        };
+        let outside = |value: Option<f64>, holds: fn(f64) -> bool| value.filter(|x| !(x.is_finite() && holds(*x)));
+        let wrong = [
+            ("kp", outside(self.kp, |x| x != 0.0), "a number other than 0"),
+            ("setpoint_weight", outside(self.setpoint_weight, |x| (0.0..=1.0).contains(&x)), "0 to 1"),
+            ("pv_span", spans(self.pv_span), "a lower end below the upper end"),
+            ("acceptable", outside(self.acceptable, |x| x > 0.0 && x <= 100.0), "above 0 %, at most 100 %"),
+            ("prior", outside(self.prior, |x| x > 0.0 && x < 1.0), "above 0 and below 1"),
+            (
+                "positioner_dead_band",
+                outside(self.positioner_dead_band, |x| (0.0..=100.0).contains(&x)),
+                "0 to 100 % of travel",
+            ),
+        ];
+        let first = wrong.into_iter().find_map(|(name, value, bound)| value.map(|value| (name, value, bound)));
+        first.map_or(Ok(()), |(name, value, bound)| Err(ParameterError { name, value, bound }))
+    }
+
     /// Lower and upper end of OP's span, where they are known.
     fn op_limits(&self) -> Option<(f64, f64)> {
         self.op_span.or((self.op_percent != Some(false)).then_some((0.0, 100.0)))
@@ -175,6 +197,7 @@ impl Analysis {
     ///
     /// Where a setting is out of its bounds.
     pub fn new(mut task: Task, beginning: &Inspected<'_>, position: Option<&[f64]>) -> Result<Self, ParameterError> {
+        task.check()?;
         let rows = beginning.even();
         task.op_percent = task.op_percent.or(Some(op_unit(None, task.op_span, rows.op) == PERCENT));
         let mut steps: Vec<f64> = rows.t.windows(2).map(|pair| pair[1] - pair[0]).collect();

@@ -213,9 +213,10 @@ int32_t glapp_step_test(const glapp_columns *columns, const glapp_setting *setti
 /* ---- All of it: a recording in, the answer document out. ---- */
 
 /* Judges a recording, finds what is not given, and fits the width. `task` is a text in JSON, at most 4095 bytes: {} asks for
- * everything and knows nothing; docs/c.md has its keys, such as "controller", "kp", "op_span", "acceptable". OP, SP and the
- * position may be NULL. The answer is written to `json` as by glapp_step_test: the document of `glapp analyze --json` (its
- * loops[0].answer is the one answer) with codes and numbers in place of sentences. 64 kB are enough but for very long recordings. */
+ * everything and knows nothing; docs/c.md has all of its keys, such as "controller", "kp", "op_span", "acceptable". OP, SP and
+ * the position may be NULL. The answer is written to `json` as by glapp_step_test: one loop of the document of `glapp analyze
+ * --json`, with codes and numbers in place of sentences; its `answer` is the one answer. 64 kB are enough but for very long
+ * recordings. */
 int32_t glapp_analyze(const glapp_columns *columns, const char *task, char *json, size_t room, size_t *needed);
 
 /* ---- Words: a code with its numbers as a person reads it. ---- */

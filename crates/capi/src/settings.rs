@@ -11,8 +11,9 @@ use glapp_core::DetectorSettings;
 pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, CallError> {
     once(given)?;
     let known = |name: &str| given.iter().find(|one| one.0 == name).map(|one| one.1);
-    let must = |name: &str| known(name).ok_or_else(|| CallError::refused(format!("{name}: is missing")));
-    let mut settings = DetectorSettings::new(must("k")?, must("ti")?, known("td").unwrap_or(0.0), must("h")?);
+    let [k, ti, h] = ["k", "ti", "h"].map(known);
+    let or_none = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    let mut settings = DetectorSettings::new(or_none(k), or_none(ti), known("td").unwrap_or(0.0), or_none(h));
     let mut limits = (None, None);
     for (name, value) in given {
         match *name {
@@ -32,6 +33,13 @@ pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, C
                 None => return Err(CallError::refused(format!("{other}: there is no such setting of a detector"))),
             },
         }
+    }
+    // After the names: one that is written wrongly is not told as missing.
+    for name in ["k", "ti", "h"] {
+        known(name).ok_or_else(|| CallError::refused(format!("{name}: is missing")))?;
+    }
+    if let Some(h) = h.filter(|h| !(h.is_finite() && *h > 0.0)) {
+        return Err(CallError::refused(format!("h = {h}: must be greater than 0 s")));
     }
     settings.op_limits = match limits {
         (Some(low), Some(high)) => Some((low, high)),

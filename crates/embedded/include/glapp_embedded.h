@@ -5,10 +5,11 @@
  * task at a time; two blocks have nothing in common.
  *
  * Each function gives 0 or more where all is well, GLAPP_BAD_POINTER or GLAPP_NOT_BEGUN (below 0) where its pointers are wrong. `..._begin`
- * gives 0, or the number of the parameter that is out of bounds (docs/catalogue.md, "parameters"): the block then is not begun.
+ * gives 0, or the number of the parameter that is out of bounds (docs/catalogue.md, "parameters"): the block then is not begun, and one
+ * that was begun before goes on as it is. Of two limits both are given, or none.
  *
  * What is not known is NaN. Units: [OP unit], [PV unit], [s]. K is the gain of the controller in ideal form.
- * Flags, added up: 1 not in automatic, 2 bad quality, 4 at the lower limit, 8 at the upper limit. */
+ * Flags, added up: 1 not in automatic, 2 bad quality, 4 at the lower limit, 8 at the upper limit; others are ignored. */
 
 #ifndef GLAPP_EMBEDDED_H
 #define GLAPP_EMBEDDED_H
@@ -90,7 +91,8 @@ typedef struct { uint64_t memory[64]; } glapp_pid_f64;
     int32_t glapp_compensation_defaults_##suffix(real k, real ti, real size, glapp_compensation_settings_##suffix *settings);        \
     int32_t glapp_compensation_begin_##suffix(glapp_compensation_##suffix *compensation,                                             \
                                               const glapp_compensation_settings_##suffix *settings);                                 \
-    /* e = SP - PV; u: OP without u_ff; d_hat: on-line estimate of the whole gap, NaN: none. Off while enable is 0. u_ff is to be     \
+    /* e = SP - PV; u: OP without u_ff; d_hat: on-line estimate of the whole gap, NaN: none. Off while enable is 0; enable counts     \
+     * once it has been 0, so that compensation does not begin by itself after a power cut. u_ff is to be                             \
      * added to the output in the next scan. Gives the standing: 0 active, else why not (docs/catalogue.md, "standings"). */         \
     int32_t glapp_compensation_update_##suffix(glapp_compensation_##suffix *compensation, real h, real e, real u, real d_hat,        \
                                                uint32_t enable, uint32_t flags, real *u_ff);                                         \

@@ -2,9 +2,10 @@
 
 use core::mem::{align_of, size_of};
 use glapp_core::modules::{self, Mode, PidSettings};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_core::{
     Backward, Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorSettings,
-    DetectorState, Forward, Sample, Saturation, Source, Way,
+    DetectorState, Forward, ParameterError, Sample, Saturation, Source, Way,
 };
 
 /// All is well.
@@ -20,6 +21,25 @@ pub const DETECTOR: (usize, usize) = (800, 1472);
 pub const COMPENSATION: (usize, usize) = (512, 768);
 /// Likewise of a PID.
 pub const PID: (usize, usize) = (384, 512);
+
+/// Flags that C may tell; others are ignored.
+const TOLD: u32 = (NOT_AUTO | BAD | AT_LOW | AT_HIGH) as u32;
+
+/// Both limits of OP, or none; the number of the one that is missing beside the other.
+fn limits<R: glapp_core::Real>(
+    low: Option<R>,
+    high: Option<R>,
+    names: [&'static str; 2],
+) -> Result<Option<(R, R)>, i32> {
+    let missing = match (low, high) {
+        (Some(low), Some(high)) => return Ok(Some((low, high))),
+        (None, None) => return Ok(None),
+        (low, _) => names[usize::from(low.is_some())],
+    };
+    Err(ParameterError { name: missing, value: f64::NAN, bound: "given beside the other limit" }
+        .number()
+        .map_or(i32::MAX, i32::from))
+}
 
 /// A block with its state, and a mark by which it is known.
 #[repr(C, align(8))]
@@ -80,7 +100,8 @@ macro_rules! faces {
             use super::*;
 
             type OfDetector = Held<Detector<$float>, DetectorState<$float>>;
-            type OfCompensation = Held<Compensation<$float>, CompensationState<$float>>;
+            /// With whether it has been seen off: what is on from the start does not begin by itself after a power cut.
+            type OfCompensation = Held<Compensation<$float>, (CompensationState<$float>, bool)>;
             type OfPid = Held<modules::Pid<$float>, modules::PidState<$float>>;
 
             const _: () = assert!(size_of::<OfDetector>() <= DETECTOR.$bytes && align_of::<OfDetector>() <= 8);
@@ -221,13 +242,17 @@ macro_rules! faces {
                     Err(code) => return code,
                 };
                 let usual = DetectorSettings::new(g.k, g.ti, g.td, 1.0);
+                let op_limits = match limits(known(g.op_low), known(g.op_high), ["op_low", "op_high"]) {
+                    Ok(limits) => limits,
+                    Err(number) => return number,
+                };
                 let settings = DetectorSettings {
                     td: known(g.td),
                     b: g.b,
                     kp: known(g.kp),
                     pv_span: known(g.pv_span),
                     op_span: known(g.op_span),
-                    op_limits: known(g.op_low).zip(known(g.op_high)),
+                    op_limits,
                     tf: g.tf,
                     max_h: g.max_h,
                     n: g.n,
@@ -259,7 +284,7 @@ macro_rules! faces {
                     Ok(one) => one,
                     Err(code) => return code,
                 };
-                let sample = Sample { h, sp, pv, op: known(op), flags: flags as u16 };
+                let sample = Sample { h, sp, pv, op: known(op), flags: (flags & TOLD) as u16 };
                 i32::from(one.block.update(&mut one.state, &sample).is_some())
             }
 
@@ -336,12 +361,13 @@ macro_rules! faces {
                 };
                 let number = |error: glapp_core::ParameterError| error.number().map_or(i32::MAX, i32::from);
                 let Some(way) = Way::ALL.into_iter().find(|way| *way as u32 == g.way) else { return 44 };
-                let limits = match known(g.op_low).zip(known(g.op_high)) {
-                    Some((low, high)) => match Saturation::new(low, high) {
+                let limits = match limits(known(g.op_low), known(g.op_high), ["low", "high"]) {
+                    Ok(Some((low, high))) => match Saturation::new(low, high) {
                         Ok(limits) => limits,
                         Err(error) => return number(error),
                     },
-                    None => Saturation::none(),
+                    Ok(None) => Saturation::none(),
+                    Err(number) => return number,
                 };
                 let settings = CompensationSettings {
                     source: Source::Typed,
@@ -362,7 +388,7 @@ macro_rules! faces {
                 match Compensation::new(settings) {
                     // SAFETY: as the header says of the memory.
                     Ok(block) => unsafe {
-                        begin(memory, COMPENSATION_MARK, block, CompensationState::<$float>::default())
+                        begin(memory, COMPENSATION_MARK, block, (CompensationState::<$float>::default(), false))
                     },
                     Err(error) => number(error),
                 }
@@ -389,17 +415,19 @@ macro_rules! faces {
                     (Ok(one), Ok(u_ff)) => (one as &mut OfCompensation, u_ff),
                     (Err(code), _) | (_, Err(code)) => return code,
                 };
+                let (state, seen_off) = &mut one.state;
+                *seen_off |= enable == 0;
                 let sample = CompensationSample {
                     e,
                     u,
                     h,
                     d_hat: known(d_hat),
-                    enable: enable != 0,
-                    flags: flags as u16,
+                    enable: enable != 0 && *seen_off,
+                    flags: (flags & TOLD) as u16,
                     ..CompensationSample::default()
                 };
-                *u_ff = one.block.update(&mut one.state, &sample);
-                one.state.standing as i32
+                *u_ff = one.block.update(state, &sample);
+                state.standing as i32
             }
 
             /// Settings with the defaults.
@@ -491,9 +519,9 @@ macro_rules! faces {
                     Ok(one) => one,
                     Err(code) => return code,
                 };
-                let back = Backward { flags: flags as u16, tracking, ..Backward::default() };
+                let back = Backward { flags: (flags & TOLD) as u16, tracking, ..Backward::default() };
                 one.block.backward(&mut one.state, back);
-                i32::from(one.state.flags | one.state.error & glapp_core::status::BAD)
+                i32::from(one.state.flags | one.state.error & BAD)
             }
         }
     };

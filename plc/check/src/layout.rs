@@ -1,6 +1,7 @@
 //! Every variable of a block by its path, for programs that set and read them under another compiler.
 
 use crate::library::{Elementary, Kind, Library, Ty};
+use crate::tree::Class;
 
 /// Owner of a part of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,6 +45,13 @@ impl Library {
             self.collect(unit, 0, &mut vec![], &self.units[unit].retained, &mut all);
         }
         all
+    }
+
+    /// Variables of a block's outputs; none where there is no such block.
+    pub fn outputs(&self, name: &str) -> Vec<Variable> {
+        let Some(unit) = self.unit(name) else { return vec![] };
+        let shown = |name: &str| self.units[unit].slot(name).is_some_and(|slot| slot.class == Class::Output);
+        self.variables(name).into_iter().filter(|variable| shown(&variable.parts[0].0)).collect()
     }
 
     fn collect(

@@ -265,7 +265,31 @@ impl Library {
         Self::made(sources, build, false)
     }
 
+    /// The library with a program of one's own, given by its file and its text in LREAL, and the name of that program. It may have any
+    /// name, and need not keep the rules of the subset that the evaluator can do without.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn with_own(folder: &Path, build: Build, own: (&str, &str)) -> Result<(Self, String), Fault> {
+        let sources = sources(folder, build)?;
+        let mut units = Self::units(sources.iter().map(|(name, text)| (&**name, &**text)), build, true)?;
+        let (file, text) = own;
+        let unit =
+            read_unit(file, &if build == Build::Real { text.replace("LREAL", "REAL") } else { text.to_owned() })?;
+        let name = unit.name().to_owned();
+        units.push(unit);
+        Ok((Self::built(&units)?, name))
+    }
+
     fn made<'s>(sources: impl Iterator<Item = (&'s str, &'s str)>, build: Build, ruled: bool) -> Result<Self, Fault> {
+        Self::built(&Self::units(sources, build, ruled)?)
+    }
+
+    fn units<'s>(
+        sources: impl Iterator<Item = (&'s str, &'s str)>,
+        build: Build,
+        ruled: bool,
+    ) -> Result<Vec<Unit>, Fault> {
         let mut units = vec![];
         for (file, text) in sources {
             let unit = read_unit(file, text)?;
@@ -282,7 +306,7 @@ impl Library {
                 Build::Real => read_unit(file, &text.replace("LREAL", "REAL"))?,
             });
         }
-        Self::built(&units)
+        Ok(units)
     }
 
     pub(crate) fn built(units: &[Unit]) -> Result<Self, Fault> {

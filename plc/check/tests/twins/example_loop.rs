@@ -12,7 +12,13 @@ fn swings(one: &Block, scans: u32) {
 
 fn runs<R: Number>() {
     let one = Block::new::<R>("GlappLoop");
-    one.set_all(&[("H", 1.0), ("K", 0.5), ("Ti", 10.0), ("Op", 50.0), ("Acceptable", 2.0)]);
+    // Nobody has given K and Ti: it says so, and does not go by numbers of its own.
+    for (given, error) in [(("H", 1.0), 1.0), (("K", 0.5), 2.0)] {
+        one.set_all(&[given]);
+        one.call();
+        assert_eq!(one.all(&["AlarmSettings", "ErrorID", "Message"]), [1.0, error, 6.0]);
+    }
+    one.set_all(&[("Ti", 10.0), ("PvSpan", 100.0), ("Op", 50.0), ("Acceptable", 2.0)]);
     one.call();
     assert_eq!(one.all(&["WidthFound", "Width", "AlarmWide", "Message"]), [0.0, 0.0, 0.0, 1.0]);
     // OP is known and does not move here: the detector believes the controller's own numbers, since Td is 0.
@@ -41,6 +47,12 @@ fn runs<R: Number>() {
     one.set("Ti", 0.0);
     one.call();
     assert_eq!(one.all(&["AlarmSettings", "ErrorID", "Message"]), [1.0, 2.0, 6.0]);
+    // An OP that is not connected is not known: it does not stand at its lower limit, where no half-period would count.
+    let open = Block::new::<R>("GlappLoop");
+    open.set_all(&[("H", 1.0), ("K", 0.5), ("Ti", 10.0), ("PvSpan", 100.0)]);
+    swings(&open, 1500);
+    let width = open.get("Width");
+    assert!((width - 4.2).abs() < 0.01, "{width}");
 }
 
 in_both!(lreal, real: runs);

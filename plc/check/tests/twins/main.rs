@@ -26,6 +26,7 @@ mod detection;
 mod disturbed;
 mod docs;
 mod example_loop;
+mod happens;
 mod lint_samples;
 mod must_show;
 mod open_pins;

@@ -28,7 +28,7 @@ from markupsafe import Markup
 
 import glapp
 from glapp import demo
-from glapp.reading import bounds, columns, heads, influx, long, names, shape, structured, times, values, wide
+from glapp.reading import bounds, columns, heads, influx, long, meaning, names, shape, structured, times, values, wide
 from glapp.report import figures, words
 from glapp.simulate import COMPENSATION_STATES
 from glapp.station import lab
@@ -127,11 +127,11 @@ def of_reading() -> dict[str, Any]:
             "weak": names.WEAK,
             "current": sorted(names.CURRENT),
             "limits": sorted(names.LIMITS),
-            "separators": columns._SEPARATORS,
-            "joined": columns._JOINED.pattern,
-            "token": columns._TOKEN.pattern,
-            "unit": columns._UNIT.pattern,
-            "field": columns._FIELD.pattern,
+            "separators": meaning._SEPARATORS,
+            "joined": meaning._JOINED.pattern,
+            "token": meaning._TOKEN.pattern,
+            "unit": meaning._UNIT.pattern,
+            "field": meaning._FIELD.pattern,
         },
         "values": {
             "bad": sorted(names.MISSING),

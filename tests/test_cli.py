@@ -696,13 +696,25 @@ def test_init_takes_many_files(run):
     assert run("init", "loops.toml")[0] == 2
 
 
-def test_init_refuses_a_pv_without_a_number(run):
+def test_init_refuses_a_signal_without_a_number(run):
     write("dead.csv", rows(pv=lambda k, y: "NaN"))
     write("good.csv", rows())
     wrong = "error: dead.csv, column PV: holds no number in 600 rows; is it the right column?\n"
     assert run("init", "dead.csv", "-o", "loops.toml") == (1, "", wrong) and not Path("loops.toml").exists()
     code, text, err = run("init", "dead.csv", "good.csv")
     assert (code, err) == (1, wrong) and "[loops.good]" in text and "dead" not in text
+    for cells, column in (((0, "", 2, 3), "SP"), ((0, 1, 2, "NaN"), "OP")):
+        write("dead.csv", "\n".join(["t,SP,PV,OP", *(",".join(map(str, (k, *cells[1:]))) for k in range(40))]) + "\n")
+        said = f"error: dead.csv, column {column}: holds no number in 40 rows; is it the right column?\n"
+        assert run("init", "dead.csv") == (1, "", said)
+    write("dead.csv", "\n".join(line.rsplit(",", 1)[0] for line in rows().splitlines()))
+    assert run("init", "dead.csv")[0] == 0  # no OP is recorded
+
+
+def test_identify_names_the_file_and_prints_no_empty_table(run):
+    write("short.csv", rows(n=20))
+    code, out, err = run("identify", "short.csv")
+    assert (code, out) == (1, "") and err.startswith("error: short.csv, loop short: not usable: only 19 steps")
 
 
 def test_a_step_test_that_nothing_is_read_from_prints_the_error_alone(run):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import importlib
+import io
 import json
 import os
 import re
@@ -20,6 +22,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
 import glapp
 from glapp import _glapp, fleet
@@ -863,3 +866,18 @@ def test_spark_gives_the_same_tables(lake: Path, results: Path, tmp_path: Path) 
     assert len(answers) == 4 and {path for path in made if path.parent.name == "loops"} == set(answers)
     for path in fitted:
         assert (tmp_path / "out" / path).stat().st_mtime_ns == (results / path).stat().st_mtime_ns
+
+
+def test_the_progress_of_a_large_run_fits_a_narrow_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 80 characters the time that is left was broken onto a line of its own, at each step."""
+    cli_fleet = importlib.import_module("glapp.cli.fleet")  # the package has the command by this name
+    monkeypatch.setattr(cli_fleet, "err", Console(file=io.StringIO(), width=80, force_terminal=True))
+    bar = cli_fleet._bar()
+    for name in cli_fleet._PARTS.values():
+        task = bar.add_task(name, total=10_000)
+        monkeypatch.setattr(type(bar.tasks[0]), "time_remaining", 3 * 3600.0 + 14 * 60.0)
+        bar.update(task, completed=9999)
+    screen = Console(file=io.StringIO(), width=80)
+    lines = screen.render_lines(bar.get_renderable())
+    shown = ["".join(part.text for part in line) for line in lines]
+    assert len(shown) == len(cli_fleet._PARTS) and all("part: 3 h 14 min left" in line for line in shown), shown

@@ -34,6 +34,8 @@ BESIDE = {
     "labels of figures, tables and pictures": [
         ", the usual limit: none was given",
         "OP travel by the PI law",
+        "SP, PV [PV unit]",
+        "OP, position [OP unit]",
         "not excluded by OP and PV",
         "width of the gap [",
         "OP to the valve's position",
@@ -294,3 +296,8 @@ def test_what_is_missing_is_named() -> None:
 
 def test_no_sentence_of_the_catalogue_hides_a_character() -> None:
     assert [code for code, text in _glapp.catalogue() if one_line(text) != text] == []
+
+
+def test_what_the_page_takes_from_the_reader_is_there() -> None:
+    taken = build.of_reading()
+    assert taken["columns"]["separators"] and taken["values"]["number"] and taken["heads"]["lines"]

@@ -40,7 +40,7 @@ class _Left(ProgressColumn):
             return Text("")
         from ..report.words import duration
 
-        return Text(f"{duration(left)} to go in this part")
+        return Text(f"part: {duration(left)} left", no_wrap=True)
 
 
 # A second paragraph is shown with its line breaks: one text, so that it fits any terminal.
@@ -162,7 +162,7 @@ def _bar() -> Progress:
     """Progress bar of a run."""
     return Progress(
         TextColumn("{task.description}", markup=False),
-        BarColumn(),
+        BarColumn(16),  # with the longest part, ten thousand loops and hours left it fits 80 characters
         TextColumn("{task.completed:.0f} of {task.total:.0f}"),
         _Left(),
         console=err,

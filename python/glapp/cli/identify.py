@@ -30,28 +30,30 @@ def identify(
     """Find K, Ti and Td of the controller from OP's moves, with their intervals, ready for a loops.toml."""
     loops: list[Loop] = []
     faults: list[InputError | str] = []
+    shown = False
     recordings = [
         one
         for entry in open_files(files, options)
         for one in (entry.recordings if isinstance(entry, Valve) else [entry])
     ]
-    for i, entry in enumerate(recordings):
+    for entry in recordings:
         try:
             recording = recording_of(entry)
             found, known = identify_with_unit(recording)
         except InputError as error:
             faults.append(error)
             continue
-        if i:
-            out.print()
-        out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
-        out.print(key_values(_rows(recording, found, known.op_label)))
+        if found.k is not None or found.ti is not None:  # else there is only the reason to tell
+            if shown:
+                out.print()
+            out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
+            out.print(key_values(_rows(recording, found, known.op_label)))
+            shown = True
         if found.usable:
             loops.append(_settings(recording, found))
         else:
             go_on = "or, knowing that, glapp analyze --trust" if found.k and found.ti else "see docs/identify.md"
-            where = f"{recording.source}, loop {recording.name}: " if len(recordings) > 1 else ""
-            faults.append(f"{where}not usable: {found.reason}; {go_on}")
+            faults.append(f"{recording.source}, loop {recording.name}: not usable: {found.reason}; {go_on}")
     if loops:
         out.print("\nFor a loops.toml:\n")
         out.print(write_settings(loops), end="", soft_wrap=True)

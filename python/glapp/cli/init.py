@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
-from ..reading.init import refuse_without_pv, settings_of
+from ..reading.init import refuse_without_numbers, settings_of
 from ..recording import Recording
 from .inputs import Refused, open_files
 from .options import Options, with_columns
@@ -43,7 +43,7 @@ def init(
             faults.append(entry.error)
         elif isinstance(entry, Recording):
             try:
-                refuse_without_pv(entry)
+                refuse_without_numbers(entry)
             except InputError as unusable:
                 faults.append(unusable)
             else:

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError
 from ..escape import one_line
 from ..recording import Recording
 from .settings import _key, _value
 
-__all__ = ["refuse_without_pv", "settings_of"]
+__all__ = ["refuse_without_numbers", "settings_of"]
 
 _HEAD = """\
 # What glapp knows about the loops in {file}. Remove the '#' in front of what you know and correct the value;
@@ -45,14 +46,22 @@ file = {file}
 """
 
 
-def refuse_without_pv(recording: Recording) -> None:
-    """Read a recording until PV has a number.
+def refuse_without_numbers(recording: Recording) -> None:
+    """Read a recording until SP, PV and OP, those that are recorded, each have a number.
 
-    Raises InputError where PV has none in any row, or a row before its first number cannot be read.
+    Raises InputError where one has none in any row, or a row before that cannot be read.
     """
-    for batch in recording.batches():  # which raises at the end where there was none
-        if np.isfinite(batch.pv).any():
+    silent, rows = ["SP", "PV", "OP"], 0
+    for batch in recording.batches():  # where PV has none, it raises at its end
+        rows += len(batch)
+        signals = {"SP": batch.sp, "PV": batch.pv, "OP": batch.op}
+        silent = [name for name in silent if (values := signals[name]) is not None and not np.isfinite(values).any()]
+        if not silent:
             return
+    column = recording.columns.get(silent[0])
+    raise InputError(
+        f"holds no number in {rows} rows", file=recording.source, column=column, hint="is it the right column?"
+    )
 
 
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import atexit
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
@@ -150,6 +150,19 @@ class Head:
         return found
 
 
+_threads: dict[Thread, Event] = {}
+"""Threads that read ahead, each with what stops it."""
+
+
+@atexit.register
+def _stop() -> None:
+    """End the passes that nobody ended: a thread that is inside a library as Python ends aborts the process."""
+    while _threads:
+        thread, stop = _threads.popitem()
+        stop.set()
+        thread.join()
+
+
 def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:
     """Items made in a background thread, at most `depth` ahead, so that reading and work overlap."""
     shelf: Queue[tuple[bool, T | BaseException | None]] = Queue(depth)
@@ -173,6 +186,7 @@ def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:
             put((False, error))
 
     thread = Thread(target=work, name="glapp reading", daemon=True)
+    _threads[thread] = stop
     thread.start()
     try:
         while True:
@@ -183,7 +197,7 @@ def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:
                 return
             yield item  # type: ignore[misc]
     finally:
-        if not sys.is_finalizing():  # the end of Python has stopped the thread, which may hold the locks
+        if _threads.pop(thread, None) is not None:
             stop.set()
             try:
                 while True:

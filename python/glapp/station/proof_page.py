@@ -204,7 +204,8 @@ class ProofCards:
 
     async def _begin(self) -> None:
         if await self._go("guided-test", {}, "The test has begun: put the controller in manual."):
-            ui.run_javascript("window.scrollTo(0, 0)")  # to its card, next to the signals
+            # To its card, next to the signals; the button that was pressed is gone by now, and with it its place.
+            self.guided.client.run_javascript("window.scrollTo(0, 0)")
 
     # The guided test
 

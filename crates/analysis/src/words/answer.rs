@@ -37,8 +37,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "so likely":
         "The valve of {name} probably has a dead band of about {width:about} ({low:number} to {high:number}){beside}.";
     "so likely bound": "The valve of {name} probably has a dead band of at least {low:about}{beside}.";
-    "so likely unsure": "The valve of {name} probably has a dead band, perhaps of about {width:about}, but how wide \
-         it is is not sure{beside}.";
+    "so likely unsure": "The valve of {name} probably has a dead band, perhaps of about {width:about}, but its \
+         width is uncertain{beside}.";
     "so likely dead_band": "The valve of {name} probably has a dead band of about {width:about} ({low:number} to \
          {high:number}) from packing or play{beside}.";
     "so likely stiction": "The valve of {name} probably sticks, then jumps by about {jump:about}{beside}.";

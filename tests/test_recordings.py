@@ -122,7 +122,7 @@ class TestReplays:
         answer = glapp.fit([dated(first.table, first.loop, number) for number in range(4)])
         assert [one.repeated for one in answer.recordings] == [0.0, 1.0, 1.0, 1.0]
         assert (answer.verdict, answer.d, answer.low, answer.high) == (once.verdict, once.d, once.low, once.high)
-        assert "100\N{NO-BREAK SPACE}% of memory (2) stands in an earlier one" in answer.reason
+        assert "100\N{NO-BREAK SPACE}% of memory (2) is in an earlier recording too" in answer.reason
 
     @pytest.mark.verify
     def test_the_share_is_told_and_the_rest_counts(self) -> None:

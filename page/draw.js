@@ -63,7 +63,8 @@ function chart(place, data, lines, { y, t0, x, height, bands, live, sync, limits
     legend: { show: legend, live: false },
     cursor: { drag: { x: true, y: false }, ...(sync ? { sync: { key: sync } } : {}) },
     // Times of the recording are told as its own clock told them, wherever the page is read.
-    ...(dated ? { tzDate: (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC") } : {}),
+    // On the right there is room for half of a date.
+    ...(dated ? { tzDate: (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC"), padding: [null, 38, null, null] } : {}),
     scales: { x: { time: dated }, y: limits ? { range: limits } : {} },
     axes: [axis(dated ? null : t0 === null ? "time [s]" : x, dated ? { labelSize: 0, values: clock_of } : {}), axis(y, { size: 62 })],
     series: [

@@ -14,7 +14,8 @@ async function learn_words(module) {
   const [labels, meanings] = ["half_period", "half_period_meaning"].map(of);
   words.reasons = Object.fromEntries(Object.keys(labels).map((name) => [name, { label: labels[name], meaning: meanings[name] }]));
   words.verdicts = of("verdict");
-  words.likely = { likely: Object.fromEntries(all)["answer.likely"], likely_sound: Object.fromEntries(all)["answer.likely_sound"] };
+  const { likely, likely_sound } = of("answer");
+  words.likely = { likely, likely_sound };
 }
 
 /** The one verdict, as every list shows it. */

@@ -22,8 +22,8 @@ pub const COMPENSATION: (usize, usize) = (512, 768);
 /// Likewise of a PID.
 pub const PID: (usize, usize) = (384, 512);
 
-/// Flags that C may tell; others are ignored.
-const TOLD: u32 = (NOT_AUTO | BAD | AT_LOW | AT_HIGH) as u32;
+/// Flags that C may hand over; others are ignored.
+const KNOWN_FLAGS: u32 = (NOT_AUTO | BAD | AT_LOW | AT_HIGH) as u32;
 
 /// Both limits of OP, or none; the number of the one that is missing beside the other.
 fn limits<R: glapp_core::Real>(
@@ -284,7 +284,7 @@ macro_rules! faces {
                     Ok(one) => one,
                     Err(code) => return code,
                 };
-                let sample = Sample { h, sp, pv, op: known(op), flags: (flags & TOLD) as u16 };
+                let sample = Sample { h, sp, pv, op: known(op), flags: (flags & KNOWN_FLAGS) as u16 };
                 i32::from(one.block.update(&mut one.state, &sample).is_some())
             }
 
@@ -423,7 +423,7 @@ macro_rules! faces {
                     h,
                     d_hat: known(d_hat),
                     enable: enable != 0 && *seen_off,
-                    flags: (flags & TOLD) as u16,
+                    flags: (flags & KNOWN_FLAGS) as u16,
                     ..CompensationSample::default()
                 };
                 *u_ff = one.block.update(state, &sample);
@@ -519,7 +519,7 @@ macro_rules! faces {
                     Ok(one) => one,
                     Err(code) => return code,
                 };
-                let back = Backward { flags: (flags & TOLD) as u16, tracking, ..Backward::default() };
+                let back = Backward { flags: (flags & KNOWN_FLAGS) as u16, tracking, ..Backward::default() };
                 one.block.backward(&mut one.state, back);
                 i32::from(one.state.flags | one.state.error & BAD)
             }

@@ -274,8 +274,7 @@ impl Library {
         let sources = sources(folder, build)?;
         let mut units = Self::units(sources.iter().map(|(name, text)| (&**name, &**text)), build, true)?;
         let (file, text) = own;
-        let unit =
-            read_unit(file, &if build == Build::Real { text.replace("LREAL", "REAL") } else { text.to_owned() })?;
+        let unit = read_unit(file, &in_build(text, build))?;
         let name = unit.name().to_owned();
         units.push(unit);
         Ok((Self::built(&units)?, name))
@@ -303,7 +302,7 @@ impl Library {
             }
             units.push(match build {
                 Build::Lreal => unit,
-                Build::Real => read_unit(file, &text.replace("LREAL", "REAL"))?,
+                Build::Real => read_unit(file, &in_build(text, build))?,
             });
         }
         Ok(units)
@@ -329,6 +328,14 @@ impl Library {
     }
 }
 
+/// A text in LREAL, in the types of the build.
+fn in_build(text: &str, build: Build) -> Cow<'_, str> {
+    match build {
+        Build::Lreal => text.into(),
+        Build::Real => text.replace("LREAL", "REAL").into(),
+    }
+}
+
 pub(crate) fn read_unit(file: &str, text: &str) -> Result<Unit, Fault> {
     lint::without_comments(file, text)?;
     let unit = first::parse(file, text)?;
@@ -345,10 +352,7 @@ pub(crate) fn read_unit(file: &str, text: &str) -> Result<Unit, Fault> {
 /// # Errors
 /// Where a file cannot be read, or one of the parsers refuses it.
 pub fn trees(folder: &Path, build: Build) -> Result<Vec<(String, Unit)>, Fault> {
-    let tree = |(name, text): (String, String)| {
-        let text = if build == Build::Real { text.replace("LREAL", "REAL") } else { text };
-        read_unit(&name, &text).map(|unit| (name, unit))
-    };
+    let tree = |(name, text): (String, String)| read_unit(&name, &in_build(&text, build)).map(|unit| (name, unit));
     sources(folder, build)?.into_iter().map(tree).collect()
 }
 

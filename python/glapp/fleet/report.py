@@ -120,7 +120,7 @@ def _in_short(loops: Sequence[Any], ranked: Sequence[Any], likely: Mapping[str, 
     worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
     sentences = [
         to_text("fleet.gaps", {"gaps": gaps, "all": len(loops), "beyond": len(beyond)}),
-        to_text("fleet.rest", {"none": none, "unjudged": len(loops) - gaps - none - sum(map(len, likely.values()))}),
+        to_text("fleet.rest", {"none": none, "unjudged": sum(row["hindrance"] is not None for row in loops)}),
     ]
     if any(likely.values()):
         counts = {"gap": len(likely["likely"]), "sound": len(likely["likely_sound"])}

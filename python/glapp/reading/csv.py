@@ -28,7 +28,7 @@ import pyarrow.csv as pc
 
 from ..errors import InputError
 from . import bounds
-from .heads import NO_ROWS, begins_with_data, body_end, head_of, holds_data
+from .heads import begins_with_data, body_end, head_of, holds_data, no_rows
 from .source import Source
 
 __all__ = ["PACKED", "CsvSource", "encoding_of"]
@@ -44,8 +44,6 @@ _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
 PACKED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
 """Compression of a file by its ending."""
-NO_TABLE = "export the recording as CSV, Excel, Parquet or Arrow"
-"""What to do with a file that is none of these."""
 
 
 class CsvSource(Source):
@@ -73,7 +71,7 @@ class CsvSource(Source):
         self._encoding = encoding_of(raw, whole, label)
         text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw, whole)
         if "\0" in text:
-            raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
+            raise _no_text(label)
         lines = list(io.StringIO(text, newline=None))
         if not whole and len(lines) > 1:
             lines.pop()  # cut off in its middle
@@ -100,7 +98,7 @@ class CsvSource(Source):
         else:
             self._skip, body = rows[head.rows - 1][0], rows[head.rows :]
         if not body:
-            raise InputError("has a header but no rows", file=label, hint=NO_ROWS)
+            raise no_rows(label)
         body_cells = [cells for _, cells in body if len(cells) == width]
         if not body_cells:
             raise self._ragged(None)
@@ -356,10 +354,10 @@ def encoding_of(raw: bytes, whole: bool, label: str) -> str:
         for name, zeros in (("utf-16-le", raw[1::2]), ("utf-16-be", raw[::2])):
             if zeros.count(0) > 0.9 * len(zeros):
                 return name
-        raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
+        raise _no_text(label)
     control = sum(raw.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13))
     if control > 0.01 * len(raw):
-        raise InputError("is not text, Parquet or Arrow", file=label, hint=NO_TABLE)
+        raise _no_text(label)
     try:
         codecs.getincrementaldecoder("utf-8")().decode(raw, whole)
     except UnicodeDecodeError:
@@ -403,3 +401,9 @@ def _null_spellings(words: Iterable[str]) -> list[str]:
 
 def _column(rows: list[list[str]], column: int) -> pa.Array:
     return pa.array([row[column] for row in rows], pa.string())
+
+
+def _no_text(label: str) -> InputError:
+    """The error of a file in no form that is read."""
+    hint = "export the recording as CSV, Excel, Parquet or Arrow"
+    return InputError("is not text, Parquet or Arrow", file=label, hint=hint)

@@ -23,7 +23,7 @@ import pyarrow as pa
 
 from ..errors import InputError
 from . import apart, bounds
-from .heads import NO_ROWS, begins_with_data, body_end, head_of, holds_data
+from .heads import begins_with_data, body_end, head_of, holds_data, no_rows
 from .meaning import understand
 from .source import Source
 
@@ -214,7 +214,7 @@ class SheetSource(Source):
         timed = begins_with_data(texts[above:], width)
         body = rows[above : start + body_end(ends, width, timed)]
         if not body:
-            raise InputError("has a header but no rows", file=label, hint=NO_ROWS)
+            raise no_rows(label)
         self._first = first + above + 1
         self.rows = len(body)
         kept = [i for i in range(width) if self.names[i] or any(row[i] != "" for row in body)]

@@ -12,15 +12,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..errors import InputError
 from .meaning import understand
 from .names import FACTS, FOOTER, UNITS, folded
 from .times import looks_like_moment, looks_like_stamp
 
-__all__ = ["NO_ROWS", "Head", "begins_with_data", "body_end", "head_of", "holds_data", "is_data"]
+__all__ = ["Head", "begins_with_data", "body_end", "head_of", "holds_data", "is_data", "no_rows"]
 
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?")
-NO_ROWS = "take a time in which the historian has values, and export again"
-"""What to do about a table that has a header and no rows."""
 _LINES = 40
 """A head ends within so many lines of the first that is as wide as the table."""
 _SHORT = 12
@@ -209,3 +208,9 @@ def _are_units(cells: Sequence[str]) -> bool:
     """Whether at least half of the filled cells are units."""
     filled = [folded(cell.strip(" []()")) for cell in cells if cell.strip()]
     return sum(cell in UNITS for cell in filled) * 2 >= len(filled)
+
+
+def no_rows(label: str) -> InputError:
+    """The error of a table that has a header and nothing below it."""
+    hint = "take a time in which the historian has values, and export again"
+    return InputError("has a header but no rows", file=label, hint=hint)

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 import pyarrow as pa
 
 from ..errors import InputError
-from .heads import NO_ROWS
+from .heads import no_rows
 from .meaning import understand
 from .source import Source
 from .tables import TableSource
@@ -75,7 +75,7 @@ class _Rows:
     def source(self, label: str) -> Source:
         """The samples so far as a source."""
         if not self.times:
-            raise InputError("has a header but no rows", file=label, hint=NO_ROWS)
+            raise no_rows(label)
         columns = {"time": self.times, "tag": self.tags, "value": self.values}
         table = pa.table({name: pa.array(column, pa.string()) for name, column in columns.items()})
         source = TableSource(table, label, self.lines)

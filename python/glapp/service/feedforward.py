@@ -14,7 +14,10 @@ from .journal import Journal
 from .signal import Event, Plant, Signal, WriteRefused, answered_within
 from .watched import WatchedLoop
 
-__all__ = ["PLANT_ANSWERS", "FeedForward"]
+__all__ = ["CONNECTION_LOST", "PLANT_ANSWERS", "FeedForward"]
+
+CONNECTION_LOST = "the connection to the plant was lost"
+"""Why a loop is not compensated any more, where nothing can be written."""
 
 PLANT_ANSWERS = 5.0
 """Longest time in which the plant answers a call [s]."""
@@ -92,9 +95,7 @@ class FeedForward:
             if refused.reason == "too_fast":  # the last write was late: this one comes with the next scan
                 return
             gone = refused.reason == "not_connected"
-            self.switch_off(
-                watched, "the connection to the plant was lost" if gone else f"u_FF was not written: {refused}"
-            )
+            self.switch_off(watched, CONNECTION_LOST if gone else f"u_FF was not written: {refused}")
             if not compensator.enabled:
                 self._journal.add_event(Event(self._clock(), name, "not_written", f"u_FF {u_ff:g}: {refused}"))
         else:

@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..estimate import Estimator
 from ..loop import Loop
 from .commands import Commands
-from .feedforward import FeedForward
+from .feedforward import CONNECTION_LOST, FeedForward
 from .fit_queue import FitQueue
 from .ingest import Ingest
 from .journal import Journal, to_the_end
@@ -180,7 +180,7 @@ class Monitor:
                 continue
             if event.kind == "lost":
                 self.ingest.lost(watched)
-            why = "the connection to the plant was lost" if event.kind == "lost" else event.text
+            why = CONNECTION_LOST if event.kind == "lost" else event.text
             self.feedforward.connection_lost(watched, why)
 
     @property

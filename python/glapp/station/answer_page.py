@@ -10,7 +10,7 @@ from nicegui import ui
 from ..report.words import MEANINGS, count, number, sentence
 from ..service.options import NIGHT
 from .one_loop import OneLoop
-from .pages import heading, moment
+from .pages import described, heading, moment
 
 __all__ = ["AnswerCard"]
 
@@ -83,12 +83,7 @@ class AnswerCard:
             for text in [] if answer is None else answer.get("why", []):
                 ui.html(f"<p>{escape(text)}</p>", sanitize=False)
         with self.facts:
-            for title, text in self._known(answer):
-                with ui.element("div"):
-                    with ui.element("dt"):
-                        ui.label(title)
-                    with ui.element("dd"):
-                        ui.label(text)
+            described(self._known(answer))
 
     def _known(self, answer: dict[str, Any] | None) -> list[tuple[str, str]]:
         """Facts next to the answer: area, valve, acceptable limit, days, trend of the width."""

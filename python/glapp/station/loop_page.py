@@ -131,8 +131,7 @@ def loop_page(station: Station, request: Request, name: str) -> None:
         page = _Page(station, session, name)
         page.build()
         page.show()
-        ui.timer(
-            0.02, page.signals.often
-        )  # what the service is asked for comes when the page is there, however slow it is
+        # What the service is asked for comes when the page is there, however slow it is.
+        ui.timer(0.02, page.signals.often)
         ui.timer(2.0, page.seldom)
         ui.timer(1.0, page.proof.refresh)

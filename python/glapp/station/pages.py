@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from html import escape
@@ -27,6 +27,7 @@ __all__ = [
     "Station",
     "all_events",
     "command",
+    "described",
     "events_page",
     "frame",
     "heading",
@@ -87,6 +88,16 @@ def moment(at: float | None) -> str:
 def heading(text: str, level: int = 1) -> None:
     """A heading, whatever characters are in it."""
     ui.html(f"<h{level}>{escape(text)}</h{level}>", sanitize=False)
+
+
+def described(rows: Iterable[tuple[str, str]]) -> None:
+    """Terms of a list of facts, each with its text."""
+    for term, text in rows:
+        with ui.element("div"):
+            with ui.element("dt"):
+                ui.label(term)
+            with ui.element("dd"):
+                ui.label(text)
 
 
 def quiet(text: str, what: Any = None, *, flat: bool = False) -> ui.button:

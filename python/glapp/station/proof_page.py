@@ -19,7 +19,7 @@ from ..service import repairs
 from ..service.guide import Asked, result_text
 from ..service.plans import LONGEST
 from .client import loop_path
-from .pages import Station, command, dialog_of, heading, moment, quiet
+from .pages import Station, command, described, dialog_of, heading, moment, quiet
 from .sessions import Session
 
 __all__ = ["ProofCards"]
@@ -135,23 +135,18 @@ class ProofCards:
         if confidence not in OPEN and row is None:
             return False
         heading("Which test would decide", 2)
+        waits = row is not None and row["plan"] is None and row["refused"] is None
         if row is None:
             ui.label("Type how far OP and PV may go. The loop is then simulated with the gap and without it.")
-        elif row["plan"] is None and row["refused"] is None:
+        elif waits:
             ui.label(waiting_text(row["time"])).classes("medium")
         elif row["refused"] is not None:
             ui.label(f"No test can be planned: {row['refused']}.").classes("medium")
         else:
             plan = Plan.of(row["plan"])
             with ui.element("dl").classes("facts small"):
-                for name, text in planned.rows(plan):
-                    with ui.element("div"):
-                        with ui.element("dt"):
-                            ui.label(name)
-                        with ui.element("dd"):
-                            ui.label(text)
+                described(planned.rows(plan))
             ui.label(f"Planned {moment(row['time'])[:16]}, {row['person']}.").classes("small muted")
-        waits = row is not None and row["plan"] is None and row["refused"] is None
         with ui.element("div").classes("bar").style("margin-top: 8px"):
             if not waits:  # a second one would be refused
                 self._may(quiet("Plan a test" if row is None else "Plan anew", self._ask))

@@ -251,9 +251,7 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let span = facts.width_percent_span.filter(|_| reader.op_unit != "%");
     let span = clause(span.map(|percent| Message::new("answer.of_span").with("percent", percent)));
     let reason = facts.crossings.reason.clone().unwrap_or_default();
-    let percent = facts.limit.as_ref().and_then(|limit| limit.percent_span);
     let message = facts.message(code).with("span", span).with("beside", beside(facts)).with("reason", bare(&reason));
-    let message = message.with("percent", percent);
     let message = text(&message.code, &message.numbers, reader)?;
     // A certain answer states itself; for an open one the planner chooses by the probability of a gap.
     match facts.p_gap.filter(|_| ["likely", "cannot_tell"].contains(&confidence)) {
@@ -327,8 +325,7 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
         format!("do {code}"),
     ];
     let code = first(codes.iter().map(String::as_str)).unwrap_or(code);
-    let percent = facts.limit.as_ref().and_then(|limit| limit.percent_span);
-    let message = facts.message(code).with("percent", percent);
+    let message = facts.message(code);
     text(&message.code, &message.numbers, reader)
 }
 
@@ -337,13 +334,9 @@ fn short(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let code = &facts.next.code;
     let asks = ["further", "record_more", "probably_too_wide", "step_test", "remedy"].contains(&code.as_str());
     let tested = asks && facts.next.tested;
-    let likely = facts.confidence.as_deref() == Some("likely");
-    let codes = [format!("short {code} likely"), format!("short {code}")];
-    let code = if tested {
-        "short tested"
-    } else {
-        first(codes.iter().skip((!likely).into()).map(String::as_str)).unwrap_or(code)
-    };
+    let confidence = facts.confidence.as_deref().unwrap_or_default();
+    let codes = [format!("short {code} {confidence}"), format!("short {code}")];
+    let code = if tested { "short tested" } else { first(codes.iter().map(String::as_str)).unwrap_or(code) };
     text(&format!("answer.{code}"), &facts.message("").numbers, reader)
 }
 
@@ -424,7 +417,7 @@ fn weighed(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
 
 /// The limit [% of span] and the probability of a dead band that is wider.
 fn beyond(facts: &AnswerFacts) -> Option<(f64, f64)> {
-    facts.limit.as_ref().and_then(|limit| limit.percent_span).zip(facts.p_beyond)
+    facts.limit_percent().zip(facts.p_beyond)
 }
 
 /// Probability of a dead band, in a few words; empty where no evidence was weighed.

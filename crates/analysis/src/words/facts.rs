@@ -194,6 +194,11 @@ impl AnswerFacts {
         self.evidence.is_some()
     }
 
+    /// Acceptable limit [% of span].
+    pub(super) fn limit_percent(&self) -> Option<f64> {
+        self.limit.as_ref().and_then(|limit| limit.percent_span)
+    }
+
     /// A message with the numbers that the answer's sentences share.
     pub(super) fn message(&self, code: &str) -> Message {
         let fit = self.fit.clone().unwrap_or_default();
@@ -201,6 +206,7 @@ impl AnswerFacts {
             .with("width", self.width)
             .with("low", self.low)
             .with("high", self.high)
+            .with("percent", self.limit_percent())
             .with("jump", fit.jump)
             .with("d", fit.d)
             .with("d_hat", self.crossings.d_hat)

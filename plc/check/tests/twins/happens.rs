@@ -17,19 +17,9 @@ impl Both {
         let new = |name| Instance::new(R::library(), name).unwrap();
         let mut both =
             Self { detection: new("GlappBacklashDetection"), controller: new("GlappPidAdvanced"), held: 0.0 };
-        both.set_both(&[("Enable", 1.0), ("H", 1.0), ("Settings.Compensates", 1.0)]);
-        both.set_both(&[("Settings.Compensation.Way", 1.0), ("Settings.Compensation.Size", 2.0)]);
+        both.connect();
         both.set_both(&[("Settings.Compensation.Release", 4.0)]);
-        for (name, value) in [("K", 1.0), ("Ti", 20.0)] {
-            both.detection.set(&format!("Settings.Detector.{name}"), value).unwrap();
-            both.controller.set(&format!("Settings.Controller.{name}"), value).unwrap();
-        }
-        for (name, value) in [("Sp", 50.0), ("Output", 50.0)] {
-            both.detection.set(name, value).unwrap();
-        }
-        for (name, value) in
-            [("OwnSp", 50.0), ("Start", 40.0), ("Settings.Controller.Low", 0.0), ("Settings.Controller.High", 100.0)]
-        {
+        for (name, value) in [("Start", 40.0), ("Settings.Controller.Low", 0.0), ("Settings.Controller.High", 100.0)] {
             both.controller.set(name, value).unwrap();
         }
         for scan in 0..40 {
@@ -45,6 +35,20 @@ impl Both {
         assert_eq!(both.u_ff(), [1.0, 1.0]);
         both.held = both.controller.get("Output").unwrap();
         both
+    }
+
+    /// The signals and settings that a program hands over in every scan.
+    fn connect(&mut self) {
+        self.set_both(&[("Enable", 1.0), ("H", 1.0), ("Settings.Compensates", 1.0)]);
+        self.set_both(&[("Settings.Compensation.Way", 1.0), ("Settings.Compensation.Size", 2.0)]);
+        for (name, value) in [("K", 1.0), ("Ti", 20.0)] {
+            self.detection.set(&format!("Settings.Detector.{name}"), value).unwrap();
+            self.controller.set(&format!("Settings.Controller.{name}"), value).unwrap();
+        }
+        for (name, value) in [("Sp", 50.0), ("Output", 50.0)] {
+            self.detection.set(name, value).unwrap();
+        }
+        self.controller.set("OwnSp", 50.0).unwrap();
     }
 
     fn set_both(&mut self, pins: &[(&str, f64)]) {
@@ -138,17 +142,8 @@ fn runs<R: Number>() {
     let mut both = Both::new::<R>();
     both.detection.power_cut();
     both.controller.power_cut();
-    let again = [("Enable", 1.0), ("H", 1.0), ("Pv", 49.0), ("Compensate", 1.0), ("Settings.Compensates", 1.0)];
-    both.set_both(&again);
-    both.set_both(&[("Settings.Compensation.Way", 1.0), ("Settings.Compensation.Size", 2.0)]);
-    for (name, value) in [("K", 1.0), ("Ti", 20.0)] {
-        both.detection.set(&format!("Settings.Detector.{name}"), value).unwrap();
-        both.controller.set(&format!("Settings.Controller.{name}"), value).unwrap();
-    }
-    both.controller.set("OwnSp", 50.0).unwrap();
-    for (name, value) in [("Sp", 50.0), ("Output", 50.0)] {
-        both.detection.set(name, value).unwrap();
-    }
+    both.connect();
+    both.set_both(&[("Pv", 49.0), ("Compensate", 1.0)]);
     for scan in 0..40 {
         both.set_both(&[("Pv", if (5..20).contains(&scan) { 51.0 } else { 49.0 })]);
         both.call();

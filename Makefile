@@ -113,7 +113,7 @@ lint-python: setup
 
 # The core where there is no operating system: a microcontroller, and a page in the browser.
 bare:
-	@for target in thumbv7em-none-eabihf wasm32-unknown-unknown; do \
+	@+for target in thumbv7em-none-eabihf wasm32-unknown-unknown; do \
 		if [ -d "$$(rustc --print target-libdir --target $$target)" ]; then \
 			cargo build --quiet --release -p glapp-core --target $$target || exit 1; \
 		else \
@@ -161,7 +161,7 @@ page: setup dist/page/index.html
 
 dist/page/index.html: $(SOURCES) $(shell find page python/glapp -type f -not -name '*.pyc' -not -name '*.so')
 	$(call stage,Compile the fit for the browser and build the page,4 min the first time$(,) 1 min after a change of a crate)
-	$(BIN)/python page/build.py dist/page
+	+$(BIN)/python page/build.py dist/page
 
 # The library for C: header, shared and static library, examples. On Linux the version of its interface stands in its name.
 capi: dist/capi/include/glapp.h

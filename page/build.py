@@ -82,7 +82,8 @@ def wasm() -> bytes:
     command = ["cargo", "rustc", "--quiet", "--release", "--package", "glapp-page", "--lib", "--crate-type", "cdylib"]
     command += ["--target", TARGET, "--target-dir", str(BUILT), *more]
     environment |= {"RUSTFLAGS": "-C target-feature=+simd128 -C panic=abort -C strip=symbols"}
-    subprocess.run(command, cwd=ROOT, env=os.environ | environment, check=True)
+    # make tells cargo by open files how many processors it may use.
+    subprocess.run(command, cwd=ROOT, env=os.environ | environment, check=True, close_fds=False)
     return (BUILT / TARGET / "release" / "glapp_page.wasm").read_bytes()
 
 

@@ -360,7 +360,7 @@ WRONG = {
         "columns.csv: no column for PV and OP among those left: a, b; name them: --pv NAME --op NAME",
     ),
     "text": (rows(pv=lambda k, y: "abc" if k == 18 else y), "text.csv, row 20, column PV: 'abc' is not a number"),
-    "nan": (rows(pv=lambda k, y: "NaN"), "nan.csv, column PV: holds no number"),
+    "nan": (rows(pv=lambda k, y: "NaN"), "nan.csv, column PV: has no value in any of"),
     "zones": (
         rows(time=lambda k: f"2026-03-01T12:{k // 60:02d}:{k % 60:02d}" + ("+01:00" if k < 300 else "")),
         "zones.csv, row 302, column t: '2026-03-01T12:05:00' has no zone",
@@ -699,13 +699,13 @@ def test_init_takes_many_files(run):
 def test_init_refuses_a_signal_without_a_number(run):
     write("dead.csv", rows(pv=lambda k, y: "NaN"))
     write("good.csv", rows())
-    wrong = "error: dead.csv, column PV: holds no number in 600 rows; is it the right column?\n"
+    wrong = "error: dead.csv, column PV: has no value in any of 600 rows; is it the right column?\n"
     assert run("init", "dead.csv", "-o", "loops.toml") == (1, "", wrong) and not Path("loops.toml").exists()
     code, text, err = run("init", "dead.csv", "good.csv")
     assert (code, err) == (1, wrong) and "[loops.good]" in text and "dead" not in text
     for cells, column in (((0, "", 2, 3), "SP"), ((0, 1, 2, "NaN"), "OP")):
         write("dead.csv", "\n".join(["t,SP,PV,OP", *(",".join(map(str, (k, *cells[1:]))) for k in range(40))]) + "\n")
-        said = f"error: dead.csv, column {column}: holds no number in 40 rows; is it the right column?\n"
+        said = f"error: dead.csv, column {column}: has no value in any of 40 rows; is it the right column?\n"
         assert run("init", "dead.csv") == (1, "", said)
     write("dead.csv", "\n".join(line.rsplit(",", 1)[0] for line in rows().splitlines()))
     assert run("init", "dead.csv")[0] == 0  # no OP is recorded
@@ -721,6 +721,16 @@ def test_a_step_test_that_nothing_is_read_from_prints_the_error_alone(run):
     write("plain.csv", rows())
     code, out, err = run("step-test", "plain.csv")
     assert (code, out) == (1, "") and err.startswith("error: plain.csv, loop plain: ") and err.count("\n") == 1
+
+
+def test_an_op_without_a_value_is_called_that(run):
+    """It was called a recording in which 0 steps between samples can be used."""
+    head, *lines = rows().splitlines()
+    write("dead.csv", "\n".join([head, *(line.rsplit(",", 1)[0] + ",NaN" for line in lines)]))
+    code, _, err = run("identify", "dead.csv")
+    assert code == 1 and "OP has no value in any row, so K and Ti must be given: check the column or tag" in err
+    said = "".join(run("analyze", "dead.csv", "--why")[1].split("\n")).replace(" ", "")
+    assert "OPhasnovalue" in said and "0steps" not in said
 
 
 def test_identify_without_op(run):

@@ -84,11 +84,11 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "gaps": "gaps longer than {threshold_s:seconds}: {count}, {total_s:seconds} in all, the longest \
          {longest_s:seconds}, the first before {first_row:row}; no half-period is taken across one: ask for raw \
          values if they are many";
-    "not_a_number all": "{signal} is not a number in any of {of} rows: check the column or tag";
-    "not_a_number": "{signal} is not a number in {rows} of {of} rows ({share:share}), first {first_row:row}: each \
+    "not_a_number all": "{signal} has no value in any of {of} rows: check the column or tag";
+    "not_a_number": "{signal} has no value in {rows} of {of} rows ({share:share}), first {first_row:row}: each \
          ends a half-period; ask the historian for good values";
-    "bad_quality": "the quality is not good in {share:share} of the rows, which are not used: repair the signal, or \
-         check which quality codes mean good";
+    "bad_quality": "the quality of {signal} is not good in {rows} of {of} rows ({share:share}), first \
+         {first_row:row}, and these rows are not used: repair the signal, or check which quality codes mean good";
     "span outside": "{signal} goes from {low:.4g} to {high:.4g}, beyond its span of {span_low:.4g} to \
          {span_high:.4g}: check the span and the column, and name numbers that stand for a missing value in \
          bad_values";

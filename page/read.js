@@ -162,8 +162,7 @@ const Reading = (data) => {
     if (pv.some((_, i) => known(i))) return;
     const [rows, marked] = [pv.length, bits?.filter((bit) => bit & BAD).length ?? 0];
     if (!marked) throw new InputError(`has no value in any of ${rows} rows`, { ...where, hint: `is it the right ${Object.keys(where)[0]}?` });
-    const count = marked === rows ? "all are of bad quality" : `${marked} are of bad quality, the others have no value`;
-    throw new InputError(`has no value of good quality: of ${rows} rows ${count}`, { ...where, hint: "repair the signal, or check which quality codes mean good" });
+    throw new InputError(`has no value of good quality in any of ${rows} rows, and one of bad quality in ${marked}`, { ...where, hint: "repair the signal, or check which quality codes mean good" });
   }
 
   /** The unit that stands behind the number in every first cell of a signal. */

@@ -723,6 +723,28 @@ def test_a_step_test_that_nothing_is_read_from_prints_the_error_alone(run):
     assert (code, out) == (1, "") and err.startswith("error: plain.csv, loop plain: ") and err.count("\n") == 1
 
 
+def test_a_header_in_the_middle_is_called_one(run):
+    """Days that were joined with their headers: it said that 'PV' is not a time, and to write 2024-01-31."""
+    text = rows(n=40)
+    for name, second in (("days.csv", text), ("spaced.csv", " t ,SP,PV,OP\n" + text.partition("\n")[2])):
+        write(name, text + second)
+        code, _, err = run("analyze", name, "--no-fit")
+        assert code == 1 and err.startswith(f"error: {name}, row 42, column t: the header is there once more")
+
+
+def test_what_a_column_hinders_the_command_line_can_leave_out(run):
+    """Modes, qualities and times that cannot be read named keys of a loops.toml, which init refused to write."""
+    lines = rows().splitlines()
+    for name, cell, option in (("MODE", "Turbo", "--mode ''"), ("Quality", "Meh", "--quality ''")):
+        write("plant.csv", "\n".join([f"{lines[0]},{name}", *(f"{line},{cell}" for line in lines[1:])]))
+        assert option in run("analyze", "plant.csv", "--no-fit")[2]
+        assert run("analyze", "plant.csv", "--no-fit", option.split()[0], "")[0] == 0
+        assert f'{name.lower()} = ""' in run("init", "plant.csv", option.split()[0], "")[1]
+    write("plant.csv", rows(time=lambda k: f"10:{k // 60:02d}:{k % 60:02d}"))
+    assert "--time '' --sample-time SECONDS" in run("analyze", "plant.csv", "--no-fit")[2]
+    assert run("analyze", "plant.csv", "--no-fit", "--time", "", "--sample-time", 1)[0] == 0
+
+
 def test_an_op_without_a_value_is_called_that(run):
     """It was called a recording in which 0 steps between samples can be used."""
     head, *lines = rows().splitlines()

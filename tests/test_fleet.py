@@ -630,11 +630,35 @@ def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path: Path, m
 @pytest.mark.parametrize(
     ("gaps", "beyond", "likely", "likely_sound", "none", "unjudged", "said"),
     [
-        (0, 0, 0, 1, 1, 2, "No dead band was found in 4 valves. 1 probably has none wider than the limit. 1 shows none. "),
+        (
+            0,
+            0,
+            0,
+            1,
+            1,
+            2,
+            "No dead band was found in 4 valves. 1 probably has none wider than the limit. 1 shows none. ",
+        ),
         (1, 1, 1, 0, 0, 0, "1 of 2 valves has a dead band, wider than the limit. 1 valve probably has one. First: g0."),
         (1, 0, 0, 0, 0, 0, "1 of 1 valve has a dead band, not surely wider than the limit."),
-        (3, 0, 2, 0, 5, 0, "have a dead band, none of them surely wider than the limit. 2 valves probably have one. 5 "),
-        (3, 2, 0, 4, 0, 1, "3 of 8 valves have a dead band, 2 of them wider than the limit. 4 probably have none wider "),
+        (
+            3,
+            0,
+            2,
+            0,
+            5,
+            0,
+            "have a dead band, none of them surely wider than the limit. 2 valves probably have one. 5 ",
+        ),
+        (
+            3,
+            2,
+            0,
+            4,
+            0,
+            1,
+            "3 of 8 valves have a dead band, 2 of them wider than the limit. 4 probably have none wider ",
+        ),
     ],
 )
 def test_no_sentence_counts_nothing(
@@ -642,7 +666,9 @@ def test_no_sentence_counts_nothing(
 ) -> None:
     """It said "Likely: 0 valves with one" and "0 of 200 valves have a dead band, 0 of them wider than the limit"."""
     row = {"valve": "unknown", "confidence": "cannot_tell", "acceptable": None, "changes": False, "hindrance": None}
-    found = [row | {"loop": f"g{k}", "valve": "gap", "acceptable": "beyond" if k < beyond else "open"} for k in range(gaps)]
+    found = [
+        row | {"loop": f"g{k}", "valve": "gap", "acceptable": "beyond" if k < beyond else "open"} for k in range(gaps)
+    ]
     probable = {"likely": [row] * likely, "likely_sound": [row] * likely_sound}
     rest = [row | {"valve": "no_gap"}] * none + [row | {"hindrance": "load"}] * unjudged
     short = _in_short([*found, *probable["likely"], *probable["likely_sound"], *rest], found, probable)

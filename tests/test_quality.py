@@ -245,6 +245,12 @@ def test_times() -> None:
     twice[500] = twice[499]
     assert look(twice, sp, pv, op)["time_repeated"].severity == "warning"
     assert look(0 * t, sp, pv, op)["time_repeated"].severity == "refuse"
+    minutes = look(t // 60 * 60, sp, pv, op)["time_repeated"]  # which said to remove the doubles, and went on
+    assert minutes.severity == "refuse" and "lost their seconds" in minutes.text and "--sample-time" in minutes.text
+    late = t.copy()
+    late[600:] += 100
+    one = look(late, sp, pv, op)["gaps"].text
+    assert one == "1 gap of 101 s, before row 602; no half-period is taken across it"
     back = t.copy()
     back[400:] -= 3600
     found = look(back, sp, pv, op, t0=datetime(2025, 10, 26, 2, 53, 20, tzinfo=UTC))["time_reversed"]
@@ -271,17 +277,21 @@ def test_a_row_of_bad_quality_is_not_called_one_without_a_value(tmp_path) -> Non
 
     both = found(t, sp, cells, op, quality)
     assert both["not_a_number"].startswith("PV has no value in 12 of 1000 rows (1.2\u00a0%), first row 402: ")
-    assert both["bad_quality"].startswith("the quality of PV is not good in 30 of 1000 rows (3\u00a0%), first row 202, ")
+    assert both["bad_quality"].startswith(
+        "the quality of PV is not good in 30 of 1000 rows (3\u00a0%), first row 202, "
+    )
     assert list(found(t, sp, cells, op)) == ["not_a_number"]
     assert list(found(t, sp, pv, op, quality)) == ["bad_quality"]
     quality[:] = "Bad"
-    with pytest.raises(InputError, match="column PV: has no value of good quality: of 1000 rows all are of bad quality"):
+    with pytest.raises(
+        InputError, match="column PV: has no value of good quality in any of 1000 rows, and one of bad quality in 1000"
+    ):
         found(t, sp, pv, op, quality)
 
 
 def test_each_signal_of_a_long_table_has_its_own_bad_quality(tmp_path) -> None:
     """A bad sample of SP or OP was counted as one that is not a number."""
-    t, sp, pv, op = loop(n=1000)
+    _, sp, pv, op = loop(n=1000)
     path = tmp_path / "long.csv"
     lines = [
         f"{k},F1.{tag},{values[k]:.4f},{'Bad' if k < bad else 'Good'}"
@@ -292,7 +302,11 @@ def test_each_signal_of_a_long_table_has_its_own_bad_quality(tmp_path) -> None:
     result = glapp.analyze(path, fit=False)
     assert "not_a_number" not in [one.code for one in result.quality]
     bad = [one.evidence for one in result.quality if one.code == "bad_quality"]
-    assert {one["signal"]: (one["rows"], one["first_row"]) for one in bad} == {"SP": (5, 0), "PV": (20, 0), "OP": (7, 0)}
+    assert {one["signal"]: (one["rows"], one["first_row"]) for one in bad} == {
+        "SP": (5, 0),
+        "PV": (20, 0),
+        "OP": (7, 0),
+    }
 
 
 def test_non_numbers() -> None:

@@ -851,7 +851,9 @@ def browsed(page: Path, *options: str) -> str:
 
 @pytest.mark.verify
 @needs_chromium
-def test_a_narrow_page_is_not_wider_than_its_window(run: list[Result], worn: Result, tmp_path: Path) -> None:
+def test_a_narrow_page_is_not_wider_than_its_window_and_no_legend_lies_on_a_date(
+    run: list[Result], worn: Result, tmp_path: Path
+) -> None:
     long = replace(fitted(worn), name="PLANT/UNIT_07/AREA-B/FIC10101.LONGNAME_WITHOUT_END", quality=[FINDING])
     [file] = write_report([*run[1:4], long], tmp_path / "report.html")
     text = file.read_text(encoding="utf-8").replace("<details", "<details open")
@@ -860,16 +862,24 @@ def test_a_narrow_page_is_not_wider_than_its_window(run: list[Result], worn: Res
       inside.onload = () => setTimeout(() => {
         const page = inside.contentDocument, root = page.documentElement;
         document.body.dataset.seen = [root.scrollWidth, inside.contentWindow.innerWidth,
-          page.querySelectorAll(".plot[data-drawn]").length].join(" ");
+          page.querySelectorAll(".plot[data-drawn]").length,
+          ...[...page.querySelectorAll(".legend2")].flatMap((legend) => {
+            const dates = legend.closest(".plot").querySelectorAll("[class^=x][class$=tick] text, [class^=g-x] text");
+            const lowest = Math.max(...[...dates].map((date) => date.getBoundingClientRect().bottom));
+            return [Math.round(legend.getBoundingClientRect().top - lowest)];
+          })].join(" ");
       }, 1500);
     """
     around = tmp_path / "around.html"
     frame = f'<iframe width="375" height="9000" style="border:0" srcdoc="{escape(text)}"></iframe>'
     around.write_text(f"{frame}<script>{script}</script>", encoding="utf-8")
-    seen = re.search(r'data-seen="(\d+) (\d+) (\d+)"', browsed(around, "--window-size=500,9000", "--dump-dom"))
+    seen = re.search(
+        r'data-seen="(\d+) (\d+) (\d+) ([-\d ]+)"', browsed(around, "--window-size=500,9000", "--dump-dom")
+    )
     assert seen is not None
-    content, window, drawn = map(int, seen.groups())
+    content, window, drawn = map(int, seen.groups()[:3])
     assert content <= window == 375 and drawn > 0
+    assert all(int(room) >= 0 for room in seen[4].split())  # one reason a row lay on the axis' dates
 
 
 @pytest.mark.verify

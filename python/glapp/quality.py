@@ -65,8 +65,8 @@ class DataStatistics:
       of the first batch.
     - `gaps`, `gap_row`: gaps; the row after the first.
     - `gap_longest`, `gap_total`: longest, and sum of all [s]; 0 when none.
-    - `sp_bad`, `pv_bad`, `op_bad`: rows in which the signal is not a number, those apart whose quality was said to be bad;
-      for an OP that is not recorded `op_bad` is 0.
+    - `sp_bad`, `pv_bad`, `op_bad`: rows in which the signal is not a number, those apart whose quality was said to be
+      bad; for an OP that is not recorded `op_bad` is 0.
     - `sp_bad_row`, `pv_bad_row`, `op_bad_row`: the first such row.
     - `sp_marked`, `pv_marked`, `op_marked`: rows in which the signal's quality was said to be bad; a row as a whole
       counts for PV.

@@ -60,8 +60,8 @@ class Batch:
     position : float64[n] or None
         Measured valve position where recorded.
     marks : uint8[n] or None
-        Sum of `MARKED` of the signals that are NaN because their quality is bad, not because they are missing; a row that
-        is bad as a whole counts for PV. None where there is none.
+        Sum of `MARKED` of the signals that are NaN because their quality is bad, not because they are missing; a row
+        that is bad as a whole counts for PV. None where there is none.
     """
 
     t: NDArray[np.float64]
@@ -124,14 +124,13 @@ def without_value(rows: int, marked: int = 0, **place: Any) -> InputError:
     --------
     >>> print(without_value(600, file="plant.csv", column="PV"))
     plant.csv, column PV: has no value in any of 600 rows; is it the right column?
-    >>> print(without_value(600, 590, file="plant.csv", column="PV"))
-    plant.csv, column PV: has no value of good quality: of 600 rows 590 are of bad quality, the others have no value; repair the signal, or check which quality codes mean good
+    >>> without_value(600, 590, column="PV").what
+    'has no value of good quality in any of 600 rows, and one of bad quality in 590'
     """
     if not marked:
         kind = next((kind for kind in ("column", "tag") if place.get(kind)), None)
         return InputError(f"has no value in any of {rows} rows", hint=kind and f"is it the right {kind}?", **place)
-    others = "" if marked == rows else ", the others have no value"
-    what = f"has no value of good quality: of {rows} rows {'all' if marked == rows else marked} are of bad quality{others}"
+    what = f"has no value of good quality in any of {rows} rows, and one of bad quality in {marked}"
     return InputError(what, hint="repair the signal, or check which quality codes mean good", **place)
 
 

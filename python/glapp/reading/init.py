@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
 from ..escape import one_line
 from ..recording import MARKED, Recording, without_value
 from .settings import _key, _value
@@ -84,7 +83,9 @@ def _relative(file: Path, directory: str | Path) -> Path:
 def _loop(file: Path, recording: Recording) -> str:
     """Text of a loop's table in a settings file."""
     columns = {role: name for role, name in recording.columns.items() if role in _COLUMN_KEYS}
-    listed = ", ".join(f"{_COLUMN_KEYS[role]} = {_value(name)}" for role, name in columns.items())
+    left_out = {key: "" for key in _COLUMN_KEYS.values() if getattr(recording.loop.columns, key) == ""}
+    named = {_COLUMN_KEYS[role]: name for role, name in columns.items()} | left_out
+    listed = ", ".join(f"{key} = {_value(name)}" for key, name in named.items())
     step = _step(recording)
     seen = [] if step is None else [f"# One row every {step:g} s at the beginning of the recording."]
     for key in ("sample_time", "time_format"):

@@ -541,7 +541,10 @@ def _hint(text: str) -> str | None:
     if re.search(r"\d [A-Z]{3,5}$", text):
         return "a zone's letters are not unique: write an offset such as +01:00, or leave it out and give time_zone"
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?([.,]\d+)?", text):
-        return "the date is missing: put date and time in one column"
+        return (
+            "the date is missing: put date and time in one column, or say how far rows are apart: "
+            "--time '' --sample-time SECONDS"
+        )
     return "write for instance 2024-01-31 13:45:00"
 
 

@@ -466,7 +466,7 @@ def test_rows_from_the_newest_to_the_oldest_are_turned_and_that_is_told(run):
 SETTINGS = {
     "TI": ("controller = { k = 1, ti = 0 }", "loops.toml, loop TI, controller.ti: is 0, must be > 0"),
     "K": ("controller = { k = 0, ti = 9 }", "loops.toml, loop K, controller.k: is 0, must be > 0"),
-    "SPAN": ("pv_span = [100, 0]", "loops.toml, loop SPAN, pv_span: is (100.0, 0.0), must be low < high"),
+    "SPAN": ("pv_span = [100, 0]", "loops.toml, loop SPAN, pv_span: goes from 100 to 0, must be low < high"),
     "EVEN": ("n = 8", "loops.toml, loop EVEN, n: is 8, must be odd"),
     "TYPO": ("pvspan = [0, 1]", "loops.toml, loop TYPO, pvspan: no such key; did you mean pv_span?"),
     "COLUMN": (
@@ -511,7 +511,7 @@ LINES = {
     "analyze good.csv --k nan --ti 9": "--k: is nan, must be a finite number",
     "analyze good.csv --ti 9": "--k: give either the gain k or the proportional band pb",
     "analyze good.csv --pb 100 --ti 9": "--pv-span: is required to convert a gain in %/%",
-    "analyze good.csv --pv-span 100 0": "--pv-span: is (100.0, 0.0), must be low < high",
+    "analyze good.csv --pv-span 100 0": "--pv-span: goes from 100 to 0, must be low < high",
     "analyze good.csv --n 8": "--n: is 8, must be odd",
     "analyze good.csv --kp 0": "--kp: is 0, must not be 0",
     "analyze good.csv --k 1 --ti 9 --ti-unit h": "--ti-unit: is 'h', must be one of",

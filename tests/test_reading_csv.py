@@ -448,7 +448,7 @@ WRONG = {
     ),
     "unknown mode": (
         "t,SP,PV,MODE\n0,1,2,AUTO\n1,1,2,TURBO\n",
-        ", row 3, column MODE: 'TURBO' is not a mode known here; write",
+        ", row 3, column MODE: 'TURBO' is not a mode that glapp knows; write",
     ),
     "unknown quality": ("t,SP,PV,Quality\n0,1,2,Good\n1,1,2,Meh\n", ", row 3, column Quality: 'Meh' is not a quality"),
     "mixed decimals": (

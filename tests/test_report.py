@@ -616,6 +616,12 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     assert "up from" not in words.lead(replace(result, fit=replace(fit, change=None)))
 
 
+def test_a_loop_that_was_refused_has_no_picture_of_pv_over_op(worn: Result) -> None:
+    """A PV that never answered lay level in it, and the note said that a gap makes PV level."""
+    assert set(LoopView("a", replace(refused(), trace=worn.trace)).drawn) == {"time"}
+    assert "phase" in LoopView("a", worn).drawn
+
+
 def test_comparisons_agree_with_the_mask(worn: Result) -> None:
     h = worn.half_periods
     for i in range(h.count):

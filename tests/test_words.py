@@ -148,6 +148,7 @@ BESIDE_ON_THE_PAGE = {
         "PV against OP, with",
     ],
     "how far an analysis is": [
+        "Without --no-fit the width is fitted",
         "From zero crossings",
         "Fitting the gap",
         "Joining what the windows",

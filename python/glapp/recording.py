@@ -81,8 +81,8 @@ class Batch:
         def cut(a: NDArray[T] | None) -> NDArray[T] | None:
             return None if a is None else a[part]
 
-        others = [cut(one) for one in (self.op, self.flags, self.position, self.marks)]
-        return Batch(self.t[part], cut(self.sp), self.pv[part], *others)
+        sp, op, position = cut(self.sp), cut(self.op), cut(self.position)
+        return Batch(self.t[part], sp, self.pv[part], op, cut(self.flags), position, cut(self.marks))
 
 
 def finished(

@@ -254,7 +254,7 @@ def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[st
         if word in names.NOT_AUTO or word in bad_words:
             return NOT_AUTO
         raise ValueError(
-            "is not a mode known here",
+            "is not a mode that glapp knows",
             'write the words that mean automatic into loops.toml: auto_values = ["AUTO", ...]; or leave the column '
             "out: --mode ''",
         )
@@ -309,7 +309,7 @@ class Quality:
             return 0
         if word in names.POOR or word.startswith(("bad", "uncertain")) or word in self._bad_words:
             return BAD
-        raise ValueError("is not a quality known here", _NO_QUALITY)
+        raise ValueError("is not a quality that glapp knows", _NO_QUALITY)
 
 
 def limit_flag(bit: int) -> Callable[[str], int]:

@@ -378,7 +378,7 @@ def test_winding_up() -> None:
     pv = 45 + 0.1 * np.random.default_rng(1).standard_normal(n)
     op = 20 + np.cumsum(sp - pv) / 200
     found = look(t, sp, pv, op)["winding_up"]
-    assert found.severity == "refuse" and "5 m3/h below SP for 17\u00a0min while OP winds from 20" in found.text
+    assert found.severity == "refuse" and "5 m3/h below SP for 17 min while OP winds from 20" in found.text
     assert "above SP" in look(t, sp, 100 - pv, 40 - op)["winding_up"].text
     assert "winding_up" not in look(t, sp, pv, op, ti=150.0)  # too short to say so of a slow controller
     start = 50 - 20 * np.exp(-t / 300)

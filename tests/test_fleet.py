@@ -37,7 +37,7 @@ from glapp.fleet.lake import DAY, SIGNALS, files_of
 from glapp.fleet.pieces import follow_paths, read_again, unit_rows
 from glapp.fleet.plan import Plan, plan_of
 from glapp.fleet.problems import LEFT_OUT, LOST, DataIssue
-from glapp.fleet.report import _in_short
+from glapp.fleet.report import _in_short, _span
 from glapp.fleet.results import write_piece
 from glapp.fleet.settings import read_loops
 from glapp.fleet.windows import choose, cut, judge, look
@@ -673,6 +673,13 @@ def test_no_sentence_counts_nothing(
     rest = [row | {"valve": "no_gap"}] * none + [row | {"hindrance": "load"}] * unjudged
     short = _in_short([*found, *probable["likely"], *probable["likely_sound"], *rest], found, probable)
     assert said in short and not re.search(r"\b0 ", short)
+
+
+def test_a_lake_of_one_day_has_one_date() -> None:
+    """It said "2025-10-01 to 2025-10-01"."""
+    day = {"first": datetime(2025, 10, 1, 2), "last": datetime(2025, 10, 1, 20)}
+    assert _span([day]) == "2025-10-01"
+    assert _span([day, {"first": None, "last": datetime(2025, 10, 2)}]) == "2025-10-01 to 2025-10-02"
 
 
 def test_every_code_of_a_problem_is_in_the_docs() -> None:

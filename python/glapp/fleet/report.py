@@ -215,4 +215,7 @@ def _span(loops: Sequence[dict[str, Any]]) -> str:
     """First and last day of the lake."""
     first: list[datetime] = [row["first"] for row in loops if row["first"] is not None]
     last: list[datetime] = [row["last"] for row in loops if row["last"] is not None]
-    return f"{min(first):%Y-%m-%d} to {max(last):%Y-%m-%d}" if first else "no time"
+    if not first:
+        return "no time"
+    begin, end = f"{min(first):%Y-%m-%d}", f"{max(last):%Y-%m-%d}"
+    return begin if begin == end else f"{begin} to {end}"

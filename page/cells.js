@@ -148,7 +148,7 @@ const Cells = (data, folded) => {
   function mode(text, cell, i) {
     if (data.values.auto.includes(text)) return 0;
     if (data.values.not_auto.includes(text) || bad.has(text)) return NOT_AUTO;
-    throw new CellFault(i, `'${cell}' is not a mode known here`, "write AUTO and MAN, or choose no column for MODE");
+    throw new CellFault(i, `'${cell}' is not a mode that glapp knows`, "write AUTO and MAN, or choose no column for MODE");
   }
 
   /**
@@ -168,7 +168,7 @@ const Cells = (data, folded) => {
         if (!da && (code === 0 || code >= 1 << 16)) return code < 2 ** 30 ? 0 : BAD;
       } else if (data.values.good.includes(text) || text.startsWith("good")) return 0;
       else if (data.values.poor.includes(text) || /^(bad|uncertain)/.test(text) || bad.has(text)) return BAD;
-      throw new CellFault(i, `'${cell}' is not a quality known here`, "write Good and Bad, or choose no column for quality");
+      throw new CellFault(i, `'${cell}' is not a quality that glapp knows`, "write Good and Bad, or choose no column for quality");
     };
   }
 
@@ -238,14 +238,14 @@ const Cells = (data, folded) => {
     const beginning = first.find((text) => text !== "");
     if (beginning === undefined) throw new CellFault(0, "the time is empty");
     const sure = plan(blank(beginning));
-    if (sure === null) throw new CellFault(0, `'${beginning}' is not a time that is known here`, "write for instance 2024-01-31 13:45:00");
+    if (sure === null) throw new CellFault(0, `'${beginning}' is not a time that glapp can read`, "write for instance 2024-01-31 13:45:00");
     const zoned = sure.of.zone !== undefined;
     const by_format = { "day first": true, "month first": false }[format] ?? null;
     const order = by_format ?? (sure.spans.a ? dayFirst(first) : null);
     return (text, i) => {
       const found = plan(blank(text));
       if (text === "") throw new CellFault(i, "the time is empty");
-      if (found === null) throw new CellFault(i, `'${text}' is not a time that is known here`);
+      if (found === null) throw new CellFault(i, `'${text}' is not a time that glapp can read`);
       const { of, spans: at, month } = found;
       if ((of.zone !== undefined) !== zoned) throw new CellFault(i, `'${text}' has ${zoned ? "no" : "a"} zone, unlike the first row: mixed zones`);
       if (at.a && order === null) throw new CellFault(i, `'${text}' can be read day first or month first`, ORDER);

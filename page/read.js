@@ -15,6 +15,7 @@ const Reading = (data) => {
   const { shaped } = Shape(data, names_of, cells_of);
   const NUMBERS = ["sp", "pv", "op", "position"];
   const WORDS = ["mode", "op_low_flag", "op_high_flag"];
+  const MARKED = { sp: 1, pv: 2, op: 4 }; // bits of the marks
   const BEGINNING = 1 << 16; // characters that tell what a text is
   const HEAD = 1000; // rows that tell what columns hold
   const { labels } = data.columns;
@@ -96,15 +97,20 @@ const Reading = (data) => {
 
   // --- a recording
 
-  /** Rows without PV, or without an SP that is recorded, are bad. */
-  function finished(out, bits) {
+  /** Rows without PV, or without an SP that is recorded, are bad. `marks`: those of SP and OP whose quality is bad. */
+  function finished(out, bits, marks = null) {
     let flagged = bits;
-    if (flagged?.some((bit) => bit & BAD)) out.pv = out.pv.map((value, i) => (flagged[i] & BAD ? NaN : value));
+    let marked = marks;
+    if (flagged?.some((bit) => bit & BAD)) {
+      out.pv = out.pv.map((value, i) => (flagged[i] & BAD ? NaN : value));
+      marked = Uint8Array.from(flagged, (bit, i) => (marks?.[i] ?? 0) | (bit & BAD ? MARKED.pv : 0));
+    }
     const missing = (i) => Number.isNaN(out.pv[i]) || (out.sp !== undefined && Number.isNaN(out.sp[i]));
     if (out.pv.some((_, i) => missing(i))) {
       flagged = (flagged ?? new Uint8Array(out.t.length)).map((bit, i) => bit | (missing(i) ? BAD : 0));
     }
     if (flagged?.some(Boolean)) out.flags = flagged;
+    if (marked?.some(Boolean)) out.marks = marked;
     return out;
   }
 
@@ -150,8 +156,13 @@ const Reading = (data) => {
     return !columns.some(falls(true)) && columns.some(falls(false));
   }
 
-  function checkAlive({ pv }, where) {
-    if (!pv.some(Number.isFinite)) throw new InputError(`holds no number in ${pv.length} rows`, where);
+  /** Refuses a PV without a value, as without_value() does; `bits`: of its rows, those of bad quality. */
+  function checkAlive(pv, bits, where) {
+    const known = (i) => Number.isFinite(pv[i]) && !(bits?.[i] & BAD);
+    if (pv.some((_, i) => known(i))) return;
+    const [rows, marked] = [pv.length, bits?.filter((bit) => bit & BAD).length ?? 0];
+    if (!marked) throw new InputError(`has no value in any of ${rows} rows`, { ...where, hint: `is it the right ${Object.keys(where)[0]}?` });
+    throw new InputError(`has no value of good quality in any of ${rows} rows, and one of bad quality in ${marked}`, { ...where, hint: "repair the signal, or check which quality codes mean good" });
   }
 
   /** The unit that stands behind the number in every first cell of a signal. */
@@ -203,7 +214,7 @@ const Reading = (data) => {
       if (!(fault instanceof CellFault)) throw fault;
       throw new InputError(fault.message, { row: line(rows[fault.index]), column: names[chosen[role]], hint: fault.hint });
     }
-    checkAlive(out, { column: names[chosen.pv], hint: "is it the right column?" });
+    checkAlive(out.pv, bits, { column: names[chosen.pv] });
     return { columns: finished(out, bits), t0: time.t0, found: time.found, unit: (at) => units[at] || ends.get(at) || null };
   }
 
@@ -242,7 +253,8 @@ const Reading = (data) => {
       if (pv.t[k] === at) return known(k);
       return known(k) + ((at - pv.t[k]) / (pv.t[k + 1] - pv.t[k])) * (known(k + 1) - known(k));
     });
-    return { t, value, bad: Uint8Array.from(value, Number.isNaN) };
+    const bad = t.map((at, i) => Number.isNaN(value[i]) && (pv.bad[before[i]] || (pv.t[before[i]] !== at && pv.bad[before[i] + 1])));
+    return { t, value, bad: Uint8Array.from(bad) };
   }
 
   /** The samples of the tags of a loop: times, values, and which are bad. */
@@ -297,7 +309,7 @@ const Reading = (data) => {
     }
     time.found = [...(turned ? [newestFirst(source.times)] : []), ...time.found, ...unusedTime(sample_time, source.times)];
     let { pv } = tags;
-    checkAlive({ pv: pv.value.map((value, i) => (pv.bad[i] ? NaN : value)) }, { tag: names[chosen.pv] });
+    checkAlive(pv.value, Uint8Array.from(pv.bad, (bad) => (bad ? BAD : 0)), { tag: names[chosen.pv] });
     const signals = ["sp", "op"].filter((role) => role in tags);
     for (const role of Object.keys(tags)) if (role !== "pv") tags[role] = inOrder(tags[role]);
     const count = pv.t.length;
@@ -316,15 +328,19 @@ const Reading = (data) => {
     const found = own ? [finding("own_times", "info", { held, pv_rows: count, rows: pv.t.length })] : [];
     const out = { t: pv.t, pv: pv.value };
     let bits = Uint8Array.from(pv.bad, (bad) => (bad ? BAD : 0));
+    let marks = new Uint8Array(pv.t.length);
     for (const [role, tag] of Object.entries(tags)) {
       if (role === "pv") continue;
       const at = lastAt(tag.t, pv.t);
       const none = (i) => at[i] < 0 || tag.bad[at[i]];
       if (WORDS.includes(role)) { // an unknown mode is not automatic, an unknown limit flag is clear
         bits = bits.map((bit, i) => bit | (none(i) ? (role === "mode" ? NOT_AUTO : 0) : tag.value[at[i]]));
-      } else out[role] = Float64Array.from(at, (k, i) => (none(i) ? NaN : tag.value[k]));
+      } else {
+        out[role] = Float64Array.from(at, (k, i) => (none(i) ? NaN : tag.value[k]));
+        marks = marks.map((mark, i) => mark | (at[i] >= 0 && tag.bad[at[i]] ? (MARKED[role] ?? 0) : 0));
+      }
     }
-    return { columns: finished(out, bits), t0: time.t0, found: [...time.found, ...found], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
+    return { columns: finished(out, bits, marks), t0: time.t0, found: [...time.found, ...found], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
   }
 
   /** The first cells of each of a loop's columns, as text. */

@@ -3,7 +3,7 @@
 
 const Structured = (data, { folded, understand }, { checkColumns, ofColumns }) => {
   const { lists: LISTS, sample: SAMPLE, hint: HINT } = data.structured;
-  const NO_TABLE = "holds no table that is known here";
+  const NO_TABLE = "holds no table that glapp can read";
   const isObject = (value) => typeof value === "object" && value !== null && !Array.isArray(value);
   const { isArray } = Array;
   const PARTS = /"(?:[^"\\]|\\.)*"|-?(?:NaN|Infinity)|-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?/g; // strings and numbers

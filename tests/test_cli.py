@@ -360,7 +360,7 @@ WRONG = {
         "columns.csv: no column for PV and OP among those left: a, b; name them: --pv NAME --op NAME",
     ),
     "text": (rows(pv=lambda k, y: "abc" if k == 18 else y), "text.csv, row 20, column PV: 'abc' is not a number"),
-    "nan": (rows(pv=lambda k, y: "NaN"), "nan.csv, column PV: holds no number"),
+    "nan": (rows(pv=lambda k, y: "NaN"), "nan.csv, column PV: has no value in any of"),
     "zones": (
         rows(time=lambda k: f"2026-03-01T12:{k // 60:02d}:{k % 60:02d}" + ("+01:00" if k < 300 else "")),
         "zones.csv, row 302, column t: '2026-03-01T12:05:00' has no zone",
@@ -466,7 +466,7 @@ def test_rows_from_the_newest_to_the_oldest_are_turned_and_that_is_told(run):
 SETTINGS = {
     "TI": ("controller = { k = 1, ti = 0 }", "loops.toml, loop TI, controller.ti: is 0, must be > 0"),
     "K": ("controller = { k = 0, ti = 9 }", "loops.toml, loop K, controller.k: is 0, must be > 0"),
-    "SPAN": ("pv_span = [100, 0]", "loops.toml, loop SPAN, pv_span: is (100.0, 0.0), must be low < high"),
+    "SPAN": ("pv_span = [100, 0]", "loops.toml, loop SPAN, pv_span: goes from 100 to 0, must be low < high"),
     "EVEN": ("n = 8", "loops.toml, loop EVEN, n: is 8, must be odd"),
     "TYPO": ("pvspan = [0, 1]", "loops.toml, loop TYPO, pvspan: no such key; did you mean pv_span?"),
     "COLUMN": (
@@ -511,7 +511,7 @@ LINES = {
     "analyze good.csv --k nan --ti 9": "--k: is nan, must be a finite number",
     "analyze good.csv --ti 9": "--k: give either the gain k or the proportional band pb",
     "analyze good.csv --pb 100 --ti 9": "--pv-span: is required to convert a gain in %/%",
-    "analyze good.csv --pv-span 100 0": "--pv-span: is (100.0, 0.0), must be low < high",
+    "analyze good.csv --pv-span 100 0": "--pv-span: goes from 100 to 0, must be low < high",
     "analyze good.csv --n 8": "--n: is 8, must be odd",
     "analyze good.csv --kp 0": "--kp: is 0, must not be 0",
     "analyze good.csv --k 1 --ti 9 --ti-unit h": "--ti-unit: is 'h', must be one of",
@@ -699,13 +699,13 @@ def test_init_takes_many_files(run):
 def test_init_refuses_a_signal_without_a_number(run):
     write("dead.csv", rows(pv=lambda k, y: "NaN"))
     write("good.csv", rows())
-    wrong = "error: dead.csv, column PV: holds no number in 600 rows; is it the right column?\n"
+    wrong = "error: dead.csv, column PV: has no value in any of 600 rows; is it the right column?\n"
     assert run("init", "dead.csv", "-o", "loops.toml") == (1, "", wrong) and not Path("loops.toml").exists()
     code, text, err = run("init", "dead.csv", "good.csv")
     assert (code, err) == (1, wrong) and "[loops.good]" in text and "dead" not in text
     for cells, column in (((0, "", 2, 3), "SP"), ((0, 1, 2, "NaN"), "OP")):
         write("dead.csv", "\n".join(["t,SP,PV,OP", *(",".join(map(str, (k, *cells[1:]))) for k in range(40))]) + "\n")
-        said = f"error: dead.csv, column {column}: holds no number in 40 rows; is it the right column?\n"
+        said = f"error: dead.csv, column {column}: has no value in any of 40 rows; is it the right column?\n"
         assert run("init", "dead.csv") == (1, "", said)
     write("dead.csv", "\n".join(line.rsplit(",", 1)[0] for line in rows().splitlines()))
     assert run("init", "dead.csv")[0] == 0  # no OP is recorded
@@ -721,6 +721,38 @@ def test_a_step_test_that_nothing_is_read_from_prints_the_error_alone(run):
     write("plain.csv", rows())
     code, out, err = run("step-test", "plain.csv")
     assert (code, out) == (1, "") and err.startswith("error: plain.csv, loop plain: ") and err.count("\n") == 1
+
+
+def test_a_header_in_the_middle_is_called_one(run):
+    """Days that were joined with their headers: it said that 'PV' is not a time, and to write 2024-01-31."""
+    text = rows(n=40)
+    for name, second in (("days.csv", text), ("spaced.csv", " t ,SP,PV,OP\n" + text.partition("\n")[2])):
+        write(name, text + second)
+        code, _, err = run("analyze", name, "--no-fit")
+        assert code == 1 and err.startswith(f"error: {name}, row 42, column t: the header is there once more")
+
+
+def test_what_a_column_hinders_the_command_line_can_leave_out(run):
+    """Modes, qualities and times that cannot be read named keys of a loops.toml, which init refused to write."""
+    lines = rows().splitlines()
+    for name, cell, option in (("MODE", "Turbo", "--mode ''"), ("Quality", "Meh", "--quality ''")):
+        write("plant.csv", "\n".join([f"{lines[0]},{name}", *(f"{line},{cell}" for line in lines[1:])]))
+        assert option in run("analyze", "plant.csv", "--no-fit")[2]
+        assert run("analyze", "plant.csv", "--no-fit", option.split()[0], "")[0] == 0
+        assert f'{name.lower()} = ""' in run("init", "plant.csv", option.split()[0], "")[1]
+    write("plant.csv", rows(time=lambda k: f"10:{k // 60:02d}:{k % 60:02d}"))
+    assert "--time '' --sample-time SECONDS" in run("analyze", "plant.csv", "--no-fit")[2]
+    assert run("analyze", "plant.csv", "--no-fit", "--time", "", "--sample-time", 1)[0] == 0
+
+
+def test_an_op_without_a_value_is_called_that(run):
+    """It was called a recording in which 0 steps between samples can be used."""
+    head, *lines = rows().splitlines()
+    write("dead.csv", "\n".join([head, *(line.rsplit(",", 1)[0] + ",NaN" for line in lines)]))
+    code, _, err = run("identify", "dead.csv")
+    assert code == 1 and "OP has no value in any row, so K and Ti must be given: check the column or tag" in err
+    said = "".join(run("analyze", "dead.csv", "--why")[1].split("\n")).replace(" ", "")
+    assert "OPhasnovalue" in said and "0steps" not in said
 
 
 def test_identify_without_op(run):

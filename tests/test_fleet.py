@@ -37,6 +37,7 @@ from glapp.fleet.lake import DAY, SIGNALS, files_of
 from glapp.fleet.pieces import follow_paths, read_again, unit_rows
 from glapp.fleet.plan import Plan, plan_of
 from glapp.fleet.problems import LEFT_OUT, LOST, DataIssue
+from glapp.fleet.report import _in_short, _span
 from glapp.fleet.results import write_piece
 from glapp.fleet.settings import read_loops
 from glapp.fleet.windows import choose, cut, judge, look
@@ -624,6 +625,61 @@ def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path: Path, m
         with pytest.raises(InputError, match="a process ended in its work, as for want of memory; give it fewer"):
             fleet.analyze(tmp_path / "lake", tmp_path / "out", workers=1)
     assert fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=1)["lost"]["files"] == 0
+
+
+@pytest.mark.parametrize(
+    ("gaps", "beyond", "likely", "likely_sound", "none", "unjudged", "said"),
+    [
+        (
+            0,
+            0,
+            0,
+            1,
+            1,
+            2,
+            "No dead band was found in 4 valves. 1 probably has none wider than the limit. 1 shows none. ",
+        ),
+        (1, 1, 1, 0, 0, 0, "1 of 2 valves has a dead band, wider than the limit. 1 valve probably has one. First: g0."),
+        (1, 0, 0, 0, 0, 0, "1 of 1 valve has a dead band, not surely wider than the limit."),
+        (
+            3,
+            0,
+            2,
+            0,
+            5,
+            0,
+            "have a dead band, none of them surely wider than the limit. 2 valves probably have one. 5 ",
+        ),
+        (
+            3,
+            2,
+            0,
+            4,
+            0,
+            1,
+            "3 of 8 valves have a dead band, 2 of them wider than the limit. 4 probably have none wider ",
+        ),
+    ],
+)
+def test_no_sentence_counts_nothing(
+    gaps: int, beyond: int, likely: int, likely_sound: int, none: int, unjudged: int, said: str
+) -> None:
+    """It said "Likely: 0 valves with one" and "0 of 200 valves have a dead band, 0 of them wider than the limit"."""
+    row = {"valve": "unknown", "confidence": "cannot_tell", "acceptable": None, "changes": False, "hindrance": None}
+    found = [
+        row | {"loop": f"g{k}", "valve": "gap", "acceptable": "beyond" if k < beyond else "open"} for k in range(gaps)
+    ]
+    probable = {"likely": [row] * likely, "likely_sound": [row] * likely_sound}
+    rest = [row | {"valve": "no_gap"}] * none + [row | {"hindrance": "load"}] * unjudged
+    short = _in_short([*found, *probable["likely"], *probable["likely_sound"], *rest], found, probable)
+    assert said in short and not re.search(r"\b0 ", short)
+
+
+def test_a_lake_of_one_day_has_one_date() -> None:
+    """It said "2025-10-01 to 2025-10-01"."""
+    day = {"first": datetime(2025, 10, 1, 2), "last": datetime(2025, 10, 1, 20)}
+    assert _span([day]) == "2025-10-01"
+    assert _span([day, {"first": None, "last": datetime(2025, 10, 2)}]) == "2025-10-01 to 2025-10-02"
 
 
 def test_every_code_of_a_problem_is_in_the_docs() -> None:

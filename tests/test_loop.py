@@ -13,8 +13,8 @@ from glapp.recording import Batch, with_op_unit
     [
         ({"n": 8}, "n: is 8, must be odd"),
         ({"n": 0}, "n: is 0, must be ≥ 1"),
-        ({"pv_span": (5, 5)}, "pv_span: is (5.0, 5.0), must be low < high"),
-        ({"op_span": (100, 0)}, "op_span: is (100.0, 0.0), must be low < high"),
+        ({"pv_span": (5, 5)}, "pv_span: goes from 5 to 5, must be low < high"),
+        ({"op_span": (100, 0)}, "op_span: goes from 100 to 0, must be low < high"),
         ({"op_span": (0, float("nan"))}, "op_span.1: is nan, must be a finite number"),
         ({"tf": 0}, "tf: is 0, must be > 0"),
         ({"sample_time": -1}, "sample_time: is -1, must be > 0"),

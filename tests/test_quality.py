@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_identify import loop, numbers, refinery
 
+import glapp
+from glapp.errors import InputError
 from glapp.identify import identified
 from glapp.quality import DATA_GAP_STEPS, DataStatistics, Finding, InspectionSample, inspect, noise_sigma
 
@@ -45,7 +47,8 @@ def statistics_of(sample: InspectionSample) -> DataStatistics:
         "gap_longest": float(np.max(dt[dt > threshold], initial=0)),
         "gap_total": float(np.sum(dt[dt > threshold])),
         "not_auto": int(np.sum(flags & 1 > 0)),
-        "bad_quality": int(np.sum(flags & 2 > 0)),
+        "pv_marked": int(np.sum(flags & 2 > 0)),
+        "pv_marked_row": first(flags & 2 > 0, 0),
         "at_low": int(np.sum(flags & 4 > 0)),
         "at_high": int(np.sum(flags & 8 > 0)),
         "pv_unchanged": int(same["pv"].sum()),
@@ -242,6 +245,12 @@ def test_times() -> None:
     twice[500] = twice[499]
     assert look(twice, sp, pv, op)["time_repeated"].severity == "warning"
     assert look(0 * t, sp, pv, op)["time_repeated"].severity == "refuse"
+    minutes = look(t // 60 * 60, sp, pv, op)["time_repeated"]  # which said to remove the doubles, and went on
+    assert minutes.severity == "refuse" and "lost their seconds" in minutes.text and "--sample-time" in minutes.text
+    late = t.copy()
+    late[600:] += 100
+    one = look(late, sp, pv, op)["gaps"].text
+    assert one == "1 gap of 101 s, before row 602; no half-period is taken across it"
     back = t.copy()
     back[400:] -= 3600
     found = look(back, sp, pv, op, t0=datetime(2025, 10, 26, 2, 53, 20, tzinfo=UTC))["time_reversed"]
@@ -252,13 +261,61 @@ def test_times() -> None:
     assert look(t, sp, pv, op)["time_missing"].evidence["rows"] == 1
 
 
+def test_a_row_of_bad_quality_is_not_called_one_without_a_value(tmp_path) -> None:
+    """Both were counted as rows in which PV is not a number, and rows without a value as rows of bad quality."""
+    t, sp, pv, op = loop(n=1000)
+    quality = np.full(1000, "Good")
+    quality[200:230] = "Bad"
+    cells = [("" if 400 <= k < 412 else f"{y:.4f}") for k, y in enumerate(pv)]
+    path = tmp_path / "plant.csv"
+
+    def found(*columns) -> dict[str, str]:
+        names = ("t", "SP", "PV", "OP", "quality")[: len(columns)]
+        path.write_text("\n".join(map(",".join, [names, *(map(str, row) for row in zip(*columns, strict=True))])))
+        result = glapp.analyze(path, fit=False)
+        return {one.code: one.text for one in result.quality if one.code in ("not_a_number", "bad_quality")}
+
+    both = found(t, sp, cells, op, quality)
+    assert both["not_a_number"].startswith("PV has no value in 12 of 1000 rows (1.2\u00a0%), first row 402: ")
+    assert both["bad_quality"].startswith(
+        "the quality of PV is not good in 30 of 1000 rows (3\u00a0%), first row 202, "
+    )
+    assert list(found(t, sp, cells, op)) == ["not_a_number"]
+    assert list(found(t, sp, pv, op, quality)) == ["bad_quality"]
+    quality[:] = "Bad"
+    with pytest.raises(
+        InputError, match="column PV: has no value of good quality in any of 1000 rows, and one of bad quality in 1000"
+    ):
+        found(t, sp, pv, op, quality)
+
+
+def test_each_signal_of_a_long_table_has_its_own_bad_quality(tmp_path) -> None:
+    """A bad sample of SP or OP was counted as one that is not a number."""
+    _, sp, pv, op = loop(n=1000)
+    path = tmp_path / "long.csv"
+    lines = [
+        f"{k},F1.{tag},{values[k]:.4f},{'Bad' if k < bad else 'Good'}"
+        for k in range(1000)
+        for tag, values, bad in (("SP", sp, 5), ("PV", pv, 20), ("OP", op, 7))
+    ]
+    path.write_text("\n".join(["t,tag,value,quality", *lines]))
+    result = glapp.analyze(path, fit=False)
+    assert "not_a_number" not in [one.code for one in result.quality]
+    bad = [one.evidence for one in result.quality if one.code == "bad_quality"]
+    assert {one["signal"]: (one["rows"], one["first_row"]) for one in bad} == {
+        "SP": (5, 0),
+        "PV": (20, 0),
+        "OP": (7, 0),
+    }
+
+
 def test_non_numbers() -> None:
     t, sp, pv, op = loop(n=1000)
     pv[100:105] = np.nan
     found = look(t, sp, pv, op)["not_a_number"]
     assert (
         found.severity == "info"
-        and "PV is not a number in 5 of 1000 rows (0.5\N{NO-BREAK SPACE}%), first row 102" in found.text
+        and "PV has no value in 5 of 1000 rows (0.5\N{NO-BREAK SPACE}%), first row 102" in found.text
     )
     pv[:500] = np.inf
     assert look(t, sp, pv, op)["not_a_number"].severity == "warning"
@@ -321,7 +378,7 @@ def test_winding_up() -> None:
     pv = 45 + 0.1 * np.random.default_rng(1).standard_normal(n)
     op = 20 + np.cumsum(sp - pv) / 200
     found = look(t, sp, pv, op)["winding_up"]
-    assert found.severity == "refuse" and "5 m3/h below SP for 999 s while OP winds from 20" in found.text
+    assert found.severity == "refuse" and "5 m3/h below SP for 17 min while OP winds from 20" in found.text
     assert "above SP" in look(t, sp, 100 - pv, 40 - op)["winding_up"].text
     assert "winding_up" not in look(t, sp, pv, op, ti=150.0)  # too short to say so of a slow controller
     start = 50 - 20 * np.exp(-t / 300)

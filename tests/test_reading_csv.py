@@ -390,7 +390,7 @@ WRONG = {
     "one row": ("t,SP,PV\n0,1,2\n", ": has only one row"),
     "one column": ("PV\n1\n2\n", ": has only one column"),
     "text in numbers": ("t,SP,PV\n0,1,2\n1,1,abc\n", ", row 3, column PV: 'abc' is not a number; write bad values as"),
-    "all NaN": ("t,SP,PV\n0,1,NaN\n1,1,Bad\n", ", column PV: holds no number in 2 rows"),
+    "all NaN": ("t,SP,PV\n0,1,NaN\n1,1,Bad\n", ", column PV: has no value in any of 2 rows"),
     "no pv": (
         "t,SP,OP\n0,1,2\n1,1,2\n",
         ": no column for PV: all are taken (time is t, SP is SP, OP is OP); export PV as well; where one of these",
@@ -448,7 +448,7 @@ WRONG = {
     ),
     "unknown mode": (
         "t,SP,PV,MODE\n0,1,2,AUTO\n1,1,2,TURBO\n",
-        ", row 3, column MODE: 'TURBO' is not a mode known here; write",
+        ", row 3, column MODE: 'TURBO' is not a mode that glapp knows; write",
     ),
     "unknown quality": ("t,SP,PV,Quality\n0,1,2,Good\n1,1,2,Meh\n", ", row 3, column Quality: 'Meh' is not a quality"),
     "mixed decimals": (

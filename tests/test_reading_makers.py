@@ -91,7 +91,7 @@ def test_a_table_within_a_web_page_spans_rows_and_columns(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "line"),
     [
-        ("x.json", '{"a": 1}', "holds no table that is known here"),
+        ("x.json", '{"a": 1}', "holds no table that glapp can read"),
         ("x.json", "[{", "is not readable as JSON"),
         ("x.json", "[" * 100_000, "is JSON nested too deeply|is not"),
         ("x.json", '[{"t": 1, "PV": 2}', "is not readable as JSON"),

@@ -120,7 +120,7 @@ def test_files(table, kind, tmp_path):
         ({"t": [0, 1], "SP": [1, 2], "PV": [[1], [2]]}, "memory, row 1, column PV: holds list<"),
         ({"t": [0, None], "SP": [1, 2], "PV": [1, 2]}, "memory, row 2, column t: the time is empty"),
         ({"t": [0, np.nan], "SP": [1, 2], "PV": [1, 2]}, "memory, row 2, column t: 'nan' is not a time"),
-        ({"t": [0, 1], "SP": [1, 2], "PV": [np.nan, np.inf]}, "memory, column PV: holds no number in 2 rows"),
+        ({"t": [0, 1], "SP": [1, 2], "PV": [np.nan, np.inf]}, "memory, column PV: has no value in any of 2 rows"),
         ({"A.SP": [1, 1], "A.PV": [1, 1], "B.SP": [1, 1], "B.PV": [1, 1], "t": [0, 1]}, "memory: holds 2 loops: A, B"),
         ([1, 2, 3], "memory: a list is not a table with named columns"),
         (np.zeros((3, 3)), "memory: a ndarray is not a table"),

@@ -616,6 +616,12 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     assert "up from" not in words.lead(replace(result, fit=replace(fit, change=None)))
 
 
+def test_a_loop_that_was_refused_has_no_picture_of_pv_over_op(worn: Result) -> None:
+    """A PV that never answered lay level in it, and the note said that a gap makes PV level."""
+    assert set(LoopView("a", replace(refused(), trace=worn.trace)).drawn) == {"time"}
+    assert "phase" in LoopView("a", worn).drawn
+
+
 def test_comparisons_agree_with_the_mask(worn: Result) -> None:
     h = worn.half_periods
     for i in range(h.count):
@@ -851,7 +857,9 @@ def browsed(page: Path, *options: str) -> str:
 
 @pytest.mark.verify
 @needs_chromium
-def test_a_narrow_page_is_not_wider_than_its_window(run: list[Result], worn: Result, tmp_path: Path) -> None:
+def test_a_narrow_page_is_not_wider_than_its_window_and_no_legend_lies_on_a_date(
+    run: list[Result], worn: Result, tmp_path: Path
+) -> None:
     long = replace(fitted(worn), name="PLANT/UNIT_07/AREA-B/FIC10101.LONGNAME_WITHOUT_END", quality=[FINDING])
     [file] = write_report([*run[1:4], long], tmp_path / "report.html")
     text = file.read_text(encoding="utf-8").replace("<details", "<details open")
@@ -860,16 +868,24 @@ def test_a_narrow_page_is_not_wider_than_its_window(run: list[Result], worn: Res
       inside.onload = () => setTimeout(() => {
         const page = inside.contentDocument, root = page.documentElement;
         document.body.dataset.seen = [root.scrollWidth, inside.contentWindow.innerWidth,
-          page.querySelectorAll(".plot[data-drawn]").length].join(" ");
+          page.querySelectorAll(".plot[data-drawn]").length,
+          ...[...page.querySelectorAll(".legend2")].flatMap((legend) => {
+            const dates = legend.closest(".plot").querySelectorAll("[class^=x][class$=tick] text, [class^=g-x] text");
+            const lowest = Math.max(...[...dates].map((date) => date.getBoundingClientRect().bottom));
+            return [Math.round(legend.getBoundingClientRect().top - lowest)];
+          })].join(" ");
       }, 1500);
     """
     around = tmp_path / "around.html"
     frame = f'<iframe width="375" height="9000" style="border:0" srcdoc="{escape(text)}"></iframe>'
     around.write_text(f"{frame}<script>{script}</script>", encoding="utf-8")
-    seen = re.search(r'data-seen="(\d+) (\d+) (\d+)"', browsed(around, "--window-size=500,9000", "--dump-dom"))
+    seen = re.search(
+        r'data-seen="(\d+) (\d+) (\d+) ([-\d ]+)"', browsed(around, "--window-size=500,9000", "--dump-dom")
+    )
     assert seen is not None
-    content, window, drawn = map(int, seen.groups())
+    content, window, drawn = map(int, seen.groups()[:3])
     assert content <= window == 375 and drawn > 0
+    assert all(int(room) >= 0 for room in seen[4].split())  # one reason a row lay on the axis' dates
 
 
 @pytest.mark.verify

@@ -80,7 +80,7 @@ def test_rows_without_pv_are_bad_and_an_sp_that_is_not_recorded_is_not_missing()
         ({}, "t and pv: is missing"),
         ({"t": [0, 1], "pv": [1]}, "pv: has 1 samples, and t has 2"),
         ({"t": [0.0], "pv": [1]}, "t: has fewer than two samples"),
-        ({"t": [0, 1], "pv": [np.nan, np.nan]}, "pv: holds no number in 2 samples"),
+        ({"t": [0, 1], "pv": [np.nan, np.nan]}, "pv: has no value in any of 2 rows"),
         ({"t": [0, 1], "pv": ["a", "b"]}, "pv: is not numbers"),
         ({"t": [[0, 1]], "pv": [1, 2]}, "t: has 2 dimensions, must have one"),
         ({"t": [0, 1], "pv": np.array([1, 2j])}, "pv: holds complex numbers, must be real"),

@@ -487,7 +487,7 @@ def test_a_tag_that_is_not_there_and_a_mode_that_is_not_known(shared):
     assert "PIC102 OP: the server has no namespace urn:none" in watch.texts("tag_missing", "PIC102")[0]
     assert all(v.value == 1.0 for v in watch.of("FIC101", Signal.MODE) if v.good), "1 is automatic by itself"
     assert watch.of("TIC103", Signal.MODE)[-1].value == 0.0
-    assert "is not a mode known here" in watch.texts("unknown_mode", "TIC103")[0]
+    assert "is not a mode that glapp knows" in watch.texts("unknown_mode", "TIC103")[0]
 
 
 @served

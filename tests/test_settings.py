@@ -88,7 +88,7 @@ def test_a_default_gain_is_no_gain_of_an_integrating_process():
             "[loops.A]\ncontroller = { k = 1, ti = 1, ti_unt = 's' }",
             "loops.toml, loop A, controller.ti_unt: no such key; did",
         ),
-        ("[loops.A]\npv_span = [5, 1]", "loops.toml, loop A, pv_span: is (5.0, 1.0), must be low < high"),
+        ("[loops.A]\npv_span = [5, 1]", "loops.toml, loop A, pv_span: goes from 5 to 1, must be low < high"),
         ("[loops.A]\nname = 'B'", "loops.toml, loop A, name: is given by the table"),
         ("[defaults]\nfile = 'x'\n[loops.A]", "loops.toml, defaults.file: belongs to a loop"),
         ("[defaults]\nn = 4\n[loops.A]", "loops.toml, defaults.n: is 4, must be odd"),

@@ -219,7 +219,7 @@ class Loop(Checked):
     Ideal(k=1.0, ti=30.0, td=0.0, b=1.0)
     >>> Loop(name="FIC101", pv_span=(50, 0))
     Traceback (most recent call last):
-    glapp.errors.InputError: pv_span: is (50.0, 0.0), must be low < high
+    glapp.errors.InputError: pv_span: goes from 50 to 0, must be low < high
     """
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
@@ -276,7 +276,9 @@ class Loop(Checked):
     def _low_below_high(cls, span: Span | None) -> Span | None:
         """A span, checked for low < high."""
         if span is not None and not span[0] < span[1]:
-            raise InputError(f"is {span}, must be low < high", value=span, bound="low < high")
+            raise InputError(
+                f"goes from {span[0]:g} to {span[1]:g}, must be low < high", value=span, bound="low < high"
+            )
         return span
 
     @field_validator("time_zone")

@@ -65,10 +65,13 @@ class DataStatistics:
       of the first batch.
     - `gaps`, `gap_row`: gaps; the row after the first.
     - `gap_longest`, `gap_total`: longest, and sum of all [s]; 0 when none.
-    - `sp_bad`, `pv_bad`, `op_bad`: rows in which the signal is not a number; for an OP that is not recorded `op_bad` is
-      0.
+    - `sp_bad`, `pv_bad`, `op_bad`: rows in which the signal is not a number, those apart whose quality was said to be
+      bad; for an OP that is not recorded `op_bad` is 0.
     - `sp_bad_row`, `pv_bad_row`, `op_bad_row`: the first such row.
-    - `not_auto`, `bad_quality`: rows with flag bit 1, with flag bit 2.
+    - `sp_marked`, `pv_marked`, `op_marked`: rows in which the signal's quality was said to be bad; a row as a whole
+      counts for PV.
+    - `sp_marked_row`, `pv_marked_row`, `op_marked_row`: the first such row.
+    - `not_auto`: rows with flag bit 1.
     - `at_low`, `at_high`: rows with flag bit 4, with flag bit 8, or whose OP is at or beyond the limit where limits are
       known.
     - `sp_changes`, `pv_unchanged`, `op_unchanged`: pairs of numbers in which SP differs, PV is the same to the bit, OP
@@ -96,8 +99,13 @@ class DataStatistics:
     sp_bad_row: int = -1
     pv_bad_row: int = -1
     op_bad_row: int = -1
+    sp_marked: int = 0
+    pv_marked: int = 0
+    op_marked: int = 0
+    sp_marked_row: int = -1
+    pv_marked_row: int = -1
+    op_marked_row: int = -1
     not_auto: int = 0
-    bad_quality: int = 0
     at_low: int = 0
     at_high: int = 0
     sp_changes: int = 0

@@ -12,16 +12,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _glapp
+from .errors import InputError
 from .loop import Loop
 from .notebook import table
 from .quality import Finding
 
-__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "finished", "joined", "with_op_unit"]
+__all__ = [
+    "AT_HIGH",
+    "AT_LOW",
+    "BAD",
+    "MARKED",
+    "NOT_AUTO",
+    "Batch",
+    "Recording",
+    "finished",
+    "joined",
+    "with_op_unit",
+    "without_value",
+]
 
 T = TypeVar("T", bound=np.generic)
 
 NOT_AUTO, BAD, AT_LOW, AT_HIGH = 1, 2, 4, 8
 """Bits of `Batch.flags`: not in automatic; SP or PV missing or of bad quality; OP at its low, at its high limit."""
+
+MARKED = {"sp": 1, "pv": 2, "op": 4}
+"""Bits of `Batch.marks`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +59,9 @@ class Batch:
         Sum of `NOT_AUTO`, `BAD`, `AT_LOW`, `AT_HIGH`; None where all are zero.
     position : float64[n] or None
         Measured valve position where recorded.
+    marks : uint8[n] or None
+        Sum of `MARKED` of the signals that are NaN because their quality is bad, not because they are missing; a row
+        that is bad as a whole counts for PV. None where there is none.
     """
 
     t: NDArray[np.float64]
@@ -51,6 +70,7 @@ class Batch:
     op: NDArray[np.float64] | None = None
     flags: NDArray[np.uint8] | None = None
     position: NDArray[np.float64] | None = None
+    marks: NDArray[np.uint8] | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -61,14 +81,26 @@ class Batch:
         def cut(a: NDArray[T] | None) -> NDArray[T] | None:
             return None if a is None else a[part]
 
-        return Batch(self.t[part], cut(self.sp), self.pv[part], cut(self.op), cut(self.flags), cut(self.position))
+        sp, op, position = cut(self.sp), cut(self.op), cut(self.position)
+        return Batch(self.t[part], sp, self.pv[part], op, cut(self.flags), position, cut(self.marks))
 
 
-def finished(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], flags: NDArray[np.uint8] | None) -> Batch:
-    """A batch of the signals there are: rows without PV, or without an SP that is recorded, are bad."""
+def finished(
+    t: NDArray[np.float64],
+    values: dict[str, NDArray[np.float64]],
+    flags: NDArray[np.uint8] | None,
+    marks: NDArray[np.uint8] | None = None,
+) -> Batch:
+    """A batch of the signals there are: rows without PV, or without an SP that is recorded, are bad.
+
+    - `flags`: with `BAD` where the quality of PV, or of the row, is bad.
+    - `marks`: of SP and OP.
+    """
     sp, pv = values.get("sp"), values["pv"]
     if flags is not None and (bad := flags & BAD != 0).any():
         pv = np.where(bad, np.nan, pv)
+        of_pv = bad * np.uint8(MARKED["pv"])
+        marks = of_pv if marks is None else marks | of_pv
     with np.errstate(all="ignore"):  # a sum that overflows is looked at more closely
         missing_somewhere = np.isnan(pv.sum()) or (sp is not None and np.isnan(sp.sum()))
     if missing_somewhere:
@@ -77,7 +109,29 @@ def finished(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], fla
         flags = flags | (missing * np.uint8(BAD))
     if flags is not None and not flags.any():
         flags = None
-    return Batch(t, sp, pv, values.get("op"), flags, values.get("position"))
+    if marks is not None and not marks.any():
+        marks = None
+    return Batch(t, sp, pv, values.get("op"), flags, values.get("position"), marks)
+
+
+def without_value(rows: int, marked: int = 0, **place: Any) -> InputError:
+    """The error of a signal that has no value in any row.
+
+    - `rows`, `marked`: rows, and those of them whose quality is bad.
+    - `place`: file, column or tag, or parameter of it.
+
+    Examples
+    --------
+    >>> print(without_value(600, file="plant.csv", column="PV"))
+    plant.csv, column PV: has no value in any of 600 rows; is it the right column?
+    >>> without_value(600, 590, column="PV").what
+    'has no value of good quality in any of 600 rows, and one of bad quality in 590'
+    """
+    if not marked:
+        kind = next((kind for kind in ("column", "tag") if place.get(kind)), None)
+        return InputError(f"has no value in any of {rows} rows", hint=kind and f"is it the right {kind}?", **place)
+    what = f"has no value of good quality in any of {rows} rows, and one of bad quality in {marked}"
+    return InputError(what, hint="repair the signal, or check which quality codes mean good", **place)
 
 
 def joined(parts: Sequence[Batch]) -> Batch:
@@ -87,7 +141,7 @@ def joined(parts: Sequence[Batch]) -> Batch:
         columns = [getattr(part, name) for part in parts]
         if all(column is None for column in columns):
             return None
-        nothing = np.uint8(0) if name == "flags" else np.nan
+        nothing = np.uint8(0) if name in ("flags", "marks") else np.nan
         return np.concatenate(
             [np.full(len(part), nothing) if x is None else x for part, x in zip(parts, columns, strict=True)]
         )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 from .loop import Loop
-from .recording import Batch, Recording, finished
+from .recording import BAD, Batch, Recording, finished, without_value
 
 __all__ = ["Samples", "recording_of"]
 
@@ -45,7 +45,8 @@ class Samples(Recording):
         if t.size < 2:
             raise InputError("has fewer than two samples", parameter="t", value=t.size, bound=">= 2")
         if not np.isfinite(values["pv"]).any():
-            raise InputError(f"holds no number in {t.size} samples", parameter="pv")
+            bad = 0 if flags is None else int(np.count_nonzero(flags & BAD))
+            raise without_value(t.size, bad, parameter="pv")
         steps = np.diff(t)
         if (back := int(np.count_nonzero(steps < 0))) > t.size // 2:
             what = f"runs backwards in {back} of {t.size - 1} steps: the newest sample comes first"

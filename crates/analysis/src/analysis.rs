@@ -241,9 +241,20 @@ impl Analysis {
 
     /// Takes the next rows; gives PV as each detector of the ladder filters it, NaN where it does not.
     pub fn take(&mut self, rows: &Inspected<'_>, position: Option<&[f64]>) -> Vec<Vec<f64>> {
+        self.take_marked(rows, position, None)
+    }
+
+    /// Takes the next rows as [`take`](Self::take) does, with the sum of each row's marks: signals that are no numbers there because
+    /// their quality was said to be bad ([`MARKED_PV`](crate::MARKED_PV)).
+    pub fn take_marked(
+        &mut self,
+        rows: &Inspected<'_>,
+        position: Option<&[f64]>,
+        marks: Option<&[u8]>,
+    ) -> Vec<Vec<f64>> {
         let rows = rows.even();
         if self.task.judge {
-            self.counter.run(&rows);
+            self.counter.run_marked(&rows, marks);
         }
         if let Some(windows) = &mut self.windows {
             windows.add(&Batch { samples: samples(&rows), position });

@@ -37,8 +37,6 @@ pub struct DataStatistics {
     pub op: Values,
     /// Rows not in automatic.
     pub not_auto: u64,
-    /// Rows of bad quality.
-    pub bad_quality: u64,
     /// Rows at the lower limit, by flag or by OP.
     pub at_low: u64,
     /// Rows at the upper limit, by flag or by OP.
@@ -63,7 +61,6 @@ impl Default for DataStatistics {
             pv: Values::default(),
             op: Values::default(),
             not_auto: 0,
-            bad_quality: 0,
             at_low: 0,
             at_high: 0,
             still: 0,
@@ -91,10 +88,12 @@ impl Occurrences {
 /// Counts and extremes of one signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Values {
-    /// Rows that are not a number.
+    /// Rows that are not a number, those apart whose quality was said to be bad.
     pub bad: u64,
     /// Index of the first of them.
     pub bad_first: Option<u64>,
+    /// Rows whose quality was said to be bad.
+    pub marked: Occurrences,
     /// Pairs of numbers that are the same.
     pub unchanged: u64,
     /// Pairs of numbers that differ.
@@ -107,13 +106,15 @@ pub struct Values {
 
 impl Default for Values {
     fn default() -> Self {
-        Self { bad: 0, bad_first: None, unchanged: 0, changed: 0, low: f64::INFINITY, high: f64::NEG_INFINITY }
+        let (bad_first, marked) = (None, Occurrences::default());
+        Self { bad: 0, bad_first, marked, unchanged: 0, changed: 0, low: f64::INFINITY, high: f64::NEG_INFINITY }
     }
 }
 
 impl Values {
-    /// Counts a column whose first row is number `row` and follows `before`.
-    fn take(&mut self, column: &[f64], before: Option<f64>, row: u64) {
+    /// Counts a column whose first row is number `row` and follows `before`; `marked` tells in which of its rows the quality was
+    /// said to be bad.
+    fn take(&mut self, column: &[f64], before: Option<f64>, row: u64, marked: impl Fn(usize) -> bool) {
         let (mut bad, mut same, mut different) = (0, 0, 0);
         let (mut low, mut high) = (self.low, self.high);
         let mut previous = before.unwrap_or(f64::NAN);
@@ -126,15 +127,34 @@ impl Values {
             high = if good & (x > high) { x } else { high };
             previous = x;
         }
-        if bad > 0 && self.bad_first.is_none() {
-            self.bad_first = column.iter().zip(row..).find(|(x, _)| !x.is_number()).map(|(_, row)| row);
+        if bad > 0 {
+            self.without_number(column, row, marked);
         }
         (self.low, self.high) = (low, high);
-        self.bad += bad;
         self.unchanged += same;
         self.changed += different;
     }
+
+    /// Counts the rows that are no numbers, by what is known of them.
+    #[cold]
+    fn without_number(&mut self, column: &[f64], row: u64, marked: impl Fn(usize) -> bool) {
+        for (k, _) in column.iter().enumerate().filter(|(_, x)| !x.is_number()) {
+            if marked(k) {
+                self.marked.note(row + k as u64);
+            } else {
+                self.bad += 1;
+                self.bad_first.get_or_insert(row + k as u64);
+            }
+        }
+    }
 }
+
+/// Bits of a row's marks: the signals whose quality was said to be bad there, and which are no numbers for that.
+pub const MARKED_SP: u8 = 1;
+/// PV, or the row as a whole.
+pub const MARKED_PV: u8 = 2;
+/// OP.
+pub const MARKED_OP: u8 = 4;
 
 /// Takes the [`DataStatistics`] of a recording, in one pass and constant memory.
 ///
@@ -182,20 +202,32 @@ impl Counter {
         })
     }
 
-    /// Counts some rows more. Column by column, so that most of it is done for several rows at once.
+    /// Counts some rows more, whose marks are not known: a row that is flagged as bad and has all its numbers is one of bad quality.
     pub fn run(&mut self, rows: &Inspected<'_>) {
+        self.run_marked(rows, None);
+    }
+
+    /// Counts some rows more, with the sum of each row's marks. Column by column, so that most of it is done for several rows at
+    /// once.
+    pub fn run_marked(&mut self, rows: &Inspected<'_>, marks: Option<&[u8]>) {
         let Inspected { t, sp, pv, op, flags } = rows.even();
         let n = t.len();
         self.times(t);
         let (row, before) = (self.statistics.rows, self.before);
+        let marked = |signal: u8| move |k: usize| marks.is_some_and(|marks| marks[k] & signal != 0);
         if let Some(sp) = sp {
-            self.statistics.sp.take(sp, before.map(|b| b.sp), row);
+            self.statistics.sp.take(sp, before.map(|b| b.sp), row, marked(MARKED_SP));
         }
-        self.statistics.pv.take(pv, before.map(|b| b.pv), row);
+        self.statistics.pv.take(pv, before.map(|b| b.pv), row, marked(MARKED_PV));
         if let Some(op) = op {
-            self.statistics.op.take(op, before.map(|b| b.op), row);
+            self.statistics.op.take(op, before.map(|b| b.op), row, marked(MARKED_OP));
         }
         self.flags(flags, op, n);
+        for (k, _) in flags.unwrap_or_default().iter().enumerate().filter(|(_, flag)| u16::from(**flag) & BAD != 0) {
+            if pv[k].is_number() && sp.is_none_or(|sp| sp[k].is_number()) {
+                self.statistics.pv.marked.note(row + k as u64);
+            }
+        }
         // A missing SP counts as equal to PV.
         let sp = sp.unwrap_or(pv);
         let value = |k: usize| Before { sp: sp[k], pv: pv[k], op: op.map_or(0.0, |op| op[k]) };
@@ -261,7 +293,6 @@ impl Counter {
     fn flag(&mut self, flag: Status) {
         if flag != 0 {
             self.statistics.not_auto += u64::from(flag & NOT_AUTO != 0);
-            self.statistics.bad_quality += u64::from(flag & BAD != 0);
             self.statistics.at_low += u64::from(flag & AT_LOW != 0);
             self.statistics.at_high += u64::from(flag & AT_HIGH != 0);
         }

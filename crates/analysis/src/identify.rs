@@ -119,6 +119,11 @@ pub enum Reason {
     NoOp,
     /// SP is not recorded.
     NoSp,
+    /// A signal that is recorded has no value in any row.
+    NoValue {
+        /// Its name.
+        signal: &'static str,
+    },
     /// Fewer than [`MIN_STEPS`] steps can be used.
     FewSteps,
     /// OP never moves while in auto.
@@ -217,6 +222,11 @@ pub fn identified(rows: &Inspected, setpoint_weight: Option<f64>, limits: Option
     let Inspected { t, pv, .. } = rows;
     let Some(op) = rows.op else { return Identification::nothing(Reason::NoOp, 0) };
     let Some(sp) = rows.sp else { return Identification::nothing(Reason::NoSp, 0) };
+    for (signal, values) in [("OP", op), ("SP", sp), ("PV", pv)] {
+        if !values.iter().any(|value| value.is_finite()) {
+            return Identification::nothing(Reason::NoValue { signal }, 0);
+        }
+    }
     let (step, h) = rows::usable_steps(&rows, sp, op, limits);
     let count = step.iter().filter(|step| **step).count();
     if count < MIN_STEPS {

@@ -30,7 +30,7 @@ pub mod words;
 pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task};
 pub use answer::{AnalysisResult, CorrectedAnswer, Settings};
 pub use crossings::{Crossings, Ladder};
-pub use data_statistics::{Counter, DataStatistics, Occurrences, Values};
+pub use data_statistics::{Counter, DataStatistics, MARKED_OP, MARKED_PV, MARKED_SP, Occurrences, Values};
 pub use fitted::{
     FitAnswer, FitVerdict, FitWhy, Fitted, FittedValve, Position, Process, Signal, Window, fitted, fitted_valve,
 };

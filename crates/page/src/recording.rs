@@ -29,6 +29,8 @@ struct Columns {
     op: Option<Vec<f64>>,
     position: Option<Vec<f64>>,
     flags: Option<Vec<u8>>,
+    /// Sum of each row's marks ([`glapp_analysis::MARKED_PV`]).
+    marks: Option<Vec<u8>>,
 }
 
 impl Columns {
@@ -37,11 +39,12 @@ impl Columns {
         let mut column = |name: &str| columns.remove(name);
         let (t, pv) = (column("t").ok_or("no column t")?, column("pv").ok_or("no column pv")?);
         let [sp, op, position] = ["sp", "op", "position"].map(&mut column);
-        let flags = column("flags").map(|flags| flags.into_iter().map(|flag| flag as u8).collect());
-        let columns = Self { t, sp, pv, op, position, flags };
+        let [flags, marks] = ["flags", "marks"]
+            .map(|name| column(name).map(|sums| sums.into_iter().map(|sum| sum as u8).collect::<Vec<u8>>()));
+        let columns = Self { t, sp, pv, op, position, flags, marks };
         let same = [Some(&columns.pv), columns.sp.as_ref(), columns.op.as_ref(), columns.position.as_ref()];
-        let flags: Option<usize> = columns.flags.as_ref().map(Vec::len);
-        if same.into_iter().flatten().map(Vec::len).chain(flags).any(|length| length != columns.t.len()) {
+        let sums = [&columns.flags, &columns.marks].into_iter().flatten().map(Vec::len);
+        if same.into_iter().flatten().map(Vec::len).chain(sums).any(|length| length != columns.t.len()) {
             return Err("the columns are not of the same length".into());
         }
         Ok(columns)
@@ -84,8 +87,9 @@ impl Recording {
         if rows.start > rows.end || rows.end > self.columns.t.len() {
             return Err(format!("rows {} to {} of {}", rows.start, rows.end, self.columns.t.len()));
         }
+        let marks = self.columns.marks.as_deref().map(|marks| &marks[rows.clone()]);
         let (rows, position) = self.columns.rows(rows);
-        self.analysis.take(&rows, position);
+        self.analysis.take_marked(&rows, position, marks);
         Ok(())
     }
 

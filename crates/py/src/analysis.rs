@@ -31,7 +31,8 @@ impl PyAnalysis {
     fn take<'py>(&mut self, py: Python<'py>, batch: Batch<'py>) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
         let analysis = self.under_way.as_mut().ok_or_else(finished)?;
         let (rows, position) = batch.rows()?;
-        let filtered = py.detach(|| analysis.take(&rows, position));
+        let marks = batch.marks()?;
+        let filtered = py.detach(|| analysis.take_marked(&rows, position, marks));
         Ok(filtered.into_iter().map(|column| PyArray1::from_vec(py, column)).collect())
     }
 

@@ -26,7 +26,12 @@ pub struct Counts {
     pv_bad_row: i64,
     op_bad_row: i64,
     not_auto: u64,
-    bad_quality: u64,
+    sp_marked: u64,
+    pv_marked: u64,
+    op_marked: u64,
+    sp_marked_row: i64,
+    pv_marked_row: i64,
+    op_marked_row: i64,
     at_low: u64,
     at_high: u64,
     sp_changes: u64,
@@ -45,7 +50,10 @@ impl From<Counts> for DataStatistics {
     fn from(c: Counts) -> Self {
         let row = |row: i64| u64::try_from(row).ok();
         let seen = |count, first| Occurrences { count, first: row(first) };
-        let values = |bad, first, low, high| Values { bad, bad_first: row(first), low, high, ..Values::default() };
+        let values = |(bad, bad_row), (marked, marked_row), low, high| {
+            let marked = Occurrences { count: marked, first: row(marked_row) };
+            Values { bad, bad_first: row(bad_row), marked, low, high, ..Values::default() }
+        };
         Self {
             gap: c.gap_threshold,
             rows: c.rows,
@@ -56,11 +64,19 @@ impl From<Counts> for DataStatistics {
             gaps: seen(c.gaps, c.gap_row),
             gap_longest: c.gap_longest,
             gap_total: c.gap_total,
-            sp: Values { changed: c.sp_changes, ..values(c.sp_bad, c.sp_bad_row, c.sp_min, c.sp_max) },
-            pv: Values { unchanged: c.pv_unchanged, ..values(c.pv_bad, c.pv_bad_row, c.pv_min, c.pv_max) },
-            op: Values { unchanged: c.op_unchanged, ..values(c.op_bad, c.op_bad_row, c.op_min, c.op_max) },
+            sp: Values {
+                changed: c.sp_changes,
+                ..values((c.sp_bad, c.sp_bad_row), (c.sp_marked, c.sp_marked_row), c.sp_min, c.sp_max)
+            },
+            pv: Values {
+                unchanged: c.pv_unchanged,
+                ..values((c.pv_bad, c.pv_bad_row), (c.pv_marked, c.pv_marked_row), c.pv_min, c.pv_max)
+            },
+            op: Values {
+                unchanged: c.op_unchanged,
+                ..values((c.op_bad, c.op_bad_row), (c.op_marked, c.op_marked_row), c.op_min, c.op_max)
+            },
             not_auto: c.not_auto,
-            bad_quality: c.bad_quality,
             at_low: c.at_low,
             at_high: c.at_high,
             still: c.still,

@@ -15,6 +15,7 @@ pub struct Batch<'py> {
     op: Option<PyReadonlyArray1<'py, f64>>,
     flags: Option<PyReadonlyArray1<'py, u8>>,
     position: Option<PyReadonlyArray1<'py, f64>>,
+    marks: Option<PyReadonlyArray1<'py, u8>>,
 }
 
 /// The columns of batches, once they are seen to be contiguous and of one length.
@@ -44,6 +45,15 @@ impl Batch<'_> {
             return Err(PyValueError::new_err("t, sp, pv, op, flags and position must be of the same length"));
         }
         Ok((rows, position))
+    }
+
+    /// The sum of each row's marks, once they are seen to be as many as the rows.
+    pub(crate) fn marks(&self) -> PyResult<Option<&[u8]>> {
+        let marks = self.marks.as_ref().map(|marks| marks.as_slice()).transpose()?;
+        if marks.is_some_and(|marks| marks.len() != self.t.len().unwrap_or_default()) {
+            return Err(PyValueError::new_err("t and marks must be of the same length"));
+        }
+        Ok(marks)
     }
 }
 

@@ -18,7 +18,7 @@ from .screen import CommandError
 
 __all__ = ["Options", "with_columns", "with_options"]
 
-_COLUMNS = ("time", "sp", "pv", "op", "mode")
+_COLUMNS = ("time", "sp", "pv", "op", "mode", "quality")
 _CONTROLLER = ("form", "k", "pb", "gain_unit", "ti", "ti_unit", "td", "td_unit", "action", "setpoint_weight")
 _PROCESS = ("kp", "kp_unit")
 _LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format", "time_zone")
@@ -60,6 +60,7 @@ class Options:
     pv: Annotated[str | None, _column("PV")] = None
     op: Annotated[str | None, _column("OP")] = None
     mode: Annotated[str | None, _column("the controller's mode")] = None
+    quality: Annotated[str | None, _column("the quality; '' for none")] = None
     k: Annotated[float | None, _setting("Gain K of the controller.")] = None
     pb: Annotated[float | None, _setting("Proportional band in %, instead of K.")] = None
     gain_unit: Annotated[str | None, _word(Controller, "gain_unit", "Unit of K, where the spans differ in width.")] = (

@@ -118,13 +118,13 @@ def _in_short(loops: Sequence[Any], ranked: Sequence[Any], likely: Mapping[str, 
     beyond = [row for row in ranked if row["acceptable"] == "beyond"]
     gaps, none = (sum(row["valve"] == valve for row in loops) for valve in ("gap", "no_gap"))
     worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
-    sentences = [
-        to_text("fleet.gaps", {"gaps": gaps, "all": len(loops), "beyond": len(beyond)}),
-        to_text("fleet.rest", {"none": none, "unjudged": sum(row["hindrance"] is not None for row in loops)}),
-    ]
-    if any(likely.values()):
-        counts = {"gap": len(likely["likely"]), "sound": len(likely["likely_sound"])}
-        sentences.insert(1, to_text("fleet.likely", counts))
+    counts = {
+        **{of: len(rows) for of, rows in likely.items()},
+        "none": none,
+        "unjudged": sum(row["hindrance"] is not None for row in loops),
+    }
+    sentences = [to_text("fleet.gaps", {"gaps": gaps, "all": len(loops), "beyond": len(beyond)})]
+    sentences += [to_text(f"fleet.{of}", {"n": n}) for of, n in counts.items() if n]
     if beyond:
         sentences.append(to_text("fleet.first", {"names": ", ".join(row["loop"] for row in beyond[:3])}))
     if worn:
@@ -215,4 +215,7 @@ def _span(loops: Sequence[dict[str, Any]]) -> str:
     """First and last day of the lake."""
     first: list[datetime] = [row["first"] for row in loops if row["first"] is not None]
     last: list[datetime] = [row["last"] for row in loops if row["last"] is not None]
-    return f"{min(first):%Y-%m-%d} to {max(last):%Y-%m-%d}" if first else "no time"
+    if not first:
+        return "no time"
+    begin, end = f"{min(first):%Y-%m-%d}", f"{max(last):%Y-%m-%d}"
+    return begin if begin == end else f"{begin} to {end}"

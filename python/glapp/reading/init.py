@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
 from ..escape import one_line
-from ..recording import Recording
+from ..recording import MARKED, Recording, without_value
 from .settings import _key, _value
 
 __all__ = ["refuse_without_numbers", "settings_of"]
@@ -51,17 +50,17 @@ def refuse_without_numbers(recording: Recording) -> None:
 
     Raises InputError where one has none in any row, or a row before that cannot be read.
     """
-    silent, rows = ["SP", "PV", "OP"], 0
+    silent, rows, marked = ["SP", "PV", "OP"], 0, dict.fromkeys(MARKED, 0)
     for batch in recording.batches():  # where PV has none, it raises at its end
         rows += len(batch)
+        if batch.marks is not None:
+            marked = {name: n + int(np.count_nonzero(batch.marks & MARKED[name])) for name, n in marked.items()}
         signals = {"SP": batch.sp, "PV": batch.pv, "OP": batch.op}
         silent = [name for name in silent if (values := signals[name]) is not None and not np.isfinite(values).any()]
         if not silent:
             return
-    column = recording.columns.get(silent[0])
-    raise InputError(
-        f"holds no number in {rows} rows", file=recording.source, column=column, hint="is it the right column?"
-    )
+    place = {"file": recording.source, "column": recording.columns.get(silent[0])}
+    raise without_value(rows, marked[silent[0].lower()], **place)
 
 
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:
@@ -84,7 +83,9 @@ def _relative(file: Path, directory: str | Path) -> Path:
 def _loop(file: Path, recording: Recording) -> str:
     """Text of a loop's table in a settings file."""
     columns = {role: name for role, name in recording.columns.items() if role in _COLUMN_KEYS}
-    listed = ", ".join(f"{_COLUMN_KEYS[role]} = {_value(name)}" for role, name in columns.items())
+    left_out = {key: "" for key in _COLUMN_KEYS.values() if getattr(recording.loop.columns, key) == ""}
+    named = {_COLUMN_KEYS[role]: name for role, name in columns.items()} | left_out
+    listed = ", ".join(f"{key} = {_value(name)}" for key, name in named.items())
     step = _step(recording)
     seen = [] if step is None else [f"# One row every {step:g} s at the beginning of the recording."]
     for key in ("sample_time", "time_format"):

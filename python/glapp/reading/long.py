@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loop import Loop
 from ..quality import Finding, newest_first, own_times
-from ..recording import BAD, Batch, Recording, finished
+from ..recording import BAD, MARKED, Batch, Recording, finished, without_value
 from .cells import CellFault, plain, words
 from .columns import LABELS, SignalColumns, each_with_columns
 from .meaning import understand
@@ -239,7 +239,7 @@ class LongRecording(Recording):
                 raise InputError("has no row", file=self.source, tag=self._chosen[role])
         pv = tags["pv"]
         if not np.isfinite(np.where(pv.bad, np.nan, pv.value)).any():
-            raise InputError(f"holds no number in {len(pv.t)} rows", file=self.source, tag=self._chosen["pv"])
+            raise without_value(len(pv.t), int(pv.bad.sum()), file=self.source, tag=self._chosen["pv"])
         sorted_tags = {role: _in_order(tag) for role, tag in tags.items() if role != "pv"}
         pv, self._found_here = _rows(pv, sorted_tags)
         for start in range(0, len(pv.t), rows):
@@ -247,6 +247,7 @@ class LongRecording(Recording):
             t = pv.t[part]
             values = {"pv": pv.value[part]}
             flags = (pv.bad[part] * np.uint8(BAD)).astype(np.uint8)
+            marks = np.zeros(len(t), np.uint8)
             for role, tag in sorted_tags.items():
                 at = np.searchsorted(tag.t, t, side="right") - 1
                 none = (at < 0) | tag.bad[at]
@@ -256,7 +257,8 @@ class LongRecording(Recording):
                     flags = flags | np.where(none, missing, tag.value[at].astype(np.uint8)).astype(np.uint8)
                 else:
                     values[role] = np.where(none, np.nan, tag.value[at])
-            yield finished(t, values, flags)
+                    marks |= (none & (at >= 0)) * np.uint8(MARKED.get(role, 0))
+            yield finished(t, values, flags, marks)
 
 
 def _rows(pv: _Tag, others: Mapping[str, _Tag]) -> tuple[_Tag, list[Finding]]:
@@ -280,7 +282,7 @@ def _joined(pv: _Tag, times: NDArray[np.float64]) -> _Tag:
     before = np.where(pv.t[after] == t, after, after - 1)
     share = (t - pv.t[before]) / np.where(after > before, pv.t[after] - pv.t[before], 1.0)
     line = np.where(after > before, value[before] + share * (value[after] - value[before]), value[after])
-    return _Tag(t, line, np.isnan(line))
+    return _Tag(t, line, np.isnan(line) & (pv.bad[before] | pv.bad[after]))
 
 
 def _in_order(tag: _Tag) -> _Tag:

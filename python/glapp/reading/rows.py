@@ -144,14 +144,18 @@ class OrderedRows:
         name = None if column is None else self.source.names[column]
         if tag is not None and self.source.tags is not None:  # a column that is read as a tag
             name, tag = tag, None
+        what, hint = fault.what, fault.hint
+        if name is not None and str(fault.value).strip() == name:  # days that were joined with their headers
+            what = f"the header is there once more: '{name}'"
+            hint = "delete this row; or leave the parts in files of their own, and give all of them with --as-loop NAME"
         return InputError(
-            fault.what,
+            what,
             file=self.source.label,
             row=self.source.row_number(record),
             column=name,
             tag=tag,
             value=fault.value,
-            hint=fault.hint,
+            hint=hint,
             asks=fault.asks,
         )
 

@@ -100,7 +100,7 @@ def _table(data: Any, label: str) -> tuple[list[str], list[list[Any]]]:
         for key in ("data", "result", "response", "body"):
             if isinstance(inner := keys.get(key), dict):
                 return _table(inner, label)
-    raise InputError("holds no table that is known here", file=label, hint=_HINT)
+    raise InputError("holds no table that glapp can read", file=label, hint=_HINT)
 
 
 def _of_list(data: Sequence[Any], label: str) -> tuple[list[str], list[list[Any]]]:
@@ -116,7 +116,7 @@ def _of_list(data: Sequence[Any], label: str) -> tuple[list[str], list[list[Any]
         head = data[0]
         if all(isinstance(name, str) for name in head):
             return [str(name) for name in head], [list(row) for row in data[1:]]
-    raise InputError("holds no table that is known here", file=label, hint=_HINT)
+    raise InputError("holds no table that glapp can read", file=label, hint=_HINT)
 
 
 def _split(keys: Mapping[str, Any]) -> tuple[list[str], list[list[Any]]]:

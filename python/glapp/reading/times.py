@@ -371,7 +371,7 @@ class Clock:
             self.arrow_type = pa.timestamp("ns", "UTC")
         plan = _plan(re.sub(r"[0-9]", "0", texts[0]))
         if plan is None:
-            raise CellFault(0, f"'{texts[0]}' is not a time that is known here", _hint(texts[0]), texts[0])
+            raise CellFault(0, f"'{texts[0]}' is not a time that glapp can read", _hint(texts[0]), texts[0])
         self._zoned = plan.zoned
         if plan.zoned and self.zone is None:
             self.zone = "UTC"
@@ -432,7 +432,7 @@ class Clock:
                 text = column[at].as_py()
                 plan = _plan(layouts[0].tobytes().decode("utf-8", "replace"))
                 if plan is None:
-                    raise CellFault(at, f"'{text}' is not a time that is known here", _hint(text), text)
+                    raise CellFault(at, f"'{text}' is not a time that glapp can read", _hint(text), text)
                 if plan.zoned != self._zoned:
                     has = "has a zone" if plan.zoned else "has no zone"
                     raise CellFault(at, f"'{text}' {has}, unlike the first row: mixed zones", value=text)
@@ -541,7 +541,10 @@ def _hint(text: str) -> str | None:
     if re.search(r"\d [A-Z]{3,5}$", text):
         return "a zone's letters are not unique: write an offset such as +01:00, or leave it out and give time_zone"
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?([.,]\d+)?", text):
-        return "the date is missing: put date and time in one column"
+        return (
+            "the date is missing: put date and time in one column, or say how far rows are apart: "
+            "--time '' --sample-time SECONDS"
+        )
     return "write for instance 2024-01-31 13:45:00"
 
 

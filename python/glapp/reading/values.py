@@ -253,9 +253,16 @@ def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[st
             return 0
         if word in names.NOT_AUTO or word in bad_words:
             return NOT_AUTO
-        raise ValueError("is not a mode known here", 'write the words that mean automatic: auto_values = ["AUTO", ...]')
+        raise ValueError(
+            "is not a mode that glapp knows",
+            'write the words that mean automatic into loops.toml: auto_values = ["AUTO", ...]; or leave the column '
+            "out: --mode ''",
+        )
 
     return decide
+
+
+_NO_QUALITY = "write Good and Bad, or leave the column out: --quality '', or in loops.toml columns = { quality = \"\" }"
 
 
 class Quality:
@@ -296,16 +303,13 @@ class Quality:
             if not self._da and (code == 0 or code >= 1 << 16):
                 return 0 if code >> 30 == 0 else BAD
             raise ValueError(
-                "is neither an OPC UA quality nor, judging by the first rows, an OPC DA quality",
-                'write Good and Bad, or leave the column out: columns = { quality = "" }',
+                "is neither an OPC UA quality nor, judging by the first rows, an OPC DA quality", _NO_QUALITY
             )
         if word in names.GOOD or word.startswith("good"):
             return 0
         if word in names.POOR or word.startswith(("bad", "uncertain")) or word in self._bad_words:
             return BAD
-        raise ValueError(
-            "is not a quality known here", 'write Good and Bad, or leave the column out: columns = { quality = "" }'
-        )
+        raise ValueError("is not a quality that glapp knows", _NO_QUALITY)
 
 
 def limit_flag(bit: int) -> Callable[[str], int]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loop import Loop
 from ..quality import Finding, newest_first, setting_unused
-from ..recording import Batch, Recording, finished
+from ..recording import MARKED, Batch, Recording, finished, without_value
 from .cells import CellFault, plain
 from .columns import LABELS
 from .names import SAME_UNITS, UNITS, folded
@@ -159,7 +159,7 @@ class WideRecording(Recording):
         reader, clock = self._reader, self._ordered.clock
         seconds = clock.reader() if clock else None
         order = list(self._share.types)
-        done, alive = 0, False
+        done, alive, marked = 0, False, 0
         for columns in self._ordered.of(self._share.stream()):
             n = len(columns[0])
             if n == 0:
@@ -190,14 +190,10 @@ class WideRecording(Recording):
             if len(t):
                 batch = finished(t, values, flags)
                 alive = alive or bool(np.isfinite(batch.pv).any())
+                marked += 0 if alive or batch.marks is None else int(np.count_nonzero(batch.marks & MARKED["pv"]))
                 yield batch
         if not alive:
-            raise InputError(
-                f"holds no number in {done} rows",
-                file=self.source,
-                column=self.columns["PV"],
-                hint="is it the right column?",
-            )
+            raise without_value(done, marked, file=self.source, column=self.columns["PV"])
 
     def _without_unit(self, role: str, column: pa.Array) -> pa.Array:
         """A column without the units written in its cells."""

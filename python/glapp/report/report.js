@@ -7,6 +7,7 @@
   const scheme = matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
   const PAPER = 680; // px between the margins of an A4 or Letter page
+  const NARROW = 480; // px: a row of the legend of half-periods holds one name, on a wider page three
   const low = (plot) => (plot.dataset.name === "time" ? 380 : 250); // px: a loop on one page; report.css has the same
   let printing = false;
 
@@ -28,6 +29,13 @@
     if (printing) {
       layout.width = Math.min(PAPER, plot.clientWidth);
       if (plot.closest(".believed")) layout.height = low(plot);
+    }
+    if (!printing && layout.legend2 && plot.clientWidth < NARROW) {
+      const names = data.filter(({ legend }) => legend === "legend2").length;
+      const more = 20 * (names - Math.ceil(names / 3));
+      layout.height += more;
+      layout.margin.b += more;
+      plot.style.height = `${layout.height}px`;
     }
     Plotly.react(plot, data, layout, config);
     plot.dataset.drawn = "";

@@ -87,7 +87,8 @@ class LoopView:
             drawn["fit"] = fit_figure(r)
         if r.trace is not None:
             drawn["time"] = figures.loop_figure(r)
-        if r.trace is not None and r.trace.op is not None and "why" not in drawn:
+        # Of a loop refused it would be read by the note beside it: a PV that never answers looks level, as in a gap.
+        if r.trace is not None and r.trace.op is not None and "why" not in drawn and r.answer.valve != "refused":
             drawn["phase"] = figures.phase_figure(r)
         return drawn
 

@@ -18,27 +18,29 @@ pub(super) fn numbers(look: &Look<'_>, found: &mut Vec<Finding>) {
         return;
     }
     let sp = look.rows.sp.map(|_| ("SP", c.sp));
-    for (name, values) in sp.into_iter().chain([("PV", c.pv), ("OP", c.op)]).filter(|(_, values)| values.bad > 0) {
-        let share = look.share(values.bad);
-        // Without OP much can still be told.
-        let severity = match (values.bad == c.rows, name) {
-            (true, "OP") => Severity::Warning,
-            (true, _) => Severity::Refuse,
-            (false, _) => many(share),
-        };
-        found.push(
-            Finding::new(Fault::NotANumber, severity)
-                .with("signal", name)
-                .with("rows", values.bad)
-                .with("share", share)
-                .with("first_row", values.bad_first)
-                .telling("of", c.rows),
-        );
-    }
-    if c.bad_quality > 0 {
-        let share = look.share(c.bad_quality);
-        let severity = if c.bad_quality == c.rows { Severity::Refuse } else { many(share) };
-        found.push(Finding::new(Fault::BadQuality, severity).with("rows", c.bad_quality).with("share", share));
+    for (name, values) in sp.into_iter().chain([("PV", c.pv), ("OP", c.op)]) {
+        let none_left = values.bad + values.marked.count == c.rows;
+        let marked = (Fault::BadQuality, values.marked.count, values.marked.first);
+        for (fault, rows, first) in [(Fault::NotANumber, values.bad, values.bad_first), marked] {
+            if rows == 0 {
+                continue;
+            }
+            let share = look.share(rows);
+            // Without OP much can still be told.
+            let severity = match (none_left, name) {
+                (true, "OP") => Severity::Warning,
+                (true, _) => Severity::Refuse,
+                (false, _) => many(share),
+            };
+            found.push(
+                Finding::new(fault, severity)
+                    .with("signal", name)
+                    .with("rows", rows)
+                    .with("share", share)
+                    .with("first_row", first)
+                    .telling("of", c.rows),
+            );
+        }
     }
 }
 

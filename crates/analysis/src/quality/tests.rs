@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::Counter;
+use crate::{Counter, MARKED_PV, MARKED_SP};
 
 const N: usize = 2000;
 
@@ -78,6 +78,30 @@ fn an_assumed_gain_that_matters_is_told() {
     assert!(assumed_gain(30.0, 0.45, 0.22).is_some());
     assert_eq!(assumed_gain(30.0, 0.45, 0.04), None);
     assert_eq!(assumed_gain(30.0, f64::NAN, 0.04), None);
+}
+
+#[test]
+fn a_value_that_is_missing_and_one_that_was_marked_are_counted_apart() {
+    let [t, sp, mut pv, op] = signals(ordinary);
+    let mut marks = vec![0; N];
+    for k in 0..30 {
+        pv[100 + k] = f64::NAN;
+        marks[100 + k] = if k < 20 { MARKED_PV } else { MARKED_SP };
+    }
+    let rows = Inspected { t: &t, sp: Some(&sp), pv: &pv, op: Some(&op), flags: None };
+    let mut counter = Counter::new(3.0, None).unwrap();
+    counter.run_marked(&rows, Some(&marks));
+    let of = counter.statistics.pv;
+    assert_eq!((of.bad, of.bad_first, of.marked.count, of.marked.first), (10, Some(120), 20, Some(100)));
+    let found = inspect(&rows, &counter.statistics, &known());
+    let told: Vec<_> = found.iter().map(|finding| (finding.fault, number(finding, "rows"))).collect();
+    assert_eq!(told, [(Fault::NotANumber, 10.0), (Fault::BadQuality, 20.0)]);
+    // A row that is flagged as bad and has all its numbers is one of bad quality.
+    let flags = vec![2; N];
+    let [t, sp, pv, op] = signals(ordinary);
+    let mut counter = Counter::new(3.0, None).unwrap();
+    counter.run(&Inspected { t: &t, sp: Some(&sp), pv: &pv, op: Some(&op), flags: Some(&flags) });
+    assert_eq!((counter.statistics.pv.bad, counter.statistics.pv.marked.count), (0, N as u64));
 }
 
 /// Any value a column may hold: mostly numbers that repeat, values that others use, and non-numbers.

@@ -10,6 +10,8 @@ const FEWEST_ROWS: u64 = 10;
 const NEWEST_FIRST: f64 = 0.9;
 /// An hour, by which clocks are set back \[s\], and how near a step back must come to it: a minute, or one sample.
 const CLOCK_CHANGE: (f64, f64) = (3600.0, 60.0);
+/// Share of repeated times beyond which the times as a whole have lost their seconds; two tags in one column repeat half of them.
+const SECONDS_LOST: f64 = 0.5;
 /// A step above this share of Ti misses much of a half-period's area; one above Ti itself misses the error.
 const COARSE: f64 = 1.0 / 5.0;
 
@@ -52,13 +54,19 @@ pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
         );
     }
     if c.repeated.count > 0 {
-        let severity = if c.repeated.count + 1 >= c.rows { Severity::Refuse } else { Severity::Warning };
+        let looks_like = match look.share(c.repeated.count) {
+            _ if c.repeated.count + 1 >= c.rows => "stopped",
+            share if share > SECONDS_LOST => "seconds_lost",
+            _ => "doubles",
+        };
+        let severity = if looks_like == "doubles" { Severity::Warning } else { Severity::Refuse };
         found.push(
             Finding::new(Fault::TimeRepeated, severity)
                 .with("count", c.repeated.count)
                 .with("share", look.share(c.repeated.count))
                 .with("first_row", c.repeated.first)
-                .telling("of", c.rows),
+                .telling("of", c.rows)
+                .telling("looks_like", looks_like),
         );
     }
     if c.gaps.count > 0 {

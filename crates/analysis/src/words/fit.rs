@@ -141,7 +141,7 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
 const UNFIT_SENTENCES: &[(&str, &str)] = sentences! {
     "no_op": "there is no OP, and the width cannot be fitted without it";
     "few_rows": "{number:.0f} rows are too few: a fit needs 50 samples at least";
-    "op_missing": "OP is missing in nearly all rows";
+    "op_missing": "OP has a value in fewer than 50 rows, and the width cannot be fitted without it";
     "op_still": "OP stands still at {number:.4g} all the time, and only an OP that moves shows a gap";
     "same": "OP and {signal} are the same signal: check which columns were taken";
     "pv_still": "{signal} stands still at {number:.4g} all the time";

@@ -33,15 +33,31 @@ const HELPS: &[(&str, &str)] = sentences! {
 
 const SENTENCES: &[(&str, &str)] = sentences! {
     "gaps": "{gaps} of {all:count valve} have a dead band, {beyond} of them wider than the limit.";
-    "gaps one": "1 of {all:count valve} has a dead band, {beyond} of them wider than the limit.";
-    "likely": "Likely: {gap:count valve} with one, {sound:count valve} without one wider than the limit.";
-    "rest": "{none} show none, {unjudged} cannot be judged.";
+    "gaps within": "{gaps} of {all:count valve} have a dead band, none of them surely wider than the limit.";
+    "gaps one": "1 of {all:count valve} has a dead band, wider than the limit.";
+    "gaps one within": "1 of {all:count valve} has a dead band, not surely wider than the limit.";
+    "gaps none": "No dead band was found in {all:count valve}.";
+    "likely": "{n:count valve} probably have one.";
+    "likely one": "1 valve probably has one.";
+    "likely_sound": "{n} probably have none wider than the limit.";
+    "likely_sound one": "1 probably has none wider than the limit.";
+    "none": "{n} show none.";
+    "none one": "1 shows none.";
+    "unjudged": "{n} cannot be judged.";
     "first": "First: {names}.";
     "grows": "{n:count dead band} plainly grow.";
     "grows one": "1 dead band plainly grows.";
 };
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
-    let counted = n.number(if code == "gaps" { "gaps" } else { "n" });
-    vec![if counted == Some(1.0) { "one".into() } else { String::new() }]
+    let [gaps, beyond, counted] = ["gaps", "beyond", "n"].map(|name| n.number(name));
+    let variant = match (code, gaps, beyond) {
+        ("gaps", Some(0.0), _) => "none",
+        ("gaps", Some(1.0), Some(0.0)) => "one within",
+        ("gaps", Some(1.0), _) => "one",
+        ("gaps", _, Some(0.0)) => "within",
+        _ if counted == Some(1.0) => "one",
+        _ => "",
+    };
+    vec![variant.into()]
 }

@@ -7,6 +7,9 @@ pub(super) const SUBJECT: Subject = Subject { name: "identification", sentences:
 const SENTENCES: &[(&str, &str)] = sentences! {
     "no_op": "the recording has no OP, so K and Ti must be given";
     "no_sp": "the recording has no SP, so K and Ti must be given";
+    "no_value": "{signal} has no value in any row, so K and Ti must be given: check the column or tag";
+    "few_steps none": "no step between samples is in auto, good, off the limits and without a gap: give K and Ti, or a \
+         recording in auto";
     "few_steps": "only {samples} steps between samples are in auto, good, off the limits and without a gap; at \
          least 50 are needed: give K and Ti, or a longer recording in auto";
     "op_still": "OP never moves in automatic, so K and Ti cannot be found: give them";
@@ -36,5 +39,10 @@ const SENTENCES: &[(&str, &str)] = sentences! {
 };
 
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
-    vec![if code == "law" && n.flag("derivative") { "derivative".into() } else { String::new() }]
+    let variant = match code {
+        "law" if n.flag("derivative") => "derivative",
+        "few_steps" if n.number("samples") == Some(0.0) => "none",
+        _ => "",
+    };
+    vec![variant.into()]
 }

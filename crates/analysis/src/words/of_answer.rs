@@ -21,12 +21,13 @@ pub fn of_finding(finding: &Finding) -> Message {
 /// Why the controller's law must not be used unasked; none where it may.
 pub fn of_identification(found: &Identification) -> Option<Message> {
     use identify::Reason::{
-        Contradictory, FewSteps, GainMayBeNone, LittleExplained, NoGain, NoIntegral, NoOp, NoSp, OpStill,
+        Contradictory, FewSteps, GainMayBeNone, LittleExplained, NoGain, NoIntegral, NoOp, NoSp, NoValue, OpStill,
         OppositeSigns, PvStill, Unshown, Wide,
     };
     let code = match found.reason? {
         NoOp => "no_op",
         NoSp => "no_sp",
+        NoValue { .. } => "no_value",
         FewSteps => "few_steps",
         OpStill => "op_still",
         PvStill => "pv_still",
@@ -48,6 +49,7 @@ pub fn of_identification(found: &Identification) -> Option<Message> {
     };
     Some(match found.reason? {
         NoGain { error } => message.with("error", error),
+        NoValue { signal } => message.with("signal", signal),
         GainMayBeNone { size, k } => interval(message.with("size", size), "k", k),
         Wide { k, ti, h } => interval(interval(message.with("h", h), "k", k), "ti", ti),
         _ => message,

@@ -48,7 +48,7 @@ macro_rules! winds {
         concat!(
             "PV stays {error:size} {pv_unit} ",
             $side,
-            " SP for {lasted_s:seconds} while OP winds from {op_from:.3g} to {op_to:.3g} {op_unit}, so PV does not answer OP and \
+            " SP for {lasted_s:duration} while OP winds from {op_from:.3g} to {op_to:.3g} {op_unit}, so PV does not answer OP and \
              nothing can be estimated: take a time in which the loop controls"
         )
     };
@@ -79,16 +79,20 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "time_reversed clock_set_back": reversed!(),
         "the clock seems to have been set back an hour: export in UTC, or name the time zone (--time-zone, time_zone)";
     "time_reversed unsorted": reversed!(), "sort the rows by time, or export in UTC if this is the end of summer time";
-    "time_repeated refuse": repeated!(), "every time is the same; check the time column";
+    "time_repeated stopped": repeated!(), "every time is the same; check the time column";
+    "time_repeated seconds_lost": repeated!(), "the times have lost their seconds, as where a spreadsheet saved them; \
+         export them with seconds, or say how far rows are apart (--time '' --sample-time SECONDS, or sample_time in \
+         loops.toml with columns.time = '')";
     "time_repeated": repeated!(), "remove the doubles if they are many";
-    "gaps": "gaps longer than {threshold_s:seconds}: {count}, {total_s:seconds} in all, the longest \
+    "gaps": "{count:count gap} longer than {threshold_s:seconds}, {total_s:seconds} in all, the longest \
          {longest_s:seconds}, the first before {first_row:row}; no half-period is taken across one: ask for raw \
          values if they are many";
-    "not_a_number all": "{signal} is not a number in any of {of} rows: check the column or tag";
-    "not_a_number": "{signal} is not a number in {rows} of {of} rows ({share:share}), first {first_row:row}: each \
+    "gaps one": "1 gap of {longest_s:seconds}, before {first_row:row}; no half-period is taken across it";
+    "not_a_number all": "{signal} has no value in any of {of} rows: check the column or tag";
+    "not_a_number": "{signal} has no value in {rows} of {of} rows ({share:share}), first {first_row:row}: each \
          ends a half-period; ask the historian for good values";
-    "bad_quality": "the quality is not good in {share:share} of the rows, which are not used: repair the signal, or \
-         check which quality codes mean good";
+    "bad_quality": "the quality of {signal} is not good in {rows} of {of} rows ({share:share}), first \
+         {first_row:row}, and these rows are not used: repair the signal, or check which quality codes mean good";
     "span outside": "{signal} goes from {low:.4g} to {high:.4g}, beyond its span of {span_low:.4g} to \
          {span_high:.4g}: check the span and the column, and name numbers that stand for a missing value in \
          bad_values";
@@ -161,9 +165,10 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     let named = n.number("rows").is_none().then(|| n.word("rows").split_whitespace().count() as f64);
     let counts = |wanted: bool, word: &str| if wanted { word.to_string() } else { String::new() };
     let one = match code {
-        "time_assumed" | "time_repeated" => n.word("severity"),
+        "time_assumed" => n.word("severity"),
+        "gaps" => counts(n.number("count") == Some(1.0), "one"),
         "own_times" => counts(n.number("rows") != n.number("pv_rows"), "joined"),
-        "time_reversed" | "compressed_pv" | "span" => n.word("looks_like"),
+        "time_reversed" | "time_repeated" | "compressed_pv" | "span" => n.word("looks_like"),
         "not_a_number" => counts(n.number("rows") == n.number("of"), "all"),
         "winding_up" => counts(n.number("error").is_some_and(|error| error > 0.0), "below"),
         "sampling" => counts(n.number("ratio").is_some_and(|ratio| ratio > 1.0), "slow"),

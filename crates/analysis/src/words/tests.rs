@@ -282,6 +282,7 @@ fn what_an_analysis_found_is_told_without_a_number_missing() {
     let reasons = [
         Reason::NoOp,
         Reason::NoSp,
+        Reason::NoValue { signal: "OP" },
         Reason::FewSteps,
         Reason::OpStill,
         Reason::PvStill,

@@ -544,6 +544,10 @@ def test_what_happens_again_and_again_is_told_once_a_minute_with_its_count(tmp_p
     asyncio.run(monitor.step())
     texts = [event["text"] for event in monitor.reader.events("FIC0")]
     assert len(texts) == 4 and texts[0].startswith("number 180 (and 59 times more")
+    for later in (1000.0, 1001.0, 1100.0):
+        monitor.tell(Event(BEGIN + later, "FIC0", "lost", "twice"))
+    asyncio.run(monitor.step())
+    assert monitor.reader.events("FIC0")[0]["text"] == "twice (and once more since)"
 
 
 def test_values_of_a_loop_that_is_not_watched_are_left_out(tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ from station_child import EVIL, PASSWORDS
 from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
+from glapp.service.store import Reader
+
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
 
 
@@ -245,6 +247,24 @@ def test_a_viewer_has_no_buttons_of_others(browser: Any, window: Window) -> None
     page.get_by_role("button", name="Parameters").click()
     page.get_by_text("needs the role engineer").last.wait_for()
     assert page.get_by_label("kp", exact=True).get_attribute("readonly") is not None
+
+
+def test_a_double_click_is_one_command(browser: Any, window: Window) -> None:
+    """Regression: a fit was asked for twice, a repair noted twice, and two guided tests begun."""
+    page = logged_in(browser, window, "eve")
+    page.goto(window.url + "/loop?name=FIC1")
+    with Reader(window.folder) as reader:
+        page.get_by_role("button", name="Fit now").dblclick()
+        page.get_by_text("FIC1 is fitted as soon as").wait_for()
+        page.wait_for_timeout(500)
+        assert [row["command"] for row in reader.commands("FIC1")] == ["fit"]
+        page.get_by_role("button", name="Note a repair").click()
+        page.get_by_label("What was done").fill("new stem")
+        page.get_by_role("button", name="Note it").dblclick()
+        page.get_by_text("new stem").wait_for()
+        page.wait_for_timeout(500)
+        assert len(reader.repairs("FIC1")) == 1
+    assert page.get_by_text("Refused").count() == 0 and page.wrong == []
 
 
 @pytest.mark.verify

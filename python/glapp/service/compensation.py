@@ -120,7 +120,7 @@ class Compensator:
         self.read_back = False  # whether u_FF was read from the plant since the connection began
         self.written: float | None = None
         self.written_at = -math.inf
-        self._to_zero: float | None = None  # since when u_FF has to go to 0, by the clock of `scan`
+        self._to_zero: float | None = None  # since when a u_FF in the plant has to go to 0, by the clock of `scan`
         self.why_off = "nobody enabled it since the start"
         self.withdrawn: str | None = None
 
@@ -248,7 +248,9 @@ class Compensator:
             u_ff=read[Signal.U_FF],
             flags=float(flags),
         )
-        if self.standing == "active" or not self.read_back:
+        found = self._held.get(Signal.U_FF)
+        at_zero = found is not None and found.good and found.value == 0.0  # what is written later, has its own time
+        if self.standing == "active" or not self.read_back or at_zero:
             self._to_zero = None
         elif self._to_zero is None:
             self._to_zero = now

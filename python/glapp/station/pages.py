@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import time
-from collections.abc import Awaitable, Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from html import escape
@@ -16,7 +17,7 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from ..report.words import duration
-from .client import ApiClient, Gone, Refused
+from .client import ApiClient, Gone, Refused, Unsure, loop_path
 from .listed import Listed
 from .sessions import Session, Sessions, Tokens
 from .view import View, age
@@ -36,6 +37,9 @@ __all__ = [
     "quiet",
 ]
 
+DOUBLE = 1.0
+"""The same command of the same person within this time is a double click [s]."""
+
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
 
 
@@ -47,12 +51,14 @@ class Station:
     - `api`: the service.
     - `sessions`: who is logged in.
     - `listed`: the overview, as of the last look.
+    - `asked`: the commands under way or just done, until when the same one is not sent again [s].
     """
 
     view: View
     api: ApiClient
     sessions: Sessions = field(init=False)
     listed: Listed = field(default_factory=Listed)
+    asked: dict[tuple[str, str, str], float] = field(default_factory=dict)
     _of: tuple[float | None, float] = (None, 0.0)
 
     def __post_init__(self) -> None:
@@ -191,25 +197,36 @@ def dialog_of(title: str) -> Iterator[ui.dialog]:
         yield dialog
 
 
-async def command(station: Station, session: Session, asking: Callable[[], Awaitable[Any]], done: str) -> Any:
-    """A command in the person's name: its outcome is shown in any case. None where it was not done."""
+async def command(station: Station, session: Session, loop: str, what: str, body: Any, done: str) -> bool:
+    """A command about a loop in the person's name; its outcome is shown in any case. True where it was done.
+
+    The second click of a double one is no second command.
+    """
     if station.sessions.by_id(session.id) is None:
         ui.navigate.to("/login?why=expired")
-        return None
+        return False
+    path = loop_path(loop, what)
+    key, now = (session.id, path, json.dumps(body)), time.monotonic()
+    if now < station.asked.get(key, now):
+        return False
+    station.asked = {one: until for one, until in station.asked.items() if until > now} | {key: math.inf}
     try:
-        found = await asking()
+        await station.api.asked("POST", path, session.token, body)
     except Refused as refused:
         if refused.status == 401:
             station.sessions.end(session.id)
             ui.navigate.to("/login?why=expired")
         else:
             ui.notify(f"Refused: {refused}", type="warning", timeout=0, close_button="Close", multi_line=True)
-        return None
+        return False
     except Gone as gone:
-        ui.notify(f"Not done: {gone}", type="negative", timeout=0, close_button="Close", multi_line=True)
-        return None
+        text = f"It may be done or not: {gone}. Events tell." if isinstance(gone, Unsure) else f"Not done: {gone}"
+        ui.notify(text, type="negative", timeout=0, close_button="Close", multi_line=True)
+        return False
+    finally:
+        station.asked[key] = now + DOUBLE
     ui.notify(done, color="grey-9", position="bottom-right")
-    return {} if found is None else found
+    return True
 
 
 _TO_LOOP = "location.href = '/loop?name=' + encodeURIComponent({})"

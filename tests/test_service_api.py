@@ -24,7 +24,18 @@ from glapp.service.api import ApiServer, _Api, app_of
 from glapp.service.monitor import Monitor
 from glapp.service.signal import Signal, Value
 from glapp.service.store import Reader, Store, backup, restore
-from glapp.service.users import PACE, PLACES, SHORTEST, Person, Refused, RefusedLogins, Role, Users, first_user, station_key
+from glapp.service.users import (
+    PACE,
+    PLACES,
+    SHORTEST,
+    Person,
+    Refused,
+    RefusedLogins,
+    Role,
+    Users,
+    first_user,
+    station_key,
+)
 
 PASSWORDS = {"vera": "viewer-password", "olaf": "operator-password", "eve": "engineer-password"}
 ROLES = {"vera": "viewer", "olaf": "operator", "eve": "engineer"}

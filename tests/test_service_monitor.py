@@ -1,6 +1,7 @@
 """The monitor beside a plant: u_FF only by name and only while all is well; fits beside it; commands put down."""
 
 import asyncio
+import itertools
 import math
 import multiprocessing
 import time
@@ -416,6 +417,26 @@ def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
     assert not other.enabled and other.why_off == "the watchdog is not counted up: u_FF of FIC0 is not 0"
     assert [monitor.status()["loops"][name]["health"] for name in ("FIC0", "FIC1")] == ["FAILURE", "CHECK_FUNCTION"]
     monitor.store.close()
+
+
+def test_a_u_ff_that_somebody_writes_where_nothing_is_in_force_is_ramped_to_0() -> None:
+    """Regression: only what was found at the start or after a loss was ramped; this went to 0 in one step."""
+    one = of_compensation.Compensator(swinging(2.5), PERIOD, SIZED, *MOST)
+    one.read_back, u_ff, stood = True, 0.0, []
+    for k in range(150):
+        at, u_ff = k * PERIOD, 0.6 if k == 50 else u_ff
+        now = {Signal.SP: 50.0, Signal.MODE: 1.0, Signal.OP: 50.0, Signal.U_FF: u_ff, Signal.PV: 50.0}
+        for signal, value in now.items():
+            one.take(Value("FIC0", signal, at, value, True), at)
+        one.scan(at, True)
+        if one.at_work:
+            u_ff = one.to_write
+            one.wrote(u_ff, at, 0.001)
+        stood.append(u_ff)
+    steps = [b - a for a, b in itertools.pairwise(stood[50:])]
+    assert stood[:50] == [0.0] * 50 and 0.5 < stood[50] < 0.6 and stood[-1] == 0.0
+    assert all(-0.03 < step <= 0.0 for step in steps), "a ramp of half a second"
+    assert not one.at_work and not one.enabled
 
 
 def test_a_u_ff_that_somebody_writes_by_hand_has_time_to_go_from_then_on(tmp_path: Path) -> None:

@@ -204,6 +204,13 @@ def test_two_writers(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    """Regression: `glapp watch` said that standard output could not be written."""
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/data: cannot be written: Not a directory; name a folder"):
+        FolderLock(tmp_path / "file" / "data")
+
+
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     child = context.Process(target=_hold, args=(tmp_path,))

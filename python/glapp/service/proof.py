@@ -67,7 +67,8 @@ class Proof:
     async def repaired(self, loop: str, asked: Repaired, person: str, role: str) -> None:
         """Note a repair, and queue a fit of the recordings after it.
 
-        Raises InputError for a time that has not come yet, or whose repair is noted already. Raises StoreFull where it cannot be stored.
+        Raises InputError for a time that has not come yet, or whose repair is noted already. Raises StoreFull where it
+        cannot be stored.
         """
         monitor = self.monitor
         if asked.time > monitor.now + AHEAD:

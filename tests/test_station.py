@@ -32,8 +32,8 @@ from glapp.cli import app as cli
 from glapp.errors import InputError
 from glapp.fit import Fit
 from glapp.modules import BacklashDetection, Graph, Input, Output
-from glapp.reading.settings import parse_settings
 from glapp.planned import OPEN
+from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
 from glapp.result import Confidence
 from glapp.service.api import app_of as service_app
@@ -196,6 +196,11 @@ def test_a_service_that_stopped_is_told_with_its_age(view: View) -> None:
     assert view.progress(name) == ""
     view._clock = lambda: shown + 12.0
     assert view.progress(name) == "Being judged: 12 s of about 40 s."
+    # Regression: a clock that is set back hid for as long that the service had stopped.
+    view._clock = lambda: shown - 3600.0
+    assert view.behind is None
+    view._new_at -= 30.0
+    assert view.behind == pytest.approx(30.0, abs=10.0)
 
 
 def test_no_database_is_told_and_taken_up_when_it_comes(tmp_path: Path) -> None:
@@ -734,7 +739,8 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
     client = TestClient(app, base_url="https://127.0.0.1", follow_redirects=False)
     ours = {"Origin": "https://127.0.0.1"}
     wrong = client.post("/login", data={"user": "eve<b>", "password": "no"}, headers=ours)
-    assert wrong.status_code == 401 and "Wrong name or password" in wrong.text and "<b>" not in wrong.text
+    assert wrong.status_code == 401 and "Wrong name or password." in wrong.text and "<b>" not in wrong.text
+    assert 'value="eve&lt;b&gt;"' in wrong.text, "the name stays; it had to be typed again"
     right = client.post("/login", data={"user": "eve", "password": PASSWORDS["eve"], "dark": "1"}, headers=ours)
     cookie = right.headers["set-cookie"]
     assert right.status_code == 303

@@ -328,6 +328,13 @@ def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Wind
     page.wait_for_selector(".one")
     window.say("expire")
     page.get_by_text("Your login is over").wait_for()
+    page.fill("#user", "vera")
+    page.fill("#password", PASSWORDS["vera"])
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".one")  # at the same loop; it was the overview
+    assert page.url.endswith("/loop?name=FIC0")
+    window.say("expire")
+    page.get_by_text("Your login is over").wait_for()
     page.goto(window.url + "/events")
     assert page.url.endswith("/login")
 

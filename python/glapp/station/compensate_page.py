@@ -199,6 +199,7 @@ class CompensationPage:
             for line in found.lines:
                 with ui.element("li"):
                     ui.label(line)
+        self.lines.set_visibility(bool(found.lines))
         self.why_not.set_text(found.why_not)
         self.use.props(remove="disable")
         if not self._engineer or used or found.why_not:

@@ -142,7 +142,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     def tick() -> None:
         if station.sessions.by_id(session.id) is None:
             timer.cancel()
-            ui.navigate.to("/login?why=expired")
+            ui.run_javascript("glapp.expired()")
             return
         view = station.view
         late = view.behind
@@ -203,7 +203,7 @@ async def command(station: Station, session: Session, loop: str, what: str, body
     The second click of a double one is no second command.
     """
     if station.sessions.by_id(session.id) is None:
-        ui.navigate.to("/login?why=expired")
+        ui.run_javascript("glapp.expired()")
         return False
     path = loop_path(loop, what)
     key, now = (session.id, path, json.dumps(body)), time.monotonic()
@@ -215,7 +215,7 @@ async def command(station: Station, session: Session, loop: str, what: str, body
     except Refused as refused:
         if refused.status == 401:
             station.sessions.end(session.id)
-            ui.navigate.to("/login?why=expired")
+            ui.run_javascript("glapp.expired()")
         else:
             ui.notify(f"Refused: {refused}", type="warning", timeout=0, close_button="Close", multi_line=True)
         return False

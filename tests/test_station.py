@@ -110,6 +110,7 @@ def test_a_bad_pv_is_told(view: View) -> None:
     loop |= {"good": False, "note": "BadSensorFailure", "health": "CHECK_FUNCTION"}
     row = next(row for row in view.rows() if row.loop == "FIC0")
     assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
+    assert row.todo == "Look at the transmitter: PV is bad (BadSensorFailure)."
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ __all__ = [
     "quiet",
 ]
 
-DOUBLE = 1.0
+DOUBLE = 0.5
 """The same command of the same person within this time is a double click [s]."""
 
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
@@ -107,8 +107,9 @@ def described(rows: Iterable[tuple[str, str]]) -> None:
 
 
 def quiet(text: str, what: Any = None, *, flat: bool = False) -> ui.button:
-    """A button in the ink of the page."""
-    return ui.button(text, on_click=what, color=None).props("flat no-caps" if flat else "outline no-caps")
+    """A button in the ink of the page; the second click of a double one does nothing."""
+    button = ui.button(text, color=None).props("flat no-caps" if flat else "outline no-caps")
+    return button if what is None else button.on("click", what, [], throttle=DOUBLE, trailing_events=False)
 
 
 @contextmanager
@@ -268,7 +269,14 @@ def _overview_columns() -> list[dict[str, Any]]:
         column("todo", "What to do", 260, flex=1, minWidth=232),
         column("trend", "Trend", 132, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 118, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
-        column("seen", "PV age", 80, headerTooltip="How old the newest PV is", suppressHeaderFilterButton=True),
+        column(
+            "seen",
+            "PV age",
+            80,
+            headerTooltip="How old the newest PV is",
+            suppressHeaderFilterButton=True,
+            **{":valueFormatter": "p => p.value.replace(/bad: .*/, 'bad')"},  # what to do has the rest
+        ),
         column("compensation", "Compensation", 116, suppressHeaderFilterButton=True),
         column(
             "card", "Answer", 200, flex=1, hide=True, sortable=False, filter=False, **{":cellRenderer": "glapp.card"}

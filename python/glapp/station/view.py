@@ -383,7 +383,7 @@ class View:
         if self.silent(loop):
             return "Find out why no value comes: transmitter, tag, connection."
         if status["good"] is False:
-            return "Look at the transmitter: PV is bad."
+            return f"Look at the transmitter: PV is bad ({status['note'] or 'no number'})."
         if status["fitting"]:
             return self.progress(loop)
         if answer is None:

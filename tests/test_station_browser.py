@@ -267,7 +267,7 @@ def test_a_double_click_is_one_command(browser: Any, window: Window) -> None:
     page.get_by_role("button", name="Parameters").dblclick()
     page.get_by_text("Who changed what, when").first.wait_for()
     page.wait_for_timeout(1000)
-    assert page.locator(".wide-dialog").count() == 1  # there were two, one upon the other
+    assert page.locator(".wide-dialog").count() == 1  # there were two, one behind the other
     assert page.get_by_text("Refused").count() == 0 and page.wrong == []
 
 

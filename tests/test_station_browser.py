@@ -418,6 +418,8 @@ def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
         page.get_by_text(re.compile("^PV of ")).wait_for()
         window.say("gone")
         page.get_by_text("The service does not answer: no live values.").wait_for()
+        page.get_by_text("not known", exact=True).wait_for()  # u_FF was shown as it last was
+        assert page.locator(".v:not(.old)").count() == 0
         page.get_by_text(re.compile("The service has written nothing for 2 min")).wait_for()
         page.get_by_role("button", name="Fit now").click()
         page.get_by_text(re.compile("Not done: the service does not answer")).wait_for()

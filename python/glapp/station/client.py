@@ -21,6 +21,9 @@ from ..errors import InputError
 
 __all__ = ["ApiClient", "Gone", "Refused", "Unsure"]
 
+LONGEST = 10.0
+"""Longest wait for an answer [s]."""
+
 READS = 80
 """Requests to read that run at once, of the 100 connections that httpx has: the others are for commands."""
 
@@ -62,7 +65,7 @@ class ApiClient:
                 verify = ssl.create_default_context(cafile=str(trust))
             except (OSError, ssl.SSLError) as error:
                 raise InputError(f"cannot be used: {error}", file=str(trust)) from None
-        self._http = httpx.AsyncClient(verify=verify, timeout=10.0, trust_env=False)
+        self._http = httpx.AsyncClient(verify=verify, timeout=LONGEST, trust_env=False)
         self._reads = asyncio.Semaphore(READS)
         self._live: dict[tuple[str, str], asyncio.Future[Any]] = {}
 
@@ -117,7 +120,7 @@ class ApiClient:
         except (httpx.ReadTimeout, httpx.ReadError, httpx.RemoteProtocolError) as error:
             if method == "GET":
                 raise Gone(f"the service does not answer: {_why(error)}") from None
-            raise Unsure(f"the service took the request and has not answered: {_why(error)}") from None
+            raise Unsure(f"the service took the request and did not say: {_why(error)}") from None
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise Gone(f"the service does not answer: {_why(error)}") from None
         try:
@@ -156,6 +159,8 @@ class ApiClient:
 
 
 def _why(error: Exception) -> str:
+    if isinstance(error, httpx.TimeoutException):
+        return f"no answer in {LONGEST:g} s"
     return str(error) or type(error).__name__
 
 

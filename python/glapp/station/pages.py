@@ -160,7 +160,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         elif late is not None:
             text = (
                 f"The service has written nothing for {age(late)}: you see the state of {moment(view.at)}. "
-                "No command is carried out until it is back."
+                "No command is answered until it is back."
             )
         elif catching is not None:
             left = "" if catching["left"] is None else f", and needs about {duration(catching['left'])} for it"

@@ -198,6 +198,10 @@ class SignalCards:
                 self.loop.station.sessions.end(self.loop.session.id)  # the frame leads to the login
             self.fresh.set_text("The service does not answer: no live values.")
             self.fresh.classes(add="late")
+            self.state.set_text("")
+            self.values["u_ff"].set_text("not known")
+            for label in self.values.values():
+                label.classes(add="old")
             self.seen = None  # what is newest is told at once when it is back
             await asyncio.sleep(1.0)
             return

@@ -52,6 +52,7 @@ from glapp.station.compensate import calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import changed, field
 from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, Guard, Sessions
+from glapp.station.signals_page import state_of
 from glapp.station.under_way import UnderWay
 from glapp.station.view import View, _through, as_csv, trend
 
@@ -111,6 +112,16 @@ def test_a_bad_pv_is_told(view: View) -> None:
     row = next(row for row in view.rows() if row.loop == "FIC0")
     assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
     assert row.todo == "Look at the transmitter: PV is bad (BadSensorFailure)."
+
+
+def test_manual_and_a_limit_are_told() -> None:
+    """Regression: nothing on a loop's page said that its controller was in manual."""
+    auto = {name: {"value": x, "good": True, "note": ""} for name, x in (("mode", 1.0), ("low", 0.0), ("high", 0.0))}
+    assert state_of(auto) == "" == state_of({})
+    assert state_of(auto | {"mode": auto["low"]}) == "The controller is in manual."
+    assert state_of(auto | {"low": auto["mode"]}) == "OP is at its low limit."
+    bad = {"value": None, "good": False, "note": "BadCommunicationError"}
+    assert state_of(auto | {"mode": bad}) == "MODE is bad: BadCommunicationError."
 
 
 @pytest.mark.slow

@@ -557,6 +557,26 @@ def test_what_happens_again_and_again_is_told_once_a_minute_with_its_count(tmp_p
     assert monitor.reader.events("FIC0")[0]["text"] == "twice (and once more since)"
 
 
+def test_a_save_waits_for_the_step_under_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: a change of a parameter was refused on a busy computer, as if the store could not be written."""
+    clock = Clock()
+    monitor, some = service.monitor(tmp_path, loops(), clock), values("FIC0", 20)
+    write = monitor.journal.write
+
+    async def slow(now: float) -> None:
+        await asyncio.sleep(0.05)
+        await write(now)
+        monitor.ingest.take(some[30:])
+
+    async def both() -> None:
+        await asyncio.gather(monitor.save(), monitor.step())
+
+    monkeypatch.setattr(monitor.journal, "write", slow)
+    monitor.ingest.take(some[:30])
+    asyncio.run(both())
+    assert not monitor.journal.waiting
+
+
 def test_values_of_a_loop_that_is_not_watched_are_left_out(tmp_path: Path) -> None:
     clock = Clock()
     monitor = service.monitor(tmp_path, loops(), clock)

@@ -38,9 +38,9 @@ from glapp.fleet.pieces import follow_paths, read_again, unit_rows
 from glapp.fleet.plan import Plan, plan_of
 from glapp.fleet.problems import LEFT_OUT, LOST, DataIssue
 from glapp.fleet.report import _in_short, _span
-from glapp.fleet.results import write_piece
+from glapp.fleet.results import TABLES, publish, write_piece
 from glapp.fleet.settings import read_loops
-from glapp.fleet.windows import choose, cut, judge, look
+from glapp.fleet.windows import LOOPS, choose, cut, judge, look
 from glapp.loop import Loop
 from glapp.simulate import closed_loop
 
@@ -526,6 +526,23 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
         fleet.read(tmp_path / "out")
     with pytest.raises(InputError, match="one of loops, windows"):
         fleet.read(tmp_path / "out", "answers")
+
+
+def test_tables_are_read_from_memory_of_arrows_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: a thread of Arrow let go of Python's bytes as Python ended, and `glapp fleet` ended with code 134."""
+    table = pa.table({name: list(range(5)) for name in LOOPS.names})
+    publish(tmp_path, {name: table for name in TABLES}, {"provenance": {}})
+    before, held = pa.total_allocated_bytes(), []
+    read_table = pq.read_table
+
+    def looked(source: pa.BufferReader, **how: Any) -> pa.Table:
+        held.append((source.size(), pa.total_allocated_bytes() - before))
+        return read_table(source, **how)
+
+    monkeypatch.setattr(pq, "read_table", looked)
+    assert fleet.read(tmp_path).num_rows == 5
+    [(size, allocated)] = held
+    assert allocated >= size > 1000
 
 
 def test_rows_folders_and_files_that_go_missing_are_counted(tmp_path: Path) -> None:

@@ -19,11 +19,23 @@ from fastapi.testclient import TestClient
 from service import BEGIN, Clock, fed, loops, values
 
 from glapp.errors import InputError
-from glapp.service.api import ApiServer, app_of
+from glapp.service import api as of_api
+from glapp.service.api import ApiServer, _Api, app_of
 from glapp.service.monitor import Monitor
 from glapp.service.signal import Signal, Value
 from glapp.service.store import Reader, Store, backup, restore
-from glapp.service.users import PACE, PLACES, SHORTEST, Person, Refused, RefusedLogins, Users, first_user, station_key
+from glapp.service.users import (
+    PACE,
+    PLACES,
+    SHORTEST,
+    Person,
+    Refused,
+    RefusedLogins,
+    Role,
+    Users,
+    first_user,
+    station_key,
+)
 
 PASSWORDS = {"vera": "viewer-password", "olaf": "operator-password", "eve": "engineer-password"}
 ROLES = {"vera": "viewer", "olaf": "operator", "eve": "engineer"}
@@ -529,3 +541,34 @@ def test_what_it_says_of_itself_is_whole(client: TestClient) -> None:
 def test_a_reader_sees_what_the_writer_put_down(monitor: Monitor) -> None:
     with Reader(monitor.store.folder) as reader:
         assert reader.loops() == {"FIC0": 1, "FIC1": 2}
+
+
+def test_what_a_command_has_checked_holds_until_it_is_done(monitor: Monitor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: of two that came together both found that none was under way, and both were done."""
+    api, eve = _Api(monitor, Users(monitor.store, CHEAP)), Person("eve", Role.ENGINEER)
+    under_way, most, done = 0, 0, []
+
+    async def command(name: str, seconds: float) -> str:
+        nonlocal under_way, most
+        under_way += 1
+        most = max(most, under_way)
+        await asyncio.sleep(seconds)
+        under_way -= 1
+        done.append(name)
+        return name
+
+    async def both() -> None:
+        nonlocal most
+        asked = [api.done(eve, "enable", "FIC0", None, command(name, 0.05)) for name in ("first", "second")]
+        assert await asyncio.gather(*asked) == ["first", "second"] and most == 1
+        monkeypatch.setattr(of_api, "PATIENCE", 0.1)
+        slow = asyncio.ensure_future(api.done(eve, "enable", "FIC0", None, command("slow", 1.0)))
+        await asyncio.sleep(0.01)
+        assert await api.done(eve, "disable", "FIC0", None, command("off", 0.0)) == "off"
+        with pytest.raises(InputError, match=r"another command has not been done in 0\.1 s; try again"):
+            await api.done(eve, "change", "FIC0", None, command("given up", 0.0))
+        await slow
+
+    asyncio.run(both())
+    assert done == ["first", "second", "off", "slow"]
+    assert "another command" in monitor.reader.commands("FIC0")[0]["refused"]

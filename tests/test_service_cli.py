@@ -19,7 +19,7 @@ from glapp.cli.screen import CommandError
 from glapp.cli.watch import _printed
 from glapp.errors import InputError
 from glapp.folder_lock import FolderLock
-from glapp.service.store import Reader, Store
+from glapp.service.store import Reader, Store, StoreFull
 
 HERE = Path(__file__).parent
 
@@ -47,6 +47,17 @@ def test_numbers_of_the_api_are_printed_without_their_rounding() -> None:
     """`enable` said that delta is 0.9000000000000001, and `set` that a limit is 1e+37."""
     values = (0.6 * 1.5, 1e37, 1234567.25, None, 3, "typed")
     assert [_printed(value) for value in values] == ["0.9", "no limit", "1234567.25", "", "3", "typed"]
+
+
+def test_a_disk_that_is_full_at_the_start_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: it ended with a traceback."""
+
+    async def full(*_: object) -> None:
+        raise StoreFull(f"{tmp_path}/glapp.db cannot be written: database or disk is full")
+
+    monkeypatch.setattr(sys.modules["glapp.cli.watch"], "_serve", full)
+    with pytest.raises(InputError, match="disk is full; make room, then start it again"):
+        glapp("run", "--demo", "--data", tmp_path)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,6 +24,7 @@ from glapp.station.view import View
 
 NOW = datetime(2026, 5, 17, 14, 30, tzinfo=UTC).timestamp()
 TODAY = datetime(2026, 5, 17, tzinfo=UTC)
+PAGE = Path(__file__).parents[1] / "docs" / "station.md"
 
 WHAT = {
     "FIC101": "found",
@@ -120,6 +122,18 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[SimLoop]
     store.show(NOW, json.dumps(monitor.status()))
     store.close()
     return folder, loops
+
+
+def test_the_page_has_the_widths_that_the_window_shows(begun: tuple[Path, list[SimLoop]]) -> None:
+    """Regression: the interval and the trend of TIC103 were those of an older fit."""
+    view = View(begun[0], clock=lambda: NOW)
+    view.refresh()
+    rows = {row.loop: row for row in view.rows()}
+    table = {line.split("|")[1].strip(): line for line in PAGE.read_text().splitlines() if line.startswith("| ")}
+    for name in ("FIC101", "TIC103", "FIC105"):
+        assert rows[name].width in table[name]
+    [slope] = re.findall(r"[+−][\d.]+", rows["TIC103"].trend)[:1]
+    assert f"{slope} % a month" in table["TIC103"]
 
 
 def test_the_service_goes_on_from_what_is_there(begun: tuple[Path, list[SimLoop]]) -> None:

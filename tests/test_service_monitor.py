@@ -1,6 +1,7 @@
 """The monitor beside a plant: u_FF only by name and only while all is well; fits beside it; commands put down."""
 
 import asyncio
+import itertools
 import math
 import multiprocessing
 import time
@@ -304,14 +305,29 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
 
 @pytest.mark.slow
 def test_another_writer_withdraws_it(tmp_path: Path) -> None:
-    async def look(monitor: Monitor, plant: Swinging) -> None:
+    class Counts(Swinging):
+        tried = 0
+
+        async def write(self, loop: str, u_ff: float) -> None:
+            self.tried += 1
+            await super().write(loop, u_ff)
+
+    plant = Counts()
+
+    async def look(monitor: Monitor, _: Swinging) -> None:
         await in_force(monitor, plant)
         plant.refuse = "other_writer"
         await until(lambda: not shown(monitor)["enabled"], "it goes on")
         assert "other_writer" in str(shown(monitor)["why_off"])
+        plant.u_ff["FIC0"] = 0.0
+        await until(lambda: not monitor.feedforward.at_work, "something is to be written still")
+        await asyncio.sleep(0.2)
+        tried = plant.tried
+        await asyncio.sleep(0.5)
+        assert plant.tried == tried, "u_FF is 0, and a write was tried at every PV for ever"
         plant.refuse = None
 
-    beside(tmp_path, look)
+    beside(tmp_path, look, plant)
 
 
 @pytest.mark.slow
@@ -403,6 +419,45 @@ def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
     monitor.store.close()
 
 
+def test_a_u_ff_that_somebody_writes_where_nothing_is_in_force_is_ramped_to_0() -> None:
+    """Regression: only what was found at the start or after a loss was ramped; this went to 0 in one step."""
+    one = of_compensation.Compensator(swinging(2.5), PERIOD, SIZED, *MOST)
+    one.read_back, u_ff, stood = True, 0.0, []
+    for k in range(150):
+        at, u_ff = k * PERIOD, 0.6 if k == 50 else u_ff
+        now = {Signal.SP: 50.0, Signal.MODE: 1.0, Signal.OP: 50.0, Signal.U_FF: u_ff, Signal.PV: 50.0}
+        for signal, value in now.items():
+            one.take(Value("FIC0", signal, at, value, True), at)
+        one.scan(at, True)
+        if one.at_work:
+            u_ff = one.to_write
+            one.wrote(u_ff, at, 0.001)
+        stood.append(u_ff)
+    steps = [b - a for a, b in itertools.pairwise(stood[50:])]
+    assert stood[:50] == [0.0] * 50 and 0.5 < stood[50] < 0.6 and stood[-1] == 0.0
+    assert all(-0.03 < step <= 0.0 for step in steps), "a ramp of half a second"
+    assert not one.at_work and not one.enabled
+
+
+def test_a_u_ff_that_somebody_writes_by_hand_has_time_to_go_from_then_on(tmp_path: Path) -> None:
+    """Regression: an hour after the last u_FF it counted as not taken away at once, and every other loop was off."""
+    both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]
+    monitor = Monitor(both, Store(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
+    one, other = (monitor.loops[name].compensator for name in ("FIC0", "FIC1"))
+    assert one is not None and other is not None
+    other._graph["watch.compensate"] = 1.0
+    one.read_back = True
+    for at, u_ff in ((0.0, 0.0), (3600.0, 0.0), (3600.1, 0.5)):
+        one.take(Value("FIC0", Signal.U_FF, at, u_ff, True), at)
+        one.scan(at, True)
+    late = one.away_within + 3.0 * PERIOD + of_compensation.LATE
+    monitor.watchdog.look_for_stuck(3600.0 + late)
+    assert other.enabled and not monitor.watchdog.stuck
+    monitor.watchdog.look_for_stuck(3600.2 + late)
+    assert not other.enabled and monitor.watchdog.stuck == ["FIC0"]
+    monitor.store.close()
+
+
 def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
     class Slow(Swinging):
         async def write(self, loop: str, u_ff: float) -> None:
@@ -490,6 +545,24 @@ def test_a_watchdog_test_that_fails(tmp_path: Path) -> None:
     plant.wired = False
     monitor = beside(tmp_path, look, plant, seen=False, watchdog_test=1.0)
     assert "drill_failed" in [event["kind"] for event in monitor.reader.events("FIC0")]
+
+
+@pytest.mark.slow
+def test_a_watchdog_test_into_which_somebody_writes_fails(tmp_path: Path) -> None:
+    """Regression: it was passed though it was not our u_FF that the plant took away."""
+
+    async def look(monitor: Monitor, plant: Swinging) -> None:
+        await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
+        await monitor.commands.watchdog_test("FIC0", "eve", "engineer")
+        await until(lambda: plant.u_ff.get("FIC0", 0.0) > 0.0, "the test wrote nothing")
+        plant.u_ff["FIC0"] = 1.0
+        await until(lambda: not monitor.watchdog.tests, "it does not end")
+        with pytest.raises(InputError, match="never seen"):
+            await monitor.commands.enable("FIC0", "eve", "engineer")
+
+    monitor = beside(tmp_path, look, Wired(), seen=False)
+    [text] = [event["text"] for event in monitor.reader.events("FIC0") if event["kind"] == "drill_failed"]
+    assert text.startswith("u_FF is 1 where 0.") and text.endswith("was written: somebody else writes it")
 
 
 @pytest.mark.slow

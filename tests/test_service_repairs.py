@@ -51,6 +51,10 @@ def test_a_repair_is_noted_and_the_loop_is_fitted_anew(repaired):
     assert (row["time"], row["person"], row["note"]) == (AT, "olaf", "new positioner")
     assert one.reader.commands("FIC0")[0]["command"] == "repaired"
     assert one.status()["loops"]["FIC0"]["fitting"]
+    again = Repaired(time=AT, note="new positioner")
+    with pytest.raises(InputError, match="a repair of that time is noted already"):  # a double click noted it twice
+        asyncio.run(Proof(one).repaired("FIC0", again, "olaf", "operator"))
+    assert len(one.reader.repairs("FIC0")) == 1
     late = Repaired(time=one.now + 7200.0)
     with pytest.raises(InputError, match="has not come yet"):
         asyncio.run(Proof(one).repaired("FIC0", late, "olaf", "operator"))

@@ -204,6 +204,13 @@ def test_two_writers(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    """Regression: `glapp watch` said that standard output could not be written."""
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/data: cannot be written: Not a directory; name a folder"):
+        FolderLock(tmp_path / "file" / "data")
+
+
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     child = context.Process(target=_hold, args=(tmp_path,))
@@ -544,6 +551,30 @@ def test_what_happens_again_and_again_is_told_once_a_minute_with_its_count(tmp_p
     asyncio.run(monitor.step())
     texts = [event["text"] for event in monitor.reader.events("FIC0")]
     assert len(texts) == 4 and texts[0].startswith("number 180 (and 59 times more")
+    for later in (1000.0, 1001.0, 1100.0):
+        monitor.tell(Event(BEGIN + later, "FIC0", "lost", "twice"))
+    asyncio.run(monitor.step())
+    assert monitor.reader.events("FIC0")[0]["text"] == "twice (and once more since)"
+
+
+def test_a_save_waits_for_the_step_under_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: a change of a parameter was refused on a busy computer, as if the store could not be written."""
+    clock = Clock()
+    monitor, some = service.monitor(tmp_path, loops(), clock), values("FIC0", 20)
+    write = monitor.journal.write
+
+    async def slow(now: float) -> None:
+        await asyncio.sleep(0.05)
+        await write(now)
+        monitor.ingest.take(some[30:])
+
+    async def both() -> None:
+        await asyncio.gather(monitor.save(), monitor.step())
+
+    monkeypatch.setattr(monitor.journal, "write", slow)
+    monitor.ingest.take(some[:30])
+    asyncio.run(both())
+    assert not monitor.journal.waiting
 
 
 def test_values_of_a_loop_that_is_not_watched_are_left_out(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -27,12 +27,15 @@ from station_child import PASSWORDS, answer, made
 from typer.testing import CliRunner
 
 from glapp import Loop
+from glapp import plan as plan_module
 from glapp.cli import app as cli
 from glapp.errors import InputError
 from glapp.fit import Fit
 from glapp.modules import BacklashDetection, Graph, Input, Output
+from glapp.planned import OPEN
 from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
+from glapp.result import Confidence
 from glapp.service.api import app_of as service_app
 from glapp.service.compensation import TEXT_OF_STATE, detection_beside
 from glapp.service.monitor import Monitor
@@ -42,13 +45,14 @@ from glapp.service.settable import SHARE
 from glapp.service.signal import Signal
 from glapp.service.store import Store
 from glapp.service.users import LOGIN_LASTS
-from glapp.station import charts, step_test
+from glapp.station import charts, proof_page, step_test
 from glapp.station.app import app_of
-from glapp.station.client import ApiClient, Gone, Refused, loop_path
+from glapp.station.client import ApiClient, Gone, Refused, Unsure, loop_path
 from glapp.station.compensate import calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import changed, field
 from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, Guard, Sessions
+from glapp.station.signals_page import state_of
 from glapp.station.under_way import UnderWay
 from glapp.station.view import View, _through, as_csv, trend
 
@@ -107,6 +111,17 @@ def test_a_bad_pv_is_told(view: View) -> None:
     loop |= {"good": False, "note": "BadSensorFailure", "health": "CHECK_FUNCTION"}
     row = next(row for row in view.rows() if row.loop == "FIC0")
     assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
+    assert row.todo == "Look at the transmitter: PV is bad (BadSensorFailure)."
+
+
+def test_manual_and_a_limit_are_told() -> None:
+    """Regression: nothing on a loop's page said that its controller was in manual."""
+    auto = {name: {"value": x, "good": True, "note": ""} for name, x in (("mode", 1.0), ("low", 0.0), ("high", 0.0))}
+    assert state_of(auto) == "" == state_of({})
+    assert state_of(auto | {"mode": auto["low"]}) == "The controller is in manual."
+    assert state_of(auto | {"low": auto["mode"]}) == "OP is at its low limit."
+    bad = {"value": None, "good": False, "note": "BadCommunicationError"}
+    assert state_of(auto | {"mode": bad}) == "MODE is bad: BadCommunicationError."
 
 
 @pytest.mark.slow
@@ -193,6 +208,11 @@ def test_a_service_that_stopped_is_told_with_its_age(view: View) -> None:
     assert view.progress(name) == ""
     view._clock = lambda: shown + 12.0
     assert view.progress(name) == "Being judged: 12 s of about 40 s."
+    # Regression: a clock that is set back hid for as long that the service had stopped.
+    view._clock = lambda: shown - 3600.0
+    assert view.behind is None
+    view._new_at -= 30.0
+    assert view.behind == pytest.approx(30.0, abs=10.0)
 
 
 def test_no_database_is_told_and_taken_up_when_it_comes(tmp_path: Path) -> None:
@@ -540,12 +560,12 @@ def test_commands_go_by_the_api_in_the_persons_name(plant: tuple[Monitor, FastAP
         seen = await api.asked("GET", path, vera)
         fields = {name: field(value) for name, value in seen.items()}
         with pytest.raises(Refused, match="needs the role engineer"):
-            await api.command(path, vera, changed(seen, fields | {"kp": 3.0}))
-        assert (await api.command(path, eve, changed(seen, fields | {"kp": 3.0})))["kp"] == 3.0
+            await api.asked("POST", path, vera, changed(seen, fields | {"kp": 3.0}))
+        assert (await api.asked("POST", path, eve, changed(seen, fields | {"kp": 3.0})))["kp"] == 3.0
         with pytest.raises(Refused, match="somebody else has changed it"):
-            await api.command(path, eve, changed(seen, fields | {"kp": 4.0}))
+            await api.asked("POST", path, eve, changed(seen, fields | {"kp": 4.0}))
         with pytest.raises(Refused, match="must be odd"):
-            await api.command(path, eve, {"values": {"n": 4}})
+            await api.asked("POST", path, eve, {"values": {"n": 4}})
         assert (await api.live("FIC0", vera))["pv"]["good"]
         await api.asked("POST", "/logout", eve)
         with pytest.raises(Refused) as refused:
@@ -555,6 +575,30 @@ def test_commands_go_by_the_api_in_the_persons_name(plant: tuple[Monitor, FastAP
 
     asyncio.run(go())
     assert monitor.reader.commands("FIC0")[0]["person"] in ("eve", "vera")
+
+
+def test_a_command_without_an_answer_may_be_done(tmp_path: Path) -> None:
+    """Regression: "Not done" was said of a command that the service had taken, and was slow to do."""
+
+    def slow(request: httpx.Request) -> httpx.Response:
+        raise httpx.ReadTimeout("")
+
+    async def go() -> None:
+        api = ApiClient(tmp_path, "http://127.0.0.1")
+        api._http = httpx.AsyncClient(transport=httpx.MockTransport(slow))
+        with pytest.raises(Unsure, match="took the request and did not say: no answer in 10 s"):
+            await api.asked("POST", "/loops/FIC0/enable", "token")
+        with pytest.raises(Gone, match="does not answer: no answer in 10 s") as error:
+            await api.asked("GET", "/status", "token")
+        assert not isinstance(error.value, Unsure)
+
+    asyncio.run(go())
+
+
+def test_a_test_is_offered_where_one_is_planned() -> None:
+    """Regression: none where the answer is *likely sound*, though `--plan` planned one."""
+    assert proof_page.OPEN is plan_module.OPEN
+    assert set(OPEN) == {"likely", "likely_sound", "cannot_tell"} < set(get_args(Confidence))
 
 
 def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
@@ -707,7 +751,8 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
     client = TestClient(app, base_url="https://127.0.0.1", follow_redirects=False)
     ours = {"Origin": "https://127.0.0.1"}
     wrong = client.post("/login", data={"user": "eve<b>", "password": "no"}, headers=ours)
-    assert wrong.status_code == 401 and "Wrong name or password" in wrong.text and "<b>" not in wrong.text
+    assert wrong.status_code == 401 and "Wrong name or password." in wrong.text and "<b>" not in wrong.text
+    assert 'value="eve&lt;b&gt;"' in wrong.text, "the name stays; it had to be typed again"
     right = client.post("/login", data={"user": "eve", "password": PASSWORDS["eve"], "dark": "1"}, headers=ours)
     cookie = right.headers["set-cookie"]
     assert right.status_code == 303

@@ -14,6 +14,8 @@ from station_child import EVIL, PASSWORDS
 from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
+from glapp.service.store import Reader
+
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
 
 
@@ -247,6 +249,28 @@ def test_a_viewer_has_no_buttons_of_others(browser: Any, window: Window) -> None
     assert page.get_by_label("kp", exact=True).get_attribute("readonly") is not None
 
 
+def test_a_double_click_is_one_command(browser: Any, window: Window) -> None:
+    """Regression: a fit was asked for twice, a repair noted twice, and two guided tests begun."""
+    page = logged_in(browser, window, "eve")
+    page.goto(window.url + "/loop?name=FIC1")
+    with Reader(window.folder) as reader:
+        page.get_by_role("button", name="Fit now").dblclick()
+        page.get_by_text("FIC1 is fitted as soon as").wait_for()
+        page.wait_for_timeout(500)
+        assert [row["command"] for row in reader.commands("FIC1")] == ["fit"]
+        page.get_by_role("button", name="Note a repair").click()
+        page.get_by_label("What was done").fill("new stem")
+        page.get_by_role("button", name="Note it").dblclick()
+        page.get_by_text("new stem").wait_for()
+        page.wait_for_timeout(500)
+        assert len(reader.repairs("FIC1")) == 1
+    page.get_by_role("button", name="Parameters").dblclick()
+    page.get_by_text("Who changed what, when").first.wait_for()
+    page.wait_for_timeout(1000)
+    assert page.locator(".wide-dialog").count() == 1  # there were two, one behind the other
+    assert page.get_by_text("Refused").count() == 0 and page.wrong == []
+
+
 @pytest.mark.verify
 def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "eve", color_scheme="dark")
@@ -306,6 +330,13 @@ def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Wind
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
     page.wait_for_selector(".one")
+    window.say("expire")
+    page.get_by_text("Your login is over").wait_for()
+    page.fill("#user", "vera")
+    page.fill("#password", PASSWORDS["vera"])
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".one")  # at the same loop; it was the overview
+    assert page.url.endswith("/loop?name=FIC0")
     window.say("expire")
     page.get_by_text("Your login is over").wait_for()
     page.goto(window.url + "/events")
@@ -387,6 +418,8 @@ def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
         page.get_by_text(re.compile("^PV of ")).wait_for()
         window.say("gone")
         page.get_by_text("The service does not answer: no live values.").wait_for()
+        page.get_by_text("not known", exact=True).wait_for()  # u_FF was shown as it last was
+        assert page.locator(".v:not(.old)").count() == 0
         page.get_by_text(re.compile("The service has written nothing for 2 min")).wait_for()
         page.get_by_role("button", name="Fit now").click()
         page.get_by_text(re.compile("Not done: the service does not answer")).wait_for()

@@ -510,42 +510,44 @@ def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop
 
 def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     """Fit of the valve's own position, window by window where there are several."""
-    unit = loop.op_label
     if "unfit" in answer:
-        return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
+        return _unfit(answer, loop.op_label)
     best = _best_window(answer, "position")
     best["candidates"] = [{"noise": "position", "delta_deviance": 0.0, "profile": best["profile"]}]
-    needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
-    return Fit(
-        answer["verdict"],
-        _sentence(answer, unit),
-        unit,
-        answer["d"],
-        answer["low"],
-        answer["high"],
-        **needed,
-        trend=_trend(answer),
-        windows=_windows(answer),
-        best=best,
-        why=best["reason"],
-    )
+    return _fitted(answer, loop.op_label, best, best)
 
 
 def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit:
     """Fit of PV."""
     unit = loop.op_label
     if "unfit" in answer:
-        return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
-    fitted = _fit_from_answer(answer, unit)
+        return _unfit(answer, unit)
+    found = _fit_from_answer(answer, unit)
     if sinusoid is None:
-        return fitted
-    return replace(fitted, verdict="oscillation", why="sinusoidal", reason=sinusoid + _width_change_text(answer, unit))
+        return found
+    return replace(found, verdict="oscillation", why="sinusoidal", reason=sinusoid + _width_change_text(answer, unit))
 
 
 def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
     """Fit of PV from the core's answer, with its sentences."""
     best = _best_window(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
+    process = Process(kp, dead_time, lag, best["integrating"])
+    return replace(_fitted(answer, unit, best, answer), process=process)
+
+
+def _unfit(answer: dict[str, Any], unit: str) -> Fit:
+    """Why PV or the position could not be fitted."""
+    return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
+
+
+def _fitted(answer: dict[str, Any], unit: str, best: dict[str, Any], decided: dict[str, Any]) -> Fit:
+    """What a fit of PV and one of the position have in common.
+
+    - `answer`: of all windows.
+    - `best`: of the window that shows best what all say.
+    - `decided`: the one of both that has likelihood ratios and reason.
+    """
     return Fit(
         verdict=answer["verdict"],
         reason=_sentence(answer, unit),
@@ -553,14 +555,13 @@ def _fit_from_answer(answer: dict[str, Any], unit: str) -> Fit:
         d=answer["d"],
         low=answer["low"],
         high=answer["high"],
-        lr_no_gap=answer["lr_no_gap"],
-        lr_needed=answer["lr_needed"],
+        lr_no_gap=decided["lr_no_gap"],
+        lr_needed=decided["lr_needed"],
         jump=best["jump"],
-        process=Process(kp, dead_time, lag, best["integrating"]),
         trend=_trend(answer),
         windows=_windows(answer),
         best=best,
-        why=answer["reason"],
+        why=decided["reason"],
     )
 
 

@@ -18,7 +18,8 @@ __all__ = ["FolderLock"]
 class FolderLock:
     """The right to write a data folder: one process has it, and it ends with that process, however that ends.
 
-    Raises InputError where another process has it: which one, on which computer and since when.
+    Raises InputError where another process has it: which one, on which computer and since when; or where the folder
+    cannot be written.
 
     Examples
     --------
@@ -33,9 +34,13 @@ class FolderLock:
     """
 
     def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
         self._path = folder / "lock"
-        self._file = self._path.open("a+", encoding="utf-8")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file = self._path.open("a+", encoding="utf-8")
+        except OSError as error:
+            hint = "name a folder that this account may write"
+            raise InputError(f"cannot be written: {error.strerror or error}", file=str(folder), hint=hint) from None
         if not _locked(self._file.fileno()):
             self._file.close()
             other = _holder_of(self._path)

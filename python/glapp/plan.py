@@ -21,7 +21,7 @@ from .errors import InputError
 from .estimate import analyze
 from .fit import Fit, Process, fit
 from .loop import Loop
-from .planned import Kind, Limits, Plan, Planned
+from .planned import OPEN, Kind, Limits, Plan, Planned
 from .plant import Plant
 from .progress import Progress
 from .recording import Recording, joined
@@ -230,11 +230,11 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
 
 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
-    """The result with `Result.plan`: what would decide, where it is *likely* or *likely_sound*, or *cannot_tell*.
+    """The result with `Result.plan`: what would decide, where its answer is open.
 
     - `recordings`, `result`, `**asked`: as in `plan_from`. Where nothing can be planned, `Plan.reason` says why.
     """
-    if result.answer.confidence not in ("likely", "cannot_tell", "likely_sound"):
+    if result.answer.confidence not in OPEN:
         return result
     try:
         plan = plan_from(recordings, result, **asked)

@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-__all__ = ["Kind", "Limits", "Plan", "Planned"]
+__all__ = ["OPEN", "Kind", "Limits", "Plan", "Planned"]
 
 Limits = tuple[float, float]
 Kind = Literal["by_hand", "setpoint", "more_hours"]
+
+OPEN = ("likely", "likely_sound", "cannot_tell")
+"""Confidences of an answer that a test would decide."""
 
 
 def _pair(of: Sequence[float] | None) -> Limits | None:

@@ -144,6 +144,7 @@ def run(
     need("watch", "service", "argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is told as an event
     from ..service.options import MonitorOptions
+    from ..service.store import StoreFull
 
     if demo == (settings is not None):
         raise CommandError("name a loops.toml, or say --demo")
@@ -166,8 +167,11 @@ def run(
     )
     address = {"host": host, "port": port, "certificate": certificate, "key": key}
     plant = {"loops": loops, "days": days, "scan": scan, "repair": repair} if demo else None
-    with suppress(KeyboardInterrupt):
-        asyncio.run(_serve(settings, data, options, address, plant, ours))
+    try:
+        with suppress(KeyboardInterrupt):
+            asyncio.run(_serve(settings, data, options, address, plant, ours))
+    except StoreFull as full:
+        raise InputError(str(full), hint="make room, then start it again") from None
 
 
 def _security(certificate: Path | None, key: Path | None, user: str | None, file: Path | None) -> Security:

@@ -36,7 +36,7 @@ from ..errors import InputError, unforeseen
 from . import bounds
 from .source import Head, Source, ahead
 
-__all__ = ["ApartSource", "Worker", "call", "close", "opened", "serve"]
+__all__ = ["ApartSource", "Worker", "call", "opened", "serve"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -55,6 +55,8 @@ _PROF: int | None = getattr(signal, "SIGPROF", None)
 _CLOCK = 1.0 if _PROF is None else 4.0
 
 _inside = False
+_workers: set[Worker] = set()
+"""All there are; those that read nothing now are `_idle`."""
 _idle: list[Worker] = []
 
 
@@ -81,6 +83,7 @@ class Worker:
         self._late = False
         self.sound = True
         self._begun = False
+        _workers.add(self)
 
     def __enter__(self) -> Worker:
         return self
@@ -126,6 +129,7 @@ class Worker:
     def close(self) -> None:
         """End the process."""
         self.sound = False
+        _workers.discard(self)
         with suppress(OSError):
             self._process.kill()
         self._process.wait()
@@ -169,14 +173,20 @@ def _leased() -> Iterator[Worker]:
 
 
 @atexit.register
-def close() -> None:
-    """End the processes that wait for a file."""
-    while _idle:
-        _idle.pop().close()
+def _close() -> None:
+    """End all processes, those of passes that nobody ended too: no thread starts later that could time an answer."""
+    for worker in list(_workers):
+        worker.close()
+
+
+def _forget() -> None:
+    """Leave the processes to the parent, whose they are."""
+    _workers.clear()
+    _idle.clear()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_idle.clear)  # they are the parent's
+    os.register_at_fork(after_in_child=_forget)
 
 
 def call(label: str, function: Callable[P, R], *args: P.args, **named: P.kwargs) -> R:
@@ -224,8 +234,6 @@ class ApartSource(Source):
                     yield _unpacked(data), fraction
                 more = False
             finally:
-                # As Python ends no thread starts that could time an answer: the process ends with it.
-                worker.sound = worker.sound and not sys.is_finalizing()
                 if more and worker.sound:
                     worker.ask(self.label, "close")
 

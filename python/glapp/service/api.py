@@ -13,7 +13,7 @@ import math
 import socket
 import ssl
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -51,6 +51,9 @@ HASHES = 20
 """Passwords of strangers that wait to be checked, at most; names from addresses where they have logged in go another
 way.
 """
+
+PATIENCE = 5.0
+"""Longest wait of a command for the one before it [s]."""
 
 LONGEST = 1.0
 """Longest wait of a request for a newer value [s]."""
@@ -153,6 +156,7 @@ class _Api:
         self.monitor, self.users = monitor, users
         # Reads and strangers' passwords do not take the threads that log commands.
         self._reading = ThreadPoolExecutor(2, "looking")
+        self._alone = asyncio.Lock()
 
     async def looked(self, what: Callable[P, T], *words: P.args, **more: P.kwargs) -> T:
         """Result of a function of the reader, called in a thread."""
@@ -184,10 +188,27 @@ class _Api:
             raise HTTPException(404, "no such loop")
         return name
 
-    async def done(self, person: Person, command: str, loop: str | None, asked: Any, what: Awaitable[Any]) -> Any:
-        """A command, put down where it is refused as well."""
+    async def done(
+        self, person: Person, command: str, loop: str | None, asked: Any, what: Coroutine[Any, Any, Any]
+    ) -> Any:
+        """A command, put down where it is refused as well.
+
+        One after another, so that what a command has checked holds until it is done. Only `disable` waits for none.
+        """
         try:
-            return _plain(await what)
+            if command == "disable":
+                return _plain(await what)
+            try:
+                async with asyncio.timeout(PATIENCE):
+                    await self._alone.acquire()
+            except TimeoutError:
+                what.close()
+                text = f"another command has not been done in {PATIENCE:g} s"
+                raise InputError(text, loop=loop, hint="try again") from None
+            try:
+                return _plain(await what)
+            finally:
+                self._alone.release()
         except InputError as error:
             await self.monitor.commands.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
             raise

@@ -47,6 +47,9 @@ TEXT_OF_STATE = {
 LATE = 5.0
 """Allowed excess of u_FF's age in the plant over the time for three scans, the writes and the read-back [s]."""
 
+_NOW = 1e-6
+"""Time of a scan beside another of the same moment [s]."""
+
 _ARRIVALS = 20
 """Number of latest values whose age at arrival counts."""
 
@@ -120,9 +123,10 @@ class Compensator:
         self.read_back = False  # whether u_FF was read from the plant since the connection began
         self.written: float | None = None
         self.written_at = -math.inf
-        self._to_zero: float | None = None  # since when u_FF has to go to 0, by the clock of `scan`
+        self._to_zero: float | None = None  # since when a u_FF in the plant has to go to 0, by the clock of `scan`
         self.why_off = "nobody enabled it since the start"
         self.withdrawn: str | None = None
+        self._seen = 0.0  # u_FF as it was read for the last scan
 
     @property
     def longest_still(self) -> float:
@@ -240,15 +244,13 @@ class Compensator:
             if signal in self._held and read[signal] != 0.0:
                 flags |= flag if read[signal] == read[signal] else BAD
         was = self.enabled
-        self._graph.scan(
-            h=h,
-            sp=read[Signal.SP],
-            pv=read[Signal.PV],
-            op=read[Signal.OP],
-            u_ff=read[Signal.U_FF],
-            flags=float(flags),
-        )
-        if self.standing == "active" or not self.read_back:
+        inputs = {str(signal): read[signal] for signal in (Signal.SP, Signal.PV, Signal.OP, Signal.U_FF)}
+        if self._pushed(read[Signal.U_FF]):  # after a value that is none the block goes on from the one it finds
+            self._graph.scan(h=_NOW, **inputs | {"u_ff": math.nan}, flags=float(flags | BAD))
+        self._graph.scan(h=h, **inputs, flags=float(flags))
+        found = self._held.get(Signal.U_FF)
+        at_zero = found is not None and found.good and found.value == 0.0  # what is written later, has its own time
+        if self.standing == "active" or not self.read_back or at_zero:
             self._to_zero = None
         elif self._to_zero is None:
             self._to_zero = now
@@ -257,6 +259,12 @@ class Compensator:
         elif was and self.standing in _FINAL:
             self.disable(f"it was withdrawn, {self.standing}", self.standing)
         return self.u_ff
+
+    def _pushed(self, u_ff: float) -> bool:
+        """Whether somebody else has written u_FF while nothing is in force: it goes to 0 from there, not at once."""
+        seen, self._seen = self._seen, u_ff
+        found = math.isfinite(u_ff) and u_ff not in (0.0, seen, self.written)
+        return found and not self.enabled and self.u_ff == 0.0
 
     def _read(self, signal: Signal) -> float:
         """Last good value of a signal, else not a number."""

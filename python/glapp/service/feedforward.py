@@ -96,8 +96,10 @@ class FeedForward:
                 return
             gone = refused.reason == "not_connected"
             self.switch_off(watched, CONNECTION_LOST if gone else f"u_FF was not written: {refused}")
+            if refused.reason == "other_writer":
+                compensator.written = None  # nothing of ours is in the plant any more, and nothing would be written
             if not compensator.enabled:
-                self._journal.add_event(Event(self._clock(), name, "not_written", f"u_FF {u_ff:g}: {refused}"))
+                self._journal.add_event(Event(self._clock(), name, "not_written", f"u_FF {u_ff + 0.0:g}: {refused}"))
         else:
             compensator.wrote(u_ff, self.ticks(), time.monotonic() - began)
             compensator.take(found, self._clock())

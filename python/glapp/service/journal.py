@@ -60,7 +60,8 @@ class Journal:
         if event.time - first < _REPEATED and count:
             self._repeated[key] = (first, count + 1)
             return
-        more = f" (and {count - 1} times more since)" if count > 1 else ""
+        again = "once" if count == 2 else f"{count - 1} times"
+        more = f" (and {again} more since)" if count > 1 else ""
         self._repeated[key] = (event.time, 1)
         self._events.append(Event(event.time, event.loop, event.kind, event.text + more))
 

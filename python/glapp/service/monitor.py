@@ -214,7 +214,8 @@ class Monitor:
         Raises StoreFull, OSError where it cannot be written; all of it waits for the next time.
         """
         await self.step()
-        await self.journal.save()
+        async with self._stepping:  # the entry of the next step is no reason to fail
+            await self.journal.save()
 
     async def run(self, source: Plant) -> None:
         """Watch a plant until cancelled; then everything is saved, and nothing is compensated any more."""

@@ -19,6 +19,9 @@ from .signal import Signal, Value, WriteRefused
 __all__ = ["UffNodes"]
 
 
+_ANEW = "Nothing is written any more until it is enabled again"
+
+
 @dataclass(slots=True)
 class UffNode:
     """The node of u_FF of one loop, and the last written value."""
@@ -75,7 +78,7 @@ class UffNodes:
             raise WriteRefused("not_a_number", f"{loop}: u_FF is {u_ff}, must be a number")
         async with self._locks[loop]:
             if feed.state == "taken":
-                raise WriteRefused("other_writer", f"{loop}: somebody else writes u_FF; enable it anew")
+                raise WriteRefused("other_writer", f"{loop}: somebody else has written u_FF. {_ANEW}")
             client = self._client_of(loop)
             value = as_written(u_ff, feed.kind)
             if abs(value) > feed.limit:
@@ -169,7 +172,8 @@ class UffNodes:
 
     def _refuse_other_writer(self, loop: str, feed: UffNode, text: str) -> NoReturn:
         feed.state = "taken"
-        self._events.event("other_writer", loop, f"{loop}: {text}; nothing is written any more")
+        why = "somebody else writes it, or the plant takes it away"
+        self._events.event("other_writer", loop, f"{loop}: {text}: {why}. {_ANEW}")
         raise WriteRefused("other_writer", f"{loop}: {text}")
 
     async def check(self, client: Client, most: int) -> None:

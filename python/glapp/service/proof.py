@@ -67,17 +67,21 @@ class Proof:
     async def repaired(self, loop: str, asked: Repaired, person: str, role: str) -> None:
         """Note a repair, and queue a fit of the recordings after it.
 
-        Raises InputError for a time that has not come yet. Raises StoreFull where it cannot be stored.
+        Raises InputError for a time that has not come yet, or whose repair is noted already. Raises StoreFull where it
+        cannot be stored.
         """
         monitor = self.monitor
         if asked.time > monitor.now + AHEAD:
             raise InputError("has not come yet", loop=loop, parameter="time", value=asked.time)
+        noted = await asyncio.to_thread(monitor.reader.repairs, loop)
+        if any(row["time"] == asked.time for row in noted):
+            raise InputError("a repair of that time is noted already", loop=loop, parameter="time", value=asked.time)
         await monitor.journal.log(person, role, "repaired", loop, None, {"time": asked.time, "note": asked.note})
         await asyncio.to_thread(monitor.store.note_repair, loop, asked.time, monitor.now, person, asked.note)
         monitor.fits.ask(loop, person)
 
 
-Done = Callable[[Person, str, str | None, Any, Awaitable[Any]], Awaitable[Any]]
+Done = Callable[[Person, str, str | None, Any, Coroutine[Any, Any, Any]], Awaitable[Any]]
 
 
 def routes(

@@ -132,6 +132,9 @@ class Watchdog:
             while (
                 found := await answered_within(PLANT_ANSWERS, source.read_back(loop))
             ).value != 0.0 or not found.good:
+                if found.good and not 0.0 <= found.value <= size * (1.0 + 1e-6):  # the node may hold a Float
+                    text = f"u_FF is {found.value:g} where {size:g} was written: somebody else writes it"
+                    raise WriteRefused("other_writer", text)
                 if time.monotonic() - began > self._options.watchdog_test:
                     source.disable(loop)
                     await answered_within(PLANT_ANSWERS, source.write(loop, 0.0))

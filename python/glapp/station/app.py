@@ -34,9 +34,16 @@ WHY = {"expired": "Your login is over. Log in again.", "": ""}
 
 
 def _login(message: str, status: int = 401, *, loop: str = "", known: tuple[str, str] = ("", "")) -> HTMLResponse:
-    """The login page; it needs no script but to tell whether the person's screen is dark."""
+    """The login page; it needs no script but to tell whether the person's screen is dark.
+
+    - `message`: why it is shown again.
+    - `status`: of the reply.
+    - `loop`: whose page it leads to.
+    - `known`: name and password that are filled in.
+    """
     user, password = (escape(text) for text in known)
-    demo = "<p>A demonstration: name and password are filled in.</p>" if user else ""
+    demo = "<p>A demonstration: name and password are filled in.</p>" if password else ""
+    focus = " autofocus"
     text = f'<p role="alert" class="medium">{escape(message)}</p>' if message else ""
     return HTMLResponse(
         f"""<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Log in – glapp</title>
@@ -44,10 +51,10 @@ def _login(message: str, status: int = 401, *, loop: str = "", known: tuple[str,
 <link rel="stylesheet" href="/static/station.css"></head>
 <body class="login"><form class="card" method="post" action="/login"><h1>glapp station</h1>{demo}{text}
 <label for="user">Name</label>
-<input id="user" name="user" value="{user}" autocomplete="username" required autofocus maxlength="64">
+<input id="user" name="user" value="{user}" autocomplete="username" required maxlength="64"{"" if user else focus}>
 <label for="password">Password</label>
 <input id="password" name="password" type="password" value="{password}" autocomplete="current-password"
- required maxlength="1000"><input type="hidden" name="loop" value="{escape(loop)}">
+ required maxlength="1000"{focus if user else ""}><input type="hidden" name="loop" value="{escape(loop)}">
 <input type="hidden" id="dark" name="dark" value=""><button>Log in</button></form>
 <script>if (matchMedia("(prefers-color-scheme: dark)").matches) {{ document.body.classList.add("dark");
 document.getElementById("dark").value = "1"; }}</script></body></html>""",
@@ -106,7 +113,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
             found = await station.api.log_in(user, password, address)
         except (Gone, Refused) as error:
             message = str(error)
-            return _login(message[:1].upper() + message[1:], loop=loop)
+            return _login(f"{message[:1].upper()}{message[1:]}.", loop=loop, known=(user, ""))
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
         logged_in(request.scope)
         # A link to a loop that was sent on leads there after the login; never anywhere else.

@@ -19,7 +19,10 @@ import httpx
 
 from ..errors import InputError
 
-__all__ = ["ApiClient", "Gone", "Refused"]
+__all__ = ["ApiClient", "Gone", "Refused", "Unsure"]
+
+LONGEST = 10.0
+"""Longest wait for an answer [s]."""
 
 READS = 80
 """Requests to read that run at once, of the 100 connections that httpx has: the others are for commands."""
@@ -27,6 +30,10 @@ READS = 80
 
 class Gone(Exception):  # noqa: N818 - a state of the service, not a fault of the program
     """The service does not answer: nothing was done."""
+
+
+class Unsure(Gone):
+    """The service was asked, and its answer did not come: it may have done it."""
 
 
 class Refused(Exception):  # noqa: N818 - a refusal is an answer
@@ -58,7 +65,7 @@ class ApiClient:
                 verify = ssl.create_default_context(cafile=str(trust))
             except (OSError, ssl.SSLError) as error:
                 raise InputError(f"cannot be used: {error}", file=str(trust)) from None
-        self._http = httpx.AsyncClient(verify=verify, timeout=10.0, trust_env=False)
+        self._http = httpx.AsyncClient(verify=verify, timeout=LONGEST, trust_env=False)
         self._reads = asyncio.Semaphore(READS)
         self._live: dict[tuple[str, str], asyncio.Future[Any]] = {}
 
@@ -110,9 +117,12 @@ class ApiClient:
         try:
             async with self._reads if method == "GET" else nullcontext():
                 reply = await self._http.request(method, self.url + path, headers=headers, content=content)
+        except (httpx.ReadTimeout, httpx.ReadError, httpx.RemoteProtocolError) as error:
+            if method == "GET":
+                raise Gone(f"the service does not answer: {_why(error)}") from None
+            raise Unsure(f"the service took the request and did not say: {_why(error)}") from None
         except (httpx.HTTPError, httpx.InvalidURL) as error:
-            why = str(error) or type(error).__name__
-            raise Gone(f"the service does not answer: {why}") from None
+            raise Gone(f"the service does not answer: {_why(error)}") from None
         try:
             answer = reply.json()
         except ValueError:
@@ -123,10 +133,6 @@ class ApiClient:
         raise Refused(
             detail if isinstance(detail, str) else f"the service answers {reply.status_code}", reply.status_code
         )
-
-    async def command(self, path: str, token: str, body: Any = None) -> Any:
-        """A command about a loop, such as `command("FIC101", "disable")` by `loop_path`."""
-        return await self.asked("POST", path, token, body)
 
     async def live(self, loop: str, token: str, after: float | None = None) -> dict[str, Any]:
         """The newest values of a loop; the tabs of one person that look at it at the same time ask once.
@@ -150,6 +156,12 @@ class ApiClient:
             asking.add_done_callback(forget)
         found: dict[str, Any] = (await asyncio.shield(asking))[loop]  # one tab that is closed ends it for no other
         return found
+
+
+def _why(error: Exception) -> str:
+    if isinstance(error, httpx.TimeoutException):
+        return f"no answer in {LONGEST:g} s"
+    return str(error) or type(error).__name__
 
 
 def loop_path(loop: str, what: str) -> str:

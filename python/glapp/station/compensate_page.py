@@ -96,9 +96,7 @@ class CompensationPage:
 
     async def _go(self, what: str, body: dict[str, Any], message: str) -> bool:
         """Send a command; in any case the dialog shows the state afterwards."""
-        path, token = loop_path(self.loop, what), self.session.token
-        asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
-        return await command(self.station, self.session, asking, message) is not None
+        return await command(self.station, self.session, self.loop, what, body, message)
 
     async def _look(self) -> None:
         """Update the parts that change by themselves: effect, end of a test, withdrawal."""
@@ -201,6 +199,7 @@ class CompensationPage:
             for line in found.lines:
                 with ui.element("li"):
                     ui.label(line)
+        self.lines.set_visibility(bool(found.lines))
         self.why_not.set_text(found.why_not)
         self.use.props(remove="disable")
         if not self._engineer or used or found.why_not:

@@ -223,7 +223,7 @@ class _Page:
         self.on.set_text("Switch the compensation off" if wanted else "Compensate")
         size = lab[f"{name}.comp_size"] or 0.0
         if not wanted:
-            text = f"It would go by the typed width, comp_size = {number(size)} %."
+            text = f"It would go by the typed width, comp_size = {number(size)}\N{NO-BREAK SPACE}%."
         else:
             left = lab[f"{name}.left"]
             text = f"It goes by {number(lab[f'{name}.size'] or 0.0)} %; u_FF is {number(u_ff)} %"

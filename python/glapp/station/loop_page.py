@@ -12,7 +12,6 @@ from starlette.requests import Request
 from ..errors import InputError
 from ..service.compensation import TEXT_OF_STATE
 from .answer_page import AnswerCard
-from .client import loop_path
 from .compensate import why_off
 from .compensate_page import CompensationPage
 from .crossings_page import CrossingsCard
@@ -105,10 +104,9 @@ class _Page:
 
     async def fit(self) -> None:
         """Have it fitted now."""
-        loop, path = self.loop, loop_path(self.loop.name, "fit")
-        asking = lambda: loop.station.api.command(path, loop.session.token)  # noqa: E731
+        loop = self.loop
         done = f"{loop.name} is fitted as soon as the fit before it is done."
-        await command(loop.station, loop.session, asking, done)
+        await command(loop.station, loop.session, loop.name, "fit", {}, done)
 
     async def compensate(self) -> None:
         """Dialog of the compensation: its plan before, its result after."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import time
-from collections.abc import Awaitable, Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from html import escape
@@ -16,7 +17,7 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from ..report.words import duration
-from .client import ApiClient, Gone, Refused
+from .client import ApiClient, Gone, Refused, Unsure, loop_path
 from .listed import Listed
 from .sessions import Session, Sessions, Tokens
 from .view import View, age
@@ -36,6 +37,9 @@ __all__ = [
     "quiet",
 ]
 
+DOUBLE = 0.5
+"""The same command of the same person within this time is a double click [s]."""
+
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
 
 
@@ -47,12 +51,14 @@ class Station:
     - `api`: the service.
     - `sessions`: who is logged in.
     - `listed`: the overview, as of the last look.
+    - `asked`: the commands under way or just done, until when the same one is not sent again [s].
     """
 
     view: View
     api: ApiClient
     sessions: Sessions = field(init=False)
     listed: Listed = field(default_factory=Listed)
+    asked: dict[tuple[str, str, str], float] = field(default_factory=dict)
     _of: tuple[float | None, float] = (None, 0.0)
 
     def __post_init__(self) -> None:
@@ -101,8 +107,9 @@ def described(rows: Iterable[tuple[str, str]]) -> None:
 
 
 def quiet(text: str, what: Any = None, *, flat: bool = False) -> ui.button:
-    """A button in the ink of the page."""
-    return ui.button(text, on_click=what, color=None).props("flat no-caps" if flat else "outline no-caps")
+    """A button in the ink of the page; the second click of a double one does nothing."""
+    button = ui.button(text, color=None).props("flat no-caps" if flat else "outline no-caps")
+    return button if what is None else button.on("click", what, [], throttle=DOUBLE, trailing_events=False)
 
 
 @contextmanager
@@ -136,7 +143,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     def tick() -> None:
         if station.sessions.by_id(session.id) is None:
             timer.cancel()
-            ui.navigate.to("/login?why=expired")
+            ui.run_javascript("glapp.expired()")
             return
         view = station.view
         late = view.behind
@@ -153,7 +160,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         elif late is not None:
             text = (
                 f"The service has written nothing for {age(late)}: you see the state of {moment(view.at)}. "
-                "No command is carried out until it is back."
+                "No command is answered until it is back."
             )
         elif catching is not None:
             left = "" if catching["left"] is None else f", and needs about {duration(catching['left'])} for it"
@@ -191,25 +198,36 @@ def dialog_of(title: str) -> Iterator[ui.dialog]:
         yield dialog
 
 
-async def command(station: Station, session: Session, asking: Callable[[], Awaitable[Any]], done: str) -> Any:
-    """A command in the person's name: its outcome is shown in any case. None where it was not done."""
+async def command(station: Station, session: Session, loop: str, what: str, body: Any, done: str) -> bool:
+    """A command about a loop in the person's name; its outcome is shown in any case. True where it was done.
+
+    The second click of a double one is no second command.
+    """
     if station.sessions.by_id(session.id) is None:
-        ui.navigate.to("/login?why=expired")
-        return None
+        ui.run_javascript("glapp.expired()")
+        return False
+    path = loop_path(loop, what)
+    key, now = (session.id, path, json.dumps(body)), time.monotonic()
+    if now < station.asked.get(key, now):
+        return False
+    station.asked = {one: until for one, until in station.asked.items() if until > now} | {key: math.inf}
     try:
-        found = await asking()
+        await station.api.asked("POST", path, session.token, body)
     except Refused as refused:
         if refused.status == 401:
             station.sessions.end(session.id)
-            ui.navigate.to("/login?why=expired")
+            ui.run_javascript("glapp.expired()")
         else:
             ui.notify(f"Refused: {refused}", type="warning", timeout=0, close_button="Close", multi_line=True)
-        return None
+        return False
     except Gone as gone:
-        ui.notify(f"Not done: {gone}", type="negative", timeout=0, close_button="Close", multi_line=True)
-        return None
+        text = f"It may be done or not: {gone}. Events tell." if isinstance(gone, Unsure) else f"Not done: {gone}"
+        ui.notify(text, type="negative", timeout=0, close_button="Close", multi_line=True)
+        return False
+    finally:
+        station.asked[key] = now + DOUBLE
     ui.notify(done, color="grey-9", position="bottom-right")
-    return {} if found is None else found
+    return True
 
 
 _TO_LOOP = "location.href = '/loop?name=' + encodeURIComponent({})"
@@ -251,7 +269,14 @@ def _overview_columns() -> list[dict[str, Any]]:
         column("todo", "What to do", 260, flex=1, minWidth=232),
         column("trend", "Trend", 132, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 118, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
-        column("seen", "PV age", 80, headerTooltip="How old the newest PV is", suppressHeaderFilterButton=True),
+        column(
+            "seen",
+            "PV age",
+            80,
+            headerTooltip="How old the newest PV is",
+            suppressHeaderFilterButton=True,
+            **{":valueFormatter": "p => p.value.replace(/bad: .*/, 'bad')"},  # what to do has the rest
+        ),
         column("compensation", "Compensation", 116, suppressHeaderFilterButton=True),
         column(
             "card", "Answer", 200, flex=1, hide=True, sortable=False, filter=False, **{":cellRenderer": "glapp.card"}

@@ -75,10 +75,8 @@ async def parameters(loop: OneLoop) -> None:
             if not body["values"]:
                 ui.notify("Nothing is changed.")
                 return
-            path = loop_path(loop.name, "parameters")
-            what = ", ".join(body["values"])
-            asking = lambda: loop.station.api.command(path, loop.session.token, body)  # noqa: E731
-            if await command(loop.station, loop.session, asking, f"Set: {what}.") is not None:
+            done = f"Set: {', '.join(body['values'])}."
+            if await command(loop.station, loop.session, loop.name, "parameters", body, done):
                 dialog.close()
 
         if may:

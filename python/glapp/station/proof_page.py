@@ -12,20 +12,16 @@ from typing import Any
 from nicegui import ui
 
 from ..errors import InputError
-from ..planned import Plan
+from ..planned import OPEN, Plan
 from ..report import planned, repaired
 from ..report.words import number, quantity
 from ..service import repairs
 from ..service.guide import Asked, result_text
 from ..service.plans import LONGEST
-from .client import loop_path
 from .pages import Station, command, described, dialog_of, heading, moment, quiet
 from .sessions import Session
 
 __all__ = ["ProofCards"]
-
-OPEN = ("likely", "cannot_tell")
-"""Confidences for which the page shows a test that would decide."""
 
 MINUTES = 60.0
 
@@ -122,9 +118,7 @@ class ProofCards:
 
     async def _go(self, what: str, body: Any, done: str) -> bool:
         """Send a command, and show its result."""
-        path, token = loop_path(self.loop, what), self.session.token
-        asking = lambda: self.station.api.command(path, token, body)  # noqa: E731
-        found = await command(self.station, self.session, asking, done) is not None
+        found = await command(self.station, self.session, self.loop, what, body, done)
         await self.refresh()
         return found
 

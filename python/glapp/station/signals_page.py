@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from .one_loop import WINDOWS, OneLoop, reporting
 from .pages import heading, moment
 from .under_way import UnderWay
 
-__all__ = ["DrawnValve", "SignalCards"]
+__all__ = ["DrawnValve", "SignalCards", "state_of"]
 
 BRIDGED = 5.0
 """Gap between two live values from which recorded samples are drawn in between [s]."""
@@ -41,6 +42,33 @@ class DrawnValve:
         self._graph["op.value"] = op
         self._graph.scan()
         return float(self._graph["gap"])
+
+
+def state_of(values: Mapping[str, Mapping[str, Any]]) -> str:
+    """State of a loop that a person has to know: manual, a limit, a bad signal; empty where there is none.
+
+    - `values`: the newest of each signal, as the service's `live` has them.
+
+    >>> good = {"good": True, "note": ""}
+    >>> state_of({"mode": good | {"value": 0.0}, "high": good | {"value": 1.0}, "low": good | {"value": 0.0}})
+    'The controller is in manual. OP is at its high limit.'
+    >>> state_of({"pv": {"value": None, "good": False, "note": "BadSensorFailure"}})
+    'PV is bad: BadSensorFailure.'
+    """
+    found = [
+        f"{name.upper()} is bad: {value['note'] or 'no number'}."
+        for name, value in values.items()
+        if name in ("sp", "pv", "op", "mode") and not value["good"]
+    ]
+    for name, text in (
+        ("low", "OP is at its low limit."),
+        ("high", "OP is at its high limit."),
+        ("mode", "The controller is in manual."),
+    ):
+        value = values.get(name)
+        if value is not None and value["good"] and (value["value"] == 0.0) == (name == "mode"):
+            found.insert(0, text)
+    return " ".join(found)
 
 
 class SignalCards:
@@ -72,6 +100,7 @@ class SignalCards:
                     self.values[key] = ui.label("–").classes("v")
             with ui.element("div"):
                 self.fresh = ui.label().classes("small muted")
+                self.state = ui.label().classes("medium").props('role="status"')
                 self.compensation = ui.label().classes("small")
         with ui.element("div").classes("card"):
             with ui.element("div").classes("bar"):
@@ -169,6 +198,10 @@ class SignalCards:
                 self.loop.station.sessions.end(self.loop.session.id)  # the frame leads to the login
             self.fresh.set_text("The service does not answer: no live values.")
             self.fresh.classes(add="late")
+            self.state.set_text("")
+            self.values["u_ff"].set_text("not known")
+            for label in self.values.values():
+                label.classes(add="old")
             self.seen = None  # what is newest is told at once when it is back
             await asyncio.sleep(1.0)
             return
@@ -182,6 +215,7 @@ class SignalCards:
                 text = "not known"  # what was written last need not be in the plant any more
             label.set_text(text)
             label.classes(add="old") if silent else label.classes(remove="old")
+        self.state.set_text("" if silent else state_of(values))
         pv = values.get("pv")
         if pv is None:
             self.fresh.set_text("No PV has come since the service began.")

@@ -151,6 +151,7 @@ class View:
         self._trends: dict[str, Trend] = {}
         self._believed: dict[str, dict[str, Any]] = {}
         self._trended = -math.inf
+        self._new_at = math.inf
 
     # Reading
 
@@ -199,7 +200,7 @@ class View:
         shown = reader.shown()
         if shown is None:
             raise InputError("the service has not written anything yet", file=str(self.folder))
-        self.at, self.shown = shown
+        (self.at, self.shown), self._new_at = shown, time.monotonic()
         names = self.shown["loops"].keys()
         if not names <= self.loops.keys():
             for name, given in reader.loops_given().items():
@@ -244,10 +245,13 @@ class View:
 
     @property
     def behind(self) -> float | None:
-        """Time since the service last wrote [s], where that is too long; None where it is not."""
+        """Time since the service last wrote [s], where that is too long; None where it is not.
+
+        By this computer's clock, and by the time since it was seen, where that clock was set back meanwhile.
+        """
         if self.at is None:
             return None
-        past = self._clock() - self.shown.get("wall", self.at)
+        past = max(self._clock() - self.shown.get("wall", self.at), time.monotonic() - self._new_at)
         return past if past > BEHIND else None
 
     @property
@@ -379,7 +383,7 @@ class View:
         if self.silent(loop):
             return "Find out why no value comes: transmitter, tag, connection."
         if status["good"] is False:
-            return "Look at the transmitter: PV is bad."
+            return f"Look at the transmitter: PV is bad ({status['note'] or 'no number'})."
         if status["fitting"]:
             return self.progress(loop)
         if answer is None:

@@ -132,6 +132,11 @@ window.glapp = {
     system.addEventListener("change", look);
     look();
   },
+  // The login is over. After the next one the person is at the same loop again.
+  expired() {
+    const loop = location.pathname === "/loop" ? new URLSearchParams(location.search).get("name") : "";
+    location.href = `/login?${new URLSearchParams({ why: "expired", loop: loop ?? "" })}`;
+  },
   async post(path, then) {
     const reply = await fetch(path, { method: "POST" });
     if (reply.ok || reply.redirected) location.href = then;
@@ -140,5 +145,5 @@ window.glapp = {
 // The service tells a page by its socket that the login is over; a page that has none at that moment asks.
 setInterval(async () => {
   const reply = await fetch("/who", { redirect: "manual" }).catch(() => null);
-  if (reply?.type === "opaqueredirect") location.href = "/login?why=expired";
+  if (reply?.type === "opaqueredirect") glapp.expired();
 }, 2000);

@@ -367,7 +367,7 @@ def _noise(n: int) -> Any:
         (lambda t: (np.sin(t / 7), np.sin(t / 7)), "same signal"),
         (lambda t: (np.zeros(len(t)), np.sin(t / 7)), "PV stands still"),
         (lambda t: (_noise(len(t)), np.round(0.8 * np.sin(t / 7))), "too coarsely"),
-        (lambda t: (_noise(len(t)), np.where(t < 1e9, np.nan, 1.0)), "OP is missing"),
+        (lambda t: (_noise(len(t)), np.where(t < 1e9, np.nan, 1.0)), "OP has a value in fewer than 50 rows"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, message: str) -> None:

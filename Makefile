@@ -69,7 +69,7 @@ verify: setup $(VENV)/.docs
 
 .PHONY: clock $(VERIFIED:%=timed-%)
 clock:
-	$(BIN)/pytest --numprocesses 2 --dist loadgroup -m by_the_clock
+	$(BIN)/pytest --verbose --numprocesses 2 --dist loadgroup -m by_the_clock
 
 timed-clock: timed-interop
 $(VERIFIED:%=timed-%): timed-%:
@@ -97,8 +97,8 @@ compiled:
 # The same with all checks of arithmetic left in, and the crates that show the others. Those that hand on to Python and read Parquet
 # have large dependencies, which are compiled only as they are shipped.
 rust-checked:
-	cargo test --workspace --exclude glapp-py --exclude glapp-lake --exclude glapp-bench --quiet
-	cargo test --release --quiet -p glapp-lake -p glapp-py
+	+cargo test --workspace --exclude glapp-py --exclude glapp-lake --exclude glapp-bench --quiet
+	+cargo test --release --quiet -p glapp-lake -p glapp-py
 
 lint: lint-python lint-rust
 

@@ -390,7 +390,7 @@ def test_a_slow_network(browser: Any, window: Window) -> None:
 
 @pytest.mark.verify
 def test_a_window_that_is_started_again(browser: Any, tmp_path: Path) -> None:
-    """A tab that was open meanwhile tells so, and leads to the login; after it everything is there."""
+    """A tab that was open meanwhile tells so, and leads to the login; after it the same loop is there."""
     window = Window(tmp_path)
     try:
         page = logged_in(browser, window, "eve")
@@ -404,7 +404,8 @@ def test_a_window_that_is_started_again(browser: Any, tmp_path: Path) -> None:
         page.fill("#user", "eve")
         page.fill("#password", PASSWORDS["eve"])
         page.keyboard.press("Enter")
-        page.locator(".ag-row", has_text="2.40 % (2.15 to 3.11)").first.wait_for()
+        page.locator(".one", has_text="2.40 %").wait_for()
+        assert page.url.endswith("/loop?name=FIC0")
     finally:
         window.end()
 

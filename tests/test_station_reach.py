@@ -168,7 +168,8 @@ def test_login_by_keyboard(browser: Any, window: Window) -> None:
     for key in ("eve", "Tab", "wrong", "Tab", "Enter"):
         page.keyboard.press(key) if key in ("Tab", "Enter") else page.keyboard.type(key)
     page.get_by_text("Wrong name or password").wait_for()
-    assert page.evaluate("document.activeElement.id") == "user"
+    assert page.input_value("#user") == "eve"
+    assert page.evaluate("document.activeElement.id") == "password"
 
 
 def each_state(page: Any, window: Window, look: Callable[[str, str], None]) -> None:

@@ -259,7 +259,7 @@ pub enum Next {
     Further,
     /// Record for longer, while OP moves further, or make a step test.
     RecordMore,
-    /// Look at the tuning, or for a disturbance.
+    /// Look at the tuning, or for a disturbance; where the loop swings through an acceptable gap, at the tuning or a compensation.
     Tuning,
     /// No step now.
     Nothing,
@@ -412,7 +412,10 @@ impl Summary {
         };
         let limit = facts.limit();
         let acceptable = facts.judged(width.and(low), high);
+        // No work on the valve helps a loop that swings through a narrow gap; its tuning does, or a compensation.
+        let swings = judged.oscillates && judged.confidence == FitConfidence::Found;
         let next = match fit.verdict {
+            _ if acceptable == Some(Acceptable::Within) && swings => Next::Tuning,
             _ if acceptable == Some(Acceptable::Within) || likely_sound => Next::Review,
             FitVerdict::Backlash if judged.cause == Some(Cause::Backlash) && fit.why != MORE => {
                 Next::Inspect(Part::Play)
@@ -448,6 +451,7 @@ impl Summary {
         let claims = confidence != Confidence::CannotTell;
         let bound = matches!(confidence, Confidence::NoneSeen | Confidence::Sound | Confidence::LikelySound);
         let urgency = match (valve, acceptable) {
+            (Valve::Gap, Some(Acceptable::Within)) if swings => Urgency::Low,
             (Valve::Gap, Some(Acceptable::Within)) => Urgency::None,
             (Valve::Gap, Some(Acceptable::Beyond)) => Urgency::High,
             (Valve::Gap, _) => Urgency::Medium,
@@ -940,6 +944,19 @@ mod tests {
         let narrow = likely(1.0, Some(3.0));
         assert_eq!((narrow.next.step, narrow.urgency), (Next::Review, Urgency::None));
         assert_eq!(likely(3.0, Some(5.0)).urgency, Urgency::Low);
+    }
+
+    #[test]
+    fn a_loop_that_swings_through_an_acceptable_gap_is_not_left_alone() {
+        let found = |oscillates| {
+            let fit = judged(FitConfidence::Found, Some(WidthKind::Interval), 0.5, Some(1.0));
+            let judgement = fit.judgement.map(|of| Judgement { oscillates, ..of });
+            of(Verdict::NoEstimate, None, Some(FitFacts { judgement, ..fit }))
+        };
+        let (swings, rests) = (found(true), found(false));
+        assert_eq!((swings.acceptable, rests.acceptable), (Some(Acceptable::Within), Some(Acceptable::Within)));
+        assert_eq!((swings.next.step, swings.urgency, swings.health), (Next::Tuning, Urgency::Low, Health::Normal));
+        assert_eq!((rests.next.step, rests.urgency), (Next::Review, Urgency::None));
     }
 
     #[test]

@@ -113,6 +113,9 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "do further": "Record while OP moves further, or make a step test, to learn how wide it is.";
     "do record_more": "Record for longer while OP moves further, or make a step test in manual.";
     "do tuning": "Check the tuning, or look for a disturbance from elsewhere.";
+    "do tuning found":
+        "The valve needs no work: all of it is within {percent:number}\u{a0}% of span. But the loop swings, as a dead \
+         band can make it: check the tuning, or compensate the dead band.";
     "do nothing": "Nothing now.";
     "do review": "Nothing now; analyse again at the next review.";
     "do review likely_sound": "Nothing now; analyse again at the next review.";

@@ -173,6 +173,14 @@ fn an_answer_has_three_parts() {
     assert_eq!(sound.so, "The valve of FIC1 probably has no dead band wider than 1\u{a0}% of span.");
     assert_eq!(sound.doing, "Nothing now; analyse again at the next review.");
 
+    let swings =
+        json!({"acceptable": "within", "limit": {"percent_span": 5.0, "origin": "given"}, "next": {"code": "tuning"}});
+    assert_eq!(
+        texts_for(with(gap(), with(json!({"confidence": "found"}), swings))).doing,
+        "The valve needs no work: all of it is within 5\u{a0}% of span. But the loop swings, as a dead band can make it: \
+         check the tuning, or compensate the dead band."
+    );
+
     let beyond = json!({"acceptable": "beyond", "limit": {"percent_span": 1.0, "origin": "nominal"}});
     assert!(texts_for(with(gap(), beyond)).so.ends_with(", 95 %), more than the usual 1\u{a0}% of span."));
     let grown = json!({"trend": {"code": "grows", "t": [0.0, 864_000.0], "d": [2.0, 4.0]}});

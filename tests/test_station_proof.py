@@ -75,7 +75,8 @@ def guided(page: Any, plant: Plant) -> str:
         if "Guided step test:" in text:
             plant.say("auto")
             return text
-        say = card.locator(".say").inner_text() if card.locator(".say").count() else ""
+        # In one look: an instruction that goes while it is read would be waited for.
+        say = card.evaluate("card => card.querySelector('.say')?.innerText ?? ''")
         if say != said and say.startswith("Put the controller in manual"):
             plant.say("manual")
         if say != said and (found := re.match(r"Move OP (?:up|down) to ([\d.]+)", say)):

@@ -89,6 +89,11 @@ async def _asked_all(service: Service, plant: SimPlant, command: str) -> None:
     assert all(reply.is_success for reply in replies), [reply.text for reply in replies]
 
 
+async def _tell_events(service: Service) -> None:
+    for event in await service.seen("/events?most=60"):
+        print(f"{event['time'] % 1000:.1f} {event['loop']} {event['kind']}: {event['text']}", file=sys.stderr)
+
+
 async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
     """State with all loops compensated, u_FF at its height, and each loop's settings in its corner."""
     usual = {"comp_size": 1.5, **dict.fromkeys(SET)}
@@ -120,6 +125,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
             assert reply.is_success, reply.text
             del left[loop]
         if time.monotonic() - began > LONGEST:
+            await _tell_events(service)
             raise SystemExit(f"u_FF never came: {left}, {replies}")
         if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn
             moved, sp = time.monotonic(), 100.0 - sp
@@ -218,9 +224,7 @@ async def _all(only: list[str]) -> int:
                 if any(one > allowed for one in took):
                     late += 1
                     if service.child is not None and service.child.poll() is None:
-                        for event in await service.seen("/events?most=60"):
-                            line = f"{event['time'] % 1000:.1f} {event['loop']} {event['kind']}: {event['text']}"
-                            print(line, file=sys.stderr)
+                        await _tell_events(service)
                 shown = [f"{one:.1f}" for one in took]
                 print(
                     f"| {what} | {' | '.join(shown)} | {allowed:.1f} | {min(then):.2f} to {max(then):.2f} |", flush=True

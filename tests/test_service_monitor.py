@@ -401,14 +401,22 @@ def test_while_it_is_off_nothing_goes_to_the_plant_that_is_farther_from_0_than_w
         assert one.to_write == pytest.approx(to, abs=0.01), (found, made, one.u_ff)
 
 
-def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
-    """All loops share one watchdog."""
+def one_beside_an_enabled(
+    folder: Path,
+) -> tuple[Monitor, of_compensation.Compensator, of_compensation.Compensator]:
+    """Two loops on one watchdog: one whose u_FF is read back, and one that is compensated."""
     both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]
-    monitor = Monitor(both, Store(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
+    monitor = Monitor(both, Store(folder), compensable={"FIC0": MOST, "FIC1": MOST})
     one, other = (monitor.loops[name].compensator for name in ("FIC0", "FIC1"))
     assert one is not None and other is not None
     other._graph["watch.compensate"] = 1.0
     one.read_back = True
+    return monitor, one, other
+
+
+def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
+    """All loops share one watchdog."""
+    monitor, one, other = one_beside_an_enabled(tmp_path)
     one.take(Value("FIC0", Signal.U_FF, 1.0, 0.5, True), 1.0)
     one.scan(0.0, True)
     monitor.watchdog.look_for_stuck(one.away_within + 3.0 * PERIOD + of_compensation.LATE - 0.1)
@@ -441,12 +449,7 @@ def test_a_u_ff_that_somebody_writes_where_nothing_is_in_force_is_ramped_to_0() 
 
 def test_a_u_ff_that_somebody_writes_by_hand_has_time_to_go_from_then_on(tmp_path: Path) -> None:
     """Regression: an hour after the last u_FF it counted as not taken away at once, and every other loop was off."""
-    both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]
-    monitor = Monitor(both, Store(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
-    one, other = (monitor.loops[name].compensator for name in ("FIC0", "FIC1"))
-    assert one is not None and other is not None
-    other._graph["watch.compensate"] = 1.0
-    one.read_back = True
+    monitor, one, other = one_beside_an_enabled(tmp_path)
     for at, u_ff in ((0.0, 0.0), (3600.0, 0.0), (3600.1, 0.5)):
         one.take(Value("FIC0", Signal.U_FF, at, u_ff, True), at)
         one.scan(at, True)

@@ -248,8 +248,7 @@ class Compensator:
         if self._pushed(read[Signal.U_FF]):  # after a value that is none the block goes on from the one it finds
             self._graph.scan(h=_NOW, **inputs | {"u_ff": math.nan}, flags=float(flags | BAD))
         self._graph.scan(h=h, **inputs, flags=float(flags))
-        found = self._held.get(Signal.U_FF)
-        at_zero = found is not None and found.good and found.value == 0.0  # what is written later, has its own time
+        at_zero = self._read(Signal.U_FF) == 0.0  # what is written later, has its own time
         if self.standing == "active" or not self.read_back or at_zero:
             self._to_zero = None
         elif self._to_zero is None:

@@ -117,11 +117,10 @@ class ApiClient:
         try:
             async with self._reads if method == "GET" else nullcontext():
                 reply = await self._http.request(method, self.url + path, headers=headers, content=content)
-        except (httpx.ReadTimeout, httpx.ReadError, httpx.RemoteProtocolError) as error:
-            if method == "GET":
-                raise Gone(f"the service does not answer: {_why(error)}") from None
-            raise Unsure(f"the service took the request and did not say: {_why(error)}") from None
         except (httpx.HTTPError, httpx.InvalidURL) as error:
+            taken = isinstance(error, (httpx.ReadTimeout, httpx.ReadError, httpx.RemoteProtocolError))
+            if taken and method != "GET":
+                raise Unsure(f"the service took the request and did not say: {_why(error)}") from None
             raise Gone(f"the service does not answer: {_why(error)}") from None
         try:
             answer = reply.json()

@@ -303,6 +303,23 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(
     assert 0.4 < plant.writes[0][1] < 0.6
 
 
+@pytest.mark.parametrize("mode", [0.0, 1.0])
+def test_what_changed_just_before_a_kill_is_known_after_it(tmp_path: Path, mode: float) -> None:
+    """A mode that changed in the last seconds counts, though its sample still waits for what may come late.
+
+    Regression: the server was not asked for it again, and the mode before it held until the next change.
+    """
+    clock = Clock()
+    first = service.monitor(tmp_path, loops(), clock)
+    before, changed = (Value("FIC0", Signal.MODE, BEGIN + t, x, True) for t, x in ((0.0, 1.0 - mode), (99.5, mode)))
+    fed(first, clock, [before, changed, *(v for v in values("FIC0", 100) if v.signal is not Signal.MODE)])
+    first.store.close()
+    again = service.monitor(tmp_path, loops(), clock)
+    assert again.ingest.since()["FIC0", Signal.MODE] == changed.time, "it is not told again"
+    assert again.ingest.live("FIC0")["mode"]["value"] == mode
+    again.store.close()
+
+
 @pytest.mark.slow
 def test_another_writer_withdraws_it(tmp_path: Path) -> None:
     class Counts(Swinging):

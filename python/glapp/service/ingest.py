@@ -76,8 +76,8 @@ class Ingest:
         found = {}
         for name, watched in self._loops.items():
             for signal, code in CODES.items():
-                if (last := watched.resampler.last(code)) > -math.inf:
-                    found[name, signal] = last
+                if (last := watched.resampler.latest(code)) is not None:
+                    found[name, signal] = last[0]
         return found
 
     def entry(self, now: float, position: Callable[[float], int]) -> Entry | None:

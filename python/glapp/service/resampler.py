@@ -29,6 +29,7 @@ a bad value                            NaN, and the sample is bad
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 from typing import Any, NamedTuple, Self
 
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
@@ -292,14 +293,15 @@ class Resampler:
         """Whether a value of a signal ever came."""
         return self._held[signal] is not None
 
-    def held(self, signal: int) -> tuple[float, float, bool] | None:
-        """Source time, value and goodness of a signal as it is in effect; None before the first."""
-        value = self._held[signal]
-        return None if value is None else (self._at[signal], value, self._good[signal])
+    def latest(self, signal: int) -> tuple[float, float, bool] | None:
+        """Source time, value and goodness of the newest value of a signal that was taken; None before the first.
 
-    def last(self, signal: int) -> float:
-        """Source time of the newest value of a signal that was taken [s since 1970 UTC]; −inf before the first."""
-        return max([self._at[signal], *(time for time, kind, _, _ in self._pending if kind == signal)])
+        It need not be in effect yet: its sample may still wait.
+        """
+        value = self._held[signal]
+        taken = [] if value is None else [(self._at[signal], value, self._good[signal])]
+        taken += [(time, value, good) for time, kind, value, good in self._pending if kind == signal]
+        return max(taken, key=itemgetter(0), default=None)
 
     def save(self) -> dict[str, Any]:
         """State in plain types; NaN and infinity are numbers in it, as Python's JSON has them."""

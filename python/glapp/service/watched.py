@@ -104,10 +104,10 @@ class WatchedLoop:
     def restore_latest(self, now: float) -> None:
         """Take each signal's last value before the start as the present one: a server does not send it again."""
         for signal, code in CODES.items():
-            held = self.resampler.held(code)
-            if held is None:
+            last = self.resampler.latest(code)
+            if last is None:
                 continue
-            value = Value(self.loop.name, signal, *held, "")
+            value = Value(self.loop.name, signal, *last, "")
             self.latest[signal] = value
             if self.compensator is not None and signal not in (Signal.PV, Signal.U_FF):
                 self.compensator.take(value, now)

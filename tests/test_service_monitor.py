@@ -7,6 +7,7 @@ import multiprocessing
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 import service
@@ -318,6 +319,58 @@ def test_what_changed_just_before_a_kill_is_known_after_it(tmp_path: Path, mode:
     assert again.ingest.since()["FIC0", Signal.MODE] == changed.time, "it is not told again"
     assert again.ingest.live("FIC0")["mode"]["value"] == mode
     again.store.close()
+
+
+@pytest.mark.slow
+def test_u_ff_comes_where_a_scan_asks_for_more_than_the_plant_takes_at_once(tmp_path: Path) -> None:
+    """Regression: it was refused as too fast, had farther to go at the next scan, and was refused there, too.
+
+    A busy computer has such scans one after the other: u_FF stayed 0, and was withdrawn as not followed.
+    """
+    pytest.importorskip("asyncua")
+    from asyncua import ua
+
+    from glapp.service.opcua_events import EventFilter
+    from glapp.service.opcua_u_ff import UffNodes
+
+    class Node:
+        """A client with one node."""
+
+        value = 0.0
+
+        @property
+        def uaclient(self) -> Any:
+            return self
+
+        async def read_attributes(self, nodes: Any, attribute: Any) -> list[Any]:
+            return [ua.DataValue(ua.Variant(self.value, ua.VariantType.Double))]
+
+        async def write_attributes(self, nodes: Any, values: Any, attribute: Any) -> list[Any]:
+            self.value = values[0].Value.Value
+            return [ua.StatusCode(ua.StatusCodes.Good)]
+
+    class Limited(Swinging):
+        """A plant that counts the rate over an eighth of a scan."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            limits = {"u_ff": "ns=2;s=FIC0.U_FF", "u_ff_limit": MOST[0], "u_ff_rate": MOST[1]}
+            loop = Loop(name="FIC0", opcua={"pv": "ns=2;s=FIC0.PV", "sp": "ns=2;s=FIC0.SP"} | limits)
+            self.nodes = UffNodes([loop], PERIOD / 8.0, EventFilter())
+            self.nodes.client, self.nodes.nodes["FIC0"].node = Node(), ua.NodeId("FIC0.U_FF", 2)
+            self.enable, self.disable = self.nodes.enable, self.nodes.disable
+
+        async def write(self, loop: str, u_ff: float) -> None:
+            await self.nodes.write(loop, u_ff)
+            self.u_ff[loop] = u_ff
+            self.writes.append((loop, u_ff))
+
+    plant = Limited()
+    beside(tmp_path, in_force, plant)
+    written = [u_ff for _, u_ff in plant.writes]
+    at_once = 2.0 * MOST[1] * PERIOD / 8.0
+    grown = [abs(b - a) for a, b in itertools.pairwise(written) if abs(b) > abs(a)]
+    assert max(grown) <= at_once < 0.02 * 0.6 * MOST[1]
 
 
 @pytest.mark.slow

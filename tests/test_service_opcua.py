@@ -809,6 +809,7 @@ def test_writing(shared):
             with pytest.raises(WriteRefused) as error:
                 await write(1.0)  # 0.5 %/s are allowed
             assert refused(error) == "too_fast"
+            assert error.value.nearest is not None and 0.0 <= error.value.nearest < 0.5
             await asyncio.sleep(0.15)
             await write(0.05)
             assert (await source.read_back("FIC101")).value == 0.05

@@ -85,15 +85,23 @@ class FeedForward:
                 self._computed.set()
 
     async def _write(self, watched: WatchedLoop, compensator: Compensator, source: Plant, u_ff: float) -> None:
-        """Write u_FF and read it back; where the plant refuses it, the loop is not compensated any more."""
+        """Write u_FF and read it back; where the plant refuses it, the loop is not compensated any more.
+
+        Scans may come late, and u_FF has then more to go at once than the plant takes: it goes as far as it may, and
+        the rest comes with the next scans.
+        """
         name, began = watched.loop.name, time.monotonic()
         within = max(3.0 * watched.period, 1.0)
         try:
-            await answered_within(within, source.write(name, u_ff))
+            try:
+                await answered_within(within, source.write(name, u_ff))
+            except WriteRefused as refused:
+                if refused.nearest is None:
+                    raise
+                u_ff = refused.nearest
+                await answered_within(within, source.write(name, u_ff))
             found = await answered_within(within, source.read_back(name))
         except WriteRefused as refused:
-            if refused.reason == "too_fast":  # the last write was late: this one comes with the next scan
-                return
             gone = refused.reason == "not_connected"
             self.switch_off(watched, CONNECTION_LOST if gone else f"u_FF was not written: {refused}")
             if refused.reason == "other_writer":

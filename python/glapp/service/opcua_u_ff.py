@@ -95,7 +95,9 @@ class UffNodes:
             allowed = min(feed.allowed + feed.rate * (now - feed.at), most)
             if not nearer and abs(value - found) > allowed * (1.0 + 1e-9):
                 text = f"{loop}: u_FF goes from {found:g} to {value:g} at once, must be ≤ {feed.rate:g}/s"
-                raise WriteRefused("too_fast", text)
+                # A little less, which the node may round up.
+                nearest = found + math.copysign((1.0 - 1e-6) * allowed, value - found)
+                raise WriteRefused("too_fast", text, nearest)
             try:
                 [status] = await client.uaclient.write_attributes(
                     [feed.node], [ua.DataValue(ua.Variant(value, feed.kind))], ua.AttributeIds.Value

@@ -83,11 +83,12 @@ class WriteRefused(Exception):  # noqa: N818 - a refusal is an answer, not a fau
 
     - `reason`: one word to sort by: not_enabled, not_named, not_a_number, too_large, too_fast, not_connected,
       other_writer, by_server.
+    - `nearest`: with `too_fast`, the nearest value that may be written now [OP unit].
     """
 
-    def __init__(self, reason: str, text: str) -> None:
+    def __init__(self, reason: str, text: str, nearest: float | None = None) -> None:
         super().__init__(text)
-        self.reason = reason
+        self.reason, self.nearest = reason, nearest
 
 
 class Source(Protocol):

@@ -803,6 +803,41 @@ def test_a_fit_that_takes_too_long_is_ended_and_the_next_one_begins(tmp_path: Pa
     monitor.store.close()
 
 
+def test_what_is_asked_for_while_its_loop_is_fitted_is_fitted_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: a guided test or a repair during a fit of its loop asked for an answer that never came."""
+    monitor = service.monitor(tmp_path, loops(), Clock())
+    began = asyncio.Event()
+    persons: list[str] = []
+
+    async def fitted(name: str) -> dict[str, Any]:
+        began.set()
+        await asyncio.sleep(0)
+        return {}
+
+    async def keep(name: str, person: str, answer: dict[str, Any]) -> None:
+        persons.append(person)
+
+    monkeypatch.setattr(monitor.fits, "_fit", fitted)
+    monkeypatch.setattr(monitor.fits, "keep_answer", keep)
+
+    async def go() -> None:
+        fits = asyncio.create_task(monitor.fits.run())
+        monitor.fits.ask("FIC0", "olaf")
+        await began.wait()
+        for person in ("eve", "anna"):
+            monitor.fits.ask("FIC0", person)
+        while monitor.status()["loops"]["FIC0"]["fitting"]:
+            await asyncio.sleep(0.01)
+        fits.cancel()
+        await asyncio.gather(fits, return_exceptions=True)
+
+    asyncio.run(go())
+    assert persons == ["olaf", "eve"], "one that waits already is not made twice"
+    monitor.store.close()
+
+
 @pytest.mark.slow
 def test_a_fit_whose_process_is_killed_is_told_and_the_next_one_begins(tmp_path: Path) -> None:
     clock = Clock()

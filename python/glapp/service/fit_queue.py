@@ -49,12 +49,12 @@ class FitQueue:
         self._loops, self._journal, self._reader, self._clock = loops, journal, reader, clock
         self._save, self._show = save, show
         self._queue: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
-        self._queued: set[str] = set()  # the loop that is fitted now is among them
+        self._queued: set[str] = set()  # the loop that is fitted now only where it was asked for since
         self._current: tuple[str, float] | None = None  # the loop that is fitted now, and since when on the wall
         self._took: dict[str, float] = {}  # how long the last fit of a loop took [s]
 
     def ask(self, loop: str, person: str) -> None:
-        """Queue the fit of a loop, unless it waits already."""
+        """Queue the fit of a loop, unless it waits already; one under way does not know what came since it began."""
         if loop not in self._queued:
             self._queued.add(loop)
             self._queue.put_nowait((loop, person))
@@ -66,6 +66,7 @@ class FitQueue:
             while True:
                 name, person = await self._queue.get()
                 began = time.time()
+                self._queued.discard(name)
                 self._current = name, began
                 try:
                     await self._show()
@@ -76,7 +77,6 @@ class FitQueue:
                 except (InputError, StoreFull) as error:
                     self._journal.add_event(Event(self._clock(), name, "not_fitted", str(error)))
                 finally:
-                    self._queued.discard(name)
                     self._current = None
                 await self._show()
         finally:
@@ -119,8 +119,8 @@ class FitQueue:
 
     def status(self, name: str) -> dict[str, Any] | None:
         """The fit of a loop that runs or waits: since when, after which loop, how long fits took; None without one."""
-        if name not in self._queued:
+        of, since = self._current or (None, None)
+        if name not in self._queued and name != of:
             return None
         took = self._took.get(name, max(self._took.values(), default=None))
-        of, since = self._current or (None, None)
         return {"since": since if of == name else None, "after": None if of == name else of, "about": took}

@@ -58,22 +58,28 @@ test: $(VENV)/.installed
 	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m "not verify"
 
 # Each part is named as it begins, and with its time as it ends. While one waits for the network another compiles. What runs by the
-# clock goes first to the processor, and leaves it idle most of the time, so it runs beside the others.
-VERIFIED := rust-checked interop site bare page clock
+# clock leaves the processor idle most of the time and comes first to it. The page is made before the tests that look at it; the
+# checked crates, which nothing waits for, take what the others leave.
+VERIFIED := rust-checked interop site page clock bare others
 verify: setup $(VENV)/.docs
-	@+$(MAKE) --no-print-directory --jobs=3 $(VERIFIED:%=timed-%)
-	$(call stage,The other Python tests,9 min)
-	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 -m "verify and not by_the_clock" || \
-		{ printf '\n== What failed among others, once more and alone\n'; \
-		$(BIN)/pytest --verbose --numprocesses 0 --last-failed -m "verify and not by_the_clock"; }
+	@+$(MAKE) --no-print-directory --jobs=4 $(VERIFIED:%=timed-%)
 
-.PHONY: clock $(VERIFIED:%=timed-%)
+.PHONY: clock others $(VERIFIED:%=timed-%)
+# Only the files that hold such a test are read. What failed by the clock is kept apart from what failed among the others.
+marked = -m '$(1)' $$(grep --files-with-matches 'mark\.$(firstword $(1))' tests/test_*.py)
 clock:
-	$(BIN)/pytest --verbose --numprocesses 2 --dist loadgroup -m by_the_clock
+	$(BIN)/pytest --verbose --numprocesses 3 --dist loadgroup --override-ini cache_dir=.pytest_cache/clock $(call marked,by_the_clock)
+
+others:
+	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 $(call marked,verify and not by_the_clock) || \
+		{ printf '\n== What failed among others, once more and alone\n'; \
+		$(BIN)/pytest --verbose --numprocesses 0 --last-failed $(call marked,verify and not by_the_clock); }
 
 timed-clock: timed-interop
+timed-others: timed-interop timed-site timed-page
+NICE = $(if $(filter clock others,$*),,nice $(if $(filter rust-checked,$*),-n 19))
 $(VERIFIED:%=timed-%): timed-%:
-	@+printf '\n== %s\n' '$*'; began=$$(date +%s); $(if $(filter clock,$*),,nice) $(MAKE) --no-print-directory $* && \
+	@+printf '\n== %s\n' '$*'; began=$$(date +%s); $(NICE) $(MAKE) --no-print-directory $* && \
 		printf '== %s took %d s\n' '$*' $$(($$(date +%s) - began))
 
 check: setup
@@ -95,10 +101,11 @@ compiled:
 	+$(MAKE) --no-print-directory capi
 
 # The same with all checks of arithmetic left in, and the crates that show the others. Those that hand on to Python and read Parquet
-# have large dependencies, which are compiled only as they are shipped.
+# have large dependencies, which are compiled only as they are shipped; they come first, while no test of Python asks for
+# what cargo made.
 rust-checked:
-	+cargo test --workspace --exclude glapp-py --exclude glapp-lake --exclude glapp-bench --quiet
 	+cargo test --release --quiet -p glapp-lake -p glapp-py
+	+cargo test --workspace --exclude glapp-py --exclude glapp-lake --exclude glapp-bench --quiet
 
 lint: lint-python lint-rust
 

@@ -126,7 +126,8 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
             del left[loop]
         if time.monotonic() - began > LONGEST:
             await _tell_events(service)
-            raise SystemExit(f"u_FF never came: {left}, {replies}")
+            standing = {loop: shown[loop]["compensation"]["standing"] for loop in left}
+            raise SystemExit(f"u_FF never came: {left}, {replies}; now {standing}, seen {look.now}")
         if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn
             moved, sp = time.monotonic(), 100.0 - sp
             for loop in plant.names:

@@ -158,7 +158,9 @@ def values_of(table):
     return found
 
 
-def test_a_test_is_stored_goes_on_after_a_restart_and_makes_the_answer(tmp_path):
+@pytest.mark.parametrize("d", [1.0, 2.1])
+def test_a_test_is_stored_goes_on_after_a_restart_and_makes_the_answer(tmp_path, d):
+    """A gap wider than the reversal has a lower limit alone. Regression: the test had decided, and the answer not."""
     one, clock = watched(tmp_path)
     with pytest.raises(InputError, match="no test is planned"):
         asyncio.run(GuidedTests(one).begin("FIC0", "olaf", "operator"))
@@ -168,7 +170,7 @@ def test_a_test_is_stored_goes_on_after_a_restart_and_makes_the_answer(tmp_path)
     asyncio.run(tests.begin("FIC0", "olaf", "operator"))
     with pytest.raises(InputError, match="goes on"):
         asyncio.run(tests.begin("FIC0", "olaf", "operator"))
-    shifted = [replace(value, time=value.time + begin - BEGIN) for value in values_of(recorded())]
+    shifted = [replace(value, time=value.time + begin - BEGIN) for value in values_of(recorded(d=d))]
     service.fed(one, clock, [value for value in shifted if value.time < begin + AUTO + 100])
     [row] = tests.going_on()
     asyncio.run(tests._look(row))
@@ -190,8 +192,13 @@ def test_a_test_is_stored_goes_on_after_a_restart_and_makes_the_answer(tmp_path)
     answer = json.loads(row["document"])["analysis"]["loops"][0]["answer"]
     assert answer["step_test"]["decided"] == "gap"
     assert answer["confidence"] == "found"
-    assert answer["low"] <= 1.0 <= answer["high"]
-    assert "A step test made for this question shows a dead band" in row["reason"]
+    if d == 1.0:
+        assert answer["low"] <= d <= answer["high"]
+        assert "A step test made for this question shows a dead band of" in row["reason"]
+    else:
+        assert (answer["verdict"], answer["high"]) == ("at_least", None) and 1.5 < answer["low"] <= d
+        assert "A step test made for this question shows a dead band of at least" in row["reason"]
+        assert answer["so"].startswith("The valve of FIC0 has a dead band of at least 1.")
     again.store.close()
 
 

@@ -98,6 +98,10 @@ def test_widths_are_those_of_before_and_after(repaired):
         "< 0.400\N{NO-BREAK SPACE}%OP",
         "less by 2\N{NO-BREAK SPACE}%OP (1.55 to 2.20)",
     )
+    bound = service.answered(Fit("at_least", "", "%", 1.8, 1.8, None, lr_no_gap=90.0, lr_needed=15.0), LOOP)
+    one.store.add_answer("FIC0", {"time": AT + 7200.0, "asked_by": "eve"} | bound | {"t_begin": BEGIN, "t_end": AT})
+    found = compared(folder, SETTINGS, AT, BEGIN + 6 * 3600.0)
+    assert rows(found, "%", "")[0][1] == "> 1.80\N{NO-BREAK SPACE}%OP"
 
 
 def test_a_fit_looks_at_nothing_from_before_the_repair(repaired):

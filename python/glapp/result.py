@@ -259,7 +259,8 @@ class Limit:
 class StepTestWidth:
     """Width that a step test in the recording gives, with its 95 % limits [OP unit].
 
-    `decided` is what the test was made to decide, and has decided: "gap" or "no_gap"; None of any other test.
+    `decided` is what the test was made to decide, and has decided: "gap" or "no_gap"; None of any other test. Where the
+    test has decided by a lower limit alone, `d` is that limit and `high` None.
     """
 
     d: float
@@ -445,7 +446,9 @@ def decide(
     of_fit = None
     if fit is not None:
         of_fit = {name: getattr(fit, name) for name in _FACTS} | {"trend": fit.change}
-    test = None if step_test is None or step_test.d is None else step_test
+    test = step_test
+    if test is not None and test.d is None:  # no width, but a lower limit may have decided
+        test = replace(test, d=test.low) if test.asked is not None and test.asked.found is not None else None
     facts = {
         "crossings": crossings,
         "d_hat": d_hat,

@@ -101,15 +101,22 @@ pub struct FitFacts {
 /// The width that a step test gives, with its 95 % interval [OP unit].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepTestWidth {
-    /// Total width.
+    /// Total width; its lower limit where a reversal that PV did not answer gives no more.
     pub d: f64,
     /// Lower limit.
     pub low: Option<f64>,
-    /// Upper limit.
+    /// Upper limit; none where the test gives no more than a lower one.
     pub high: Option<f64>,
     /// Decision of a test that was made for a question; none for any other test.
     #[serde(default)]
     pub decided: Option<Found>,
+}
+
+impl StepTestWidth {
+    /// Whether it has decided for a gap by a lower limit alone.
+    fn is_bound(&self) -> bool {
+        self.decided == Some(Found::Gap) && self.high.is_none()
+    }
 }
 
 /// Confidence that there is a dead band.
@@ -560,7 +567,10 @@ impl Summary {
             prior: None,
             limit: facts.limit(),
             acceptable,
-            next: NextStep { step: next, tested: facts.step_test.is_some() && next.asks_for_a_test() },
+            next: NextStep {
+                step: next,
+                tested: facts.step_test.is_some_and(|test| !test.is_bound()) && next.asks_for_a_test(),
+            },
             urgency: Urgency::Low,
             health: Health::Normal,
             trend: None,
@@ -686,6 +696,9 @@ impl FitFacts {
         let found = test.decided.filter(|_| before.confidence != FitConfidence::Found)?;
         let low = test.low.unwrap_or(0.0);
         let (confidence, cause, width_kind, verdict) = match found {
+            Found::Gap if test.is_bound() => {
+                (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Bound), FitVerdict::AtLeast)
+            }
             Found::Gap => {
                 (FitConfidence::Found, Some(Cause::DeadBand), Some(WidthKind::Interval), FitVerdict::Backlash)
             }
@@ -913,6 +926,13 @@ mod tests {
         assert_eq!((gap.confidence, gap.valve), (Confidence::Found, Valve::Gap));
         assert_eq!((gap.width, gap.low, gap.high), (Some(2.0), Some(1.8), Some(2.2)));
         assert_eq!((gap.acceptable, gap.next.tested), (Some(Acceptable::Beyond), true));
+        let test = StepTestWidth { d: 1.5, low: Some(1.5), high: None, decided: Some(Found::Gap) };
+        let facts = Facts { fit: Some(likely()), step_test: Some(test), span: Some(100.0), ..Facts::default() };
+        let bound = Summary::of(&facts);
+        assert_eq!((bound.confidence, bound.verdict), (Confidence::Found, One::Fit(FitVerdict::AtLeast)));
+        assert_eq!((bound.width, bound.low, bound.high), (Some(1.5), Some(1.5), None));
+        assert_eq!((bound.width_kind, bound.acceptable), (Some(WidthKind::Bound), Some(Acceptable::Beyond)));
+        assert_eq!((bound.next.step, bound.next.tested), (Next::Further, false), "how wide it is it does not tell");
         let none = with(likely(), (0.1, 0.0, 0.4), Some(Found::NoGap));
         assert_eq!((none.confidence, none.width, none.high), (Confidence::Sound, None, Some(0.4)));
         assert_eq!(none.next.step, Next::Nothing);

@@ -52,6 +52,8 @@ def _width(side: Side, unit: str) -> str:
         return "not judged"
     if side.verdict == "sound" and side.high is not None:
         return f"< {quantity(side.high, unit)}"
+    if side.verdict == "at_least" and side.low is not None:
+        return f"> {quantity(side.low, unit)}"
     if side.d is not None and side.low is not None and side.high is not None:
         return f"{quantity(side.d, unit)} ({number(side.low)} to {number(side.high)})"
     return str(side.confidence or side.verdict).replace("_", " ")

@@ -65,7 +65,7 @@ def _with_test(
     # The stretch includes the last row of the test, whose time is rounded where it is stored.
     rows = signals.read(loop.name, state["begins"] - 1e-3, state["ends"] + 1e-3)
     read = read_test(rows, loop, test["asked"]["width"])  # type: ignore[index]  # there is a state
-    return result if read is None or read.d is None else result.decided_with(step_test=read)
+    return result if read is None else result.decided_with(step_test=read)
 
 
 def row_of(result: Result, begin: float, end: float) -> dict[str, Any]:

@@ -166,6 +166,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "why to_limit": "At this rate it reaches the limit in {days:.0f} days.";
     "why decided gap":
         "A step test made for this question shows a dead band of {d:op} ({low:number} to {high:number}).";
+    "why decided at_least": "A step test made for this question shows a dead band of at least {low:op}.";
     "why decided no_gap": "A step test made for this question shows that there is none wider than {high:op}.";
     "why step_test": "The step test in this recording gives {d:op} ({low:number} to {high:number}).";
     // Evidence of a width by zero crossings.
@@ -359,6 +360,7 @@ pub fn why(facts: &AnswerFacts, reader: &Reader) -> Result<Vec<String>, TextErro
     let mut sentences = Vec::new();
     let decided = facts.step_test.as_ref().and_then(|test| Some((test, test.decided.as_ref()?)));
     if let Some((test, found)) = decided {
+        let found = if found == "gap" && test.high.is_none() { "at_least" } else { found };
         let gives = facts.message(&format!("why decided {found}"));
         sentences.push(tell(gives.with("d", test.d).with("low", test.low).with("high", test.high))?);
     }

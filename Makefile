@@ -68,7 +68,7 @@ verify: setup $(VENV)/.docs
 # Only the files that hold such a test are read. What failed by the clock is kept apart from what failed among the others.
 marked = -m '$(1)' $$(grep --files-with-matches 'mark\.$(firstword $(1))' tests/test_*.py)
 clock:
-	$(BIN)/pytest --verbose --numprocesses 3 --dist loadgroup --override-ini cache_dir=.pytest_cache/clock $(call marked,by_the_clock)
+	$(BIN)/pytest --verbose --numprocesses 5 --dist loadgroup --override-ini cache_dir=.pytest_cache/clock $(call marked,by_the_clock)
 
 others:
 	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 $(call marked,verify and not by_the_clock) || \

@@ -40,8 +40,8 @@ GAP = 1.0
 NOISE, WALK = 0.3, 0.08
 SP = 40.0
 SWING = 4.0
-YESTERDAY = 1800.0
-"""Length of the recording on the day before [s]."""
+YESTERDAY = 900.0
+"""Length of the recording on the day before [s]: it leaves open whether there is a gap, and a test is soon planned."""
 
 LOOP = Loop(
     name=NAME,

@@ -53,8 +53,8 @@ def test_the_width_is_found_and_lies_in_its_interval(d: float, seed: int) -> Non
 def test_progress_follows_the_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Progress grows from the first window to the end. Regression: it stood at 0 until the last window was done."""
     monkeypatch.setattr(glapp._glapp, "fit", made_anew)
-    moves = [(40.0 * k, 0.3 * (-1) ** k) for k in range(1, 40)]
-    s = simulation(t_end=1600, load=moves)
+    moves = [(40.0 * k, 0.3 * (-1) ** k) for k in range(1, 20)]
+    s = simulation(t_end=800, load=moves)
     shares: list[float] = []
     glapp.fit(t=s.t, pv=s.pv, op=s.op, progress=shares.append)  # type: ignore[arg-type]
     assert shares == sorted(shares) and shares[-1] == 1.0

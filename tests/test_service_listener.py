@@ -383,6 +383,7 @@ def test_log_in_and_disable_while_strangers_hold_connections(window: Window) -> 
 
 
 @pytest.mark.verify
+@pytest.mark.by_the_clock
 @pytest.mark.parametrize("target", ["service", "station"])
 def test_log_in_and_disable_while_strangers_hold_connections_for_two_minutes(target: str) -> None:
     """The large form: every one of them is answered. How fast, `python -m bench.half_open 120 300` prints."""

@@ -278,11 +278,11 @@ class StepTestWidth(_Part):
     """Width by a step test in the recording."""
 
     d: float
-    """Total width [`unit`]."""
+    """Total width [`unit`]; the lower limit where the test has decided by that alone."""
     low: Value
     """Lower 95 % limit [`unit`]."""
     high: Value
-    """Upper 95 % limit [`unit`]."""
+    """Upper 95 % limit [`unit`]; null where the test has decided by the lower one alone."""
     decided: Literal["gap", "no_gap"] | None
     """Decision of the test that was made for a question; null for any other test."""
 

@@ -1,4 +1,4 @@
-"""A gap is proved in the window: an open answer, the planned test, the guided test, *found*, the repair, and after it."""
+"""A gap is proved in the window: an open answer, the planned test, the guided test, *found*, the repair, after it."""
 
 import re
 import subprocess

@@ -28,7 +28,22 @@ from markupsafe import Markup
 
 import glapp
 from glapp import demo
-from glapp.reading import bounds, columns, heads, influx, long, meaning, names, shape, structured, times, values, wide
+from glapp.reading import (
+    bounds,
+    columns,
+    csv,
+    heads,
+    influx,
+    kinds,
+    long,
+    meaning,
+    names,
+    shape,
+    structured,
+    times,
+    values,
+    wide,
+)
 from glapp.report import figures, words
 from glapp.simulate import COMPENSATION_STATES
 from glapp.station import lab
@@ -166,8 +181,19 @@ def of_reading() -> dict[str, Any]:
             "types": heads._TYPES,
         },
         "bounds": {"columns": bounds.COLUMNS, "cells": bounds.CELLS, "whole": bounds.WHOLE},
-        "structured": {"lists": structured._LISTS, "sample": structured._SAMPLE, "hint": structured._HINT},
+        "kinds": {"beginnings": kinds.BEGINNINGS, "archives": kinds.ARCHIVES},
+        "shown": csv._SHOWN,
+        "structured": {
+            "lists": structured._LISTS,
+            "sample": structured._SAMPLE,
+            "hint": structured._HINT,
+            "messages": structured._MESSAGES,
+            "see": structured._SEE,
+            "shown": structured._SHOWN,
+        },
         "markup": {
+            "login": kinds.LOGIN.pattern,
+            "title": kinds.TITLE.pattern,
             "entities": entities(),
             "windows": "".join(html.unescape(f"&#{n};") for n in range(0x80, 0xA0)),
         },

@@ -10,6 +10,8 @@ const Markup = (data, { checkColumns, ofSheet }) => {
   const ATTRIBUTE = /([^\s"'>/=]+)(?:\s*=\s*(?:"([^"]*)"|'([^']*)'|([^\s"'>]+)))?/g;
   const REFERENCE = /&(#[0-9]+;?|#x[0-9a-f]+;?|[^\t\n\f <&#;]{1,32};?)/gi;
 
+  const [LOGIN, TITLE] = [data.markup.login, data.markup.title].map((one) => new RegExp(one, "i"));
+
   const isMarkup = (text) => text.startsWith("<") && MARKS.some((mark) => text.toLowerCase().includes(mark));
 
   // --- characters
@@ -186,7 +188,12 @@ const Markup = (data, { checkColumns, ofSheet }) => {
     const found = new Tables();
     scan(text, found);
     const rows = found.tables.reduce((best, one) => (one.length > best.length ? one : best), []);
-    if (!rows.length) throw new InputError("is a web page without a table", { hint: "save the table as CSV or .xlsx" });
+    if (!rows.some((row) => row.some((cell) => /[0-9]/.test(cell)))) {
+      const title = TITLE.exec(text);
+      const called = title ? `, '${plain(title[1]).trim().split(/\s+/).join(" ")}',` : "";
+      if (LOGIN.test(text)) throw new InputError(`is a web page${called} that asks for a login`, { hint: "log in to the historian, and export again" });
+      throw new InputError(`is a web page${called} without a table of numbers`, { hint: "open it in a browser to see what it says; save the table as CSV or .xlsx" });
+    }
     const width = rows.reduce((most, row) => Math.max(most, row.length), 0);
     checkColumns(width);
     if (width * rows.length > CELLS) {

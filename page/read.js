@@ -74,6 +74,8 @@ const Reading = (data) => {
     if (how) return sources(unpacked(bytes, how));
     if (begins(bytes, ascii("PK\x03\x04"))) return ofWorkbook(bytes);
     if (begins(bytes, [0xd0, 0xcf, 0x11, 0xe0])) throw new InputError("is an old or a locked Office file", { hint: "save it as .xlsx or CSV, unlocked" });
+    const [, what, hint] = data.kinds.beginnings.find(([start]) => begins(bytes, ascii(start))) ?? [];
+    if (what) throw new InputError(what, { hint });
     const [kind] = BINARY.find(([, mark]) => begins(bytes, mark)) ?? [];
     return [kind ? await ofBinary(bytes, kind) : ofWritten(bytes)];
   }

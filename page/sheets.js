@@ -125,9 +125,11 @@ const Sheets = (() => {
     return { first, rows: filled };
   }
 
-  /** The sheets that hold something: name, rows above the first, cells. */
-  function open(bytes) {
-    const parts = Formats.unzip(bytes, (name) => /^xl\/(workbook|sharedStrings|styles|worksheets\/|_rels\/).*(xml|rels)$/i.test(name));
+  /** The sheets that hold something: name, rows above the first, cells. `check`: refuses by the names of all files. */
+  function open(bytes, check) {
+    const names = [];
+    const parts = Formats.unzip(bytes, (name) => names.push(name) && /^xl\/(workbook|sharedStrings|styles|worksheets\/|_rels\/).*(xml|rels)$/i.test(name));
+    check(names);
     const decoder = new TextDecoder("utf-8", { fatal: true });
     const text = (name) => (parts[name] ? whole(decoder.decode(parts[name])) : "");
     const book = text("xl/workbook.xml");

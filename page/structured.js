@@ -59,8 +59,19 @@ const Structured = (data, { folded, understand }, { checkColumns, ofColumns }) =
   function tableIn(of) {
     if (isArray(of)) return ofList(of);
     const found = isObject(of) ? ofObject(of) : null;
-    if (!found) throw new InputError(NO_TABLE, { hint: HINT });
-    return found;
+    if (found) return found;
+    const said = isArray(of) ? undefined : saidIn(of);
+    if (said !== undefined) throw new InputError(`is a message and no recording: '${said}'`, { hint: data.structured.see });
+    throw new InputError(NO_TABLE, { hint: HINT });
+  }
+
+  /** What a server answered in place of data. */
+  function saidIn(of) {
+    if (typeof of === "string") return of.slice(0, data.structured.shown);
+    if (isArray(of)) return saidIn(of[0]);
+    if (!isObject(of)) return undefined;
+    const keys = lower(of);
+    return data.structured.messages.map((key) => saidIn(keys[key])).find((said) => said !== undefined);
   }
 
   function ofObject(of) {

@@ -84,7 +84,8 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
       if (width > 1 && (best === null || score > best.score)) best = { score, delimiter };
     }
     if (best === null) {
-      throw new InputError("has only one column", { hint: "separate the columns by comma, semicolon, tab or '|'" });
+      const begins = text.trim().split("\n", 1)[0].trim().split(/\s+/).join(" ").slice(0, data.shown);
+      throw new InputError(`has only one column and begins with '${begins}'`, { hint: "separate the columns by comma, semicolon, tab or '|'; where this is a message, export again" });
     }
     return best.delimiter;
   }
@@ -166,7 +167,8 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     const width = rows[0].length;
     const lines = rows.map((row, i) => ({ line: first + i + 1, cells: row.map(asText) }));
     const seen = lines.slice(0, HEAD);
-    if (width < 2) throw new InputError(width ? "has only one column" : "is empty");
+    if (!width) throw new InputError("is empty", { hint: "export the recording again" });
+    if (width < 2) throw new InputError("has only one column", { hint: "export time, PV and OP of the loop, a column each" });
     const widest = Math.max(0, seen.findIndex(({ cells: row }) => row.filter(Boolean).length > 1));
     const head = headOf(seen, widest, width);
     const { names, units, nameless } = namesOf(head);
@@ -184,12 +186,22 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     };
   }
 
+  /** Refuses an archive that is no workbook, by the names of the files in it. */
+  function checkArchive(names) {
+    const files = names.filter((name) => !name.endsWith("/"));
+    if (files.some((name) => name.startsWith("xl/") || name === "content.xml")) return;
+    const [, what, hint] = data.kinds.archives.find(([start]) => files.some((name) => name.startsWith(start))) ?? [];
+    const counted = `${files.length} file${files.length === 1 ? "" : "s"} (${files.slice(0, 3).join(", ")}${files.length > 3 ? " …" : ""})`;
+    if (what) throw new InputError(what.replace("{files}", counted), { hint });
+  }
+
   /** The sheets of a workbook that hold a table. */
   function ofWorkbook(bytes) {
     let held;
     try {
-      held = Sheets.open(bytes);
+      held = Sheets.open(bytes, checkArchive);
     } catch (fault) {
+      if (fault instanceof InputError) throw fault;
       throw new InputError(`is not a readable Excel workbook: ${fault.message}`);
     }
     const made = [];

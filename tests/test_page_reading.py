@@ -1,8 +1,10 @@
 """The page's reader of files, compared with the one of the package on the same files; it runs in node."""
 
+import io
 import json
 import shutil
 import subprocess
+import zipfile
 from datetime import UTC
 from pathlib import Path
 from typing import Any
@@ -29,6 +31,15 @@ def rows(times: list[str], separator: str = ",", point: str = ".") -> list[str]:
     values = [(50 + 0.125 * (k % 7), 40.5 - 0.25 * (k % 5)) for k in range(len(times))]
     cells = ([t, "50", *(f"{v}".replace(".", point) for v in pair)] for t, pair in zip(times, values, strict=True))
     return [separator.join(row) for row in cells]
+
+
+def archive(*names: str) -> bytes:
+    """A zip archive of files with these names."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as file:
+        for name in names:
+            file.writestr(name, "t,SP,PV,OP\n")
+    return packed.getvalue()
 
 
 SECONDS = [str(k) for k in range(24)]
@@ -111,6 +122,15 @@ REFUSED: dict[str, str | bytes] = {
     "a tag of SP in another unit than PV": "t,tag,value\n"
     + "".join(f"{k},F1.{tag},{k % 5}\n" for k in range(9) for tag in ("SP [bar]", "PV [kPa]")),
     "one column": "PV\n1\n2\n3\n",
+    "a PDF": b"%PDF-1.4\n1 0 obj\n",
+    "a picture": b"\xff\xd8\xff\xe0" + bytes(100),
+    "a zip archive": archive("a.csv", "b.csv"),
+    "an empty zip archive": archive(),
+    "a Word document": archive("[Content_Types].xml", "word/document.xml"),
+    "a login": "<html><title>Log\n in &amp; go</title><table><tr><td>User<td>?</table><input type='password'></html>",
+    "a message": "\n Access  denied.\n",
+    "a message in JSON": json.dumps({"Errors": None, "Message": "Authorization has been denied."}),
+    "errors in JSON": json.dumps({"errors": [{"message": "no tag"}]}),
     "no header": "0,1,2,3\n1,1,2,3\n2,1,2,3\n",
     "a header alone": "t,SP,PV,OP\n",
     "a word": "\n".join(["t,SP,PV,OP", *rows(SECONDS[:20]), "20,50,full,40"]),

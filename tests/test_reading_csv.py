@@ -1,6 +1,8 @@
 """The CSV reader: random tables in random dialects come back equal; every fault is one line with its place."""
 
 import gzip
+import io
+import zipfile
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -388,7 +390,8 @@ WRONG = {
     "blank": ("\n\n  \n", ": is empty"),
     "header only": ("t,SP,PV\n", ": has a header but no rows; take a time in which the historian has values"),
     "one row": ("t,SP,PV\n0,1,2\n", ": has only one row"),
-    "one column": ("PV\n1\n2\n", ": has only one column"),
+    "one column": ("PV\n1\n2\n", ": has only one column and begins with 'PV'; separate the columns by comma"),
+    "a message": ("\n Access  denied.\n", "begins with 'Access denied.'; separate the columns by comma"),
     "text in numbers": ("t,SP,PV\n0,1,2\n1,1,abc\n", ", row 3, column PV: 'abc' is not a number; write bad values as"),
     "all NaN": ("t,SP,PV\n0,1,NaN\n1,1,Bad\n", ", column PV: has no value in any of 2 rows"),
     "no pv": (
@@ -486,15 +489,69 @@ def test_wrong_paths_and_files(tmp_path):
         open_recordings(tmp_path / "none.csv")
     with pytest.raises(InputError, match="is a directory"):
         open_recordings(tmp_path)
-    for data in (bytes(range(256)) * 8, b"\x89PNG\r\n\x1a\n" + bytes(100)):
-        (tmp_path / "b.csv").write_bytes(data)
-        with pytest.raises(
-            InputError, match="is not text, Parquet or Arrow; export the recording as CSV, Excel, Parquet or Arrow"
-        ):
-            open_recordings(tmp_path / "b.csv")
-    (tmp_path / "x.csv.gz").write_bytes(b"t,SP,PV\n0,1,2\n")
+    (tmp_path / "b.csv").write_bytes(bytes(range(256)) * 8)
+    with pytest.raises(
+        InputError, match="is not text, Parquet or Arrow; export the recording as CSV, Excel, Parquet or Arrow"
+    ):
+        open_recordings(tmp_path / "b.csv")
+    (tmp_path / "x.csv.gz").write_bytes(b"\x1f\x8bt,SP,PV\n0,1,2\n")
     with pytest.raises(InputError, match="cannot be read"):
         open_recordings(tmp_path / "x.csv.gz")
+
+
+def archive(*names):
+    """A zip archive of files with these names."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as file:
+        for name in names:
+            file.writestr(name, GOOD)
+    return packed.getvalue()
+
+
+LOGIN = "<!DOCTYPE html><html><head><title>Log\n in &amp; go</title></head>{}<input type='password'></html>"
+NO_TABLES = {
+    "a PDF": (b"%PDF-1.4\n1 0 obj\n", "x.csv: is a PDF; it shows the recording without its numbers: export them"),
+    "a PDF with a table in it": (b"%PDF-1.4\n" + GOOD.encode(), "x.csv: is a PDF;"),
+    "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(100), "x.csv: is a picture (PNG); it shows"),
+    "a text document": (rb"{\rtf1\ansi t,SP,PV\par}", "x.csv: is a text document (RTF); save its table as CSV"),
+    "a data base": (b"SQLite format 3\0" + bytes(100), "x.csv: is a data base (SQLite); export the recording"),
+    "a 7z archive": (b"7z\xbc\xaf\x27\x1c" + bytes(20), "x.csv: is a 7z archive; unpack it, and name the file in it"),
+    "a zip archive": (archive("a.csv", "b/", "b/c.csv"), "x.csv: is a zip archive of 2 files (a.csv, b/c.csv); unpack"),
+    "a zip archive of one file": (archive("a.csv"), "x.csv: is a zip archive of 1 file (a.csv); unpack"),
+    "an empty zip archive": (archive(), "x.csv: is a zip archive without a file; export the recording again"),
+    "a Word document": (archive("[Content_Types].xml", "word/document.xml"), "x.csv: is a Word document; save its"),
+    "packed without its ending": (gzip.compress(GOOD.encode()), "does not end in .gz; rename it to x.csv.gz"),
+    "a login": (LOGIN.format("").encode(), "x.csv: is a web page, 'Log in & go', that asks for a login; log in to"),
+    "a login in a table": (LOGIN.format("<table><tr><td>User<td>?</table>").encode(), "that asks for a login; log in"),
+    "a page": (b"<html><h1>404</h1></html>", "x.csv: is a web page without a table of numbers; open it in a browser"),
+    "a message in JSON": (
+        b'{"Errors": null, "Message": "Authorization has been denied."}',
+        "x.csv: is a message and no recording: 'Authorization has been denied.'; see to what it says",
+    ),
+    "errors in JSON": (b'{"errors": [{"message": "no tag"}]}', "x.csv: is a message and no recording: 'no tag'; see"),
+}
+
+
+@pytest.mark.parametrize("case", NO_TABLES)
+def test_a_file_that_is_no_table_is_called_what_it_is(tmp_path, case):
+    """A PDF was "only one column", and a zip archive "not a readable Excel workbook"."""
+    data, line = NO_TABLES[case]
+    (tmp_path / "x.csv").write_bytes(data)
+    with pytest.raises(InputError) as caught:
+        open_recordings(tmp_path / "x.csv")
+    assert line in str(caught.value)
+
+
+def test_a_file_that_its_browser_has_unpacked_is_to_be_renamed(tmp_path):
+    (tmp_path / "x.csv.gz").write_text(GOOD)
+    with pytest.raises(InputError, match=r"is not packed, though its name ends in \.gz; rename it to x\.csv$"):
+        open_recordings(tmp_path / "x.csv.gz")
+
+
+def test_a_page_with_a_table_and_a_login_beside_it_is_read(tmp_path):
+    cells = "".join(f"<tr><td>{k}<td>1<td>{k % 3}<td>2" for k in range(9))
+    page = LOGIN.format(f"<table><tr><th>t<th>SP<th>PV<th>OP{cells}</table>")
+    assert read(write(tmp_path, page))[1]["pv"].tolist() == [k % 3 for k in range(9)]
 
 
 def test_wrong_column_is_told_with_the_nearest_one(tmp_path):

@@ -19,6 +19,7 @@ from .each import all_or_none
 from .excel import sheets
 from .files import check_file, name_of
 from .influx import annotated, is_annotated, is_line_protocol, line_protocol
+from .kinds import check_beginning
 from .long import long_recordings
 from .markup import is_markup, page
 from .meaning import is_long, with_own_qualities
@@ -154,7 +155,7 @@ def _open(path: Path, label: str) -> list[Source]:
     check_file(path, label)
     try:
         with path.open("rb") as file:
-            magic = file.read(6)
+            magic = file.read(20)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=label) from None
     if magic.startswith(b"PAR1"):
@@ -165,6 +166,7 @@ def _open(path: Path, label: str) -> list[Source]:
         return sheets(str(path), label)
     if magic.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError("is an old or a locked Office file", file=label, hint="save it as .xlsx or CSV, unlocked")
+    check_beginning(path, magic, label)
     return [_text(path, label)]
 
 

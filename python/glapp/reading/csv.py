@@ -36,6 +36,8 @@ __all__ = ["PACKED", "CsvSource", "encoding_of"]
 _SAMPLE = 1 << 16
 _LINES = 20
 _LARGEST_SAMPLE = bounds.LINE
+_SHOWN = 80
+"""Characters that are shown of a text that is no table."""
 _BLOCK = 1 << 22
 _AT_ONCE = 512
 """Columns that Arrow converts in one go: for each it keeps 190 kB of words for bad values."""
@@ -389,7 +391,9 @@ def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[s
         bounds.check_columns(widest, label)
         if fault is not None:
             raise fault
-        raise InputError("has only one column", file=label, hint="separate the columns by comma, semicolon, tab or '|'")
+        begins = " ".join(next((line for line in lines if line.strip()), "").split())[:_SHOWN]
+        hint = "separate the columns by comma, semicolon, tab or '|'; where this is a message, export again"
+        raise InputError(f"has only one column and begins with '{begins}'", file=label, hint=hint)
     return best[1], best[2]
 
 

@@ -24,6 +24,7 @@ import pyarrow as pa
 from ..errors import InputError
 from . import apart, bounds
 from .heads import begins_with_data, body_end, head_of, holds_data, no_rows
+from .kinds import check_archive
 from .meaning import understand
 from .source import Source
 
@@ -81,13 +82,14 @@ def _sheets(path: str, label: str) -> list[Source]:
 
 
 def _check(path: str, label: str) -> None:
-    """Refuse a workbook that exceeds `bounds`, by its content and not by its own statements.
+    """Refuse an archive that is no workbook, or exceeds `bounds` by its content, not by its own statements.
 
     Raises InputError where it does.
     """
     packed, size, cells = Path(path).stat().st_size, 0, 0
     with zipfile.ZipFile(path) as whole:
         parts = whole.infolist()
+        check_archive((part.filename for part in parts), label)
         if len(parts) > bounds.PARTS:
             what = f"holds {len(parts)} files, a workbook of at most {bounds.PARTS} is read"
             raise InputError(what, file=label, value=len(parts), hint="save the sheet as CSV")
@@ -199,7 +201,8 @@ class SheetSource(Source):
         texts = [(first + i + 1, [_text(cell) for cell in row]) for i, row in enumerate(rows[:_HEAD])]
         filled = [i for i, (_, cells) in enumerate(texts) if any(cells)]
         if not filled or width < 2:
-            raise InputError("has only one column" if filled else "is empty", file=label)
+            hint = "export time, PV and OP of the loop, a column each" if filled else "export the recording again"
+            raise InputError("has only one column" if filled else "is empty", file=label, hint=hint)
         head = head_of(texts, _widest(texts), width)
         self.names, self.units = head.names, head.units
         above = head.rows

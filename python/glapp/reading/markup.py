@@ -6,14 +6,19 @@ so it may have at most `bounds.WHOLE` bytes.
 
 from __future__ import annotations
 
+import html
+import re
 from html.parser import HTMLParser
 
 from ..errors import InputError
 from . import bounds
 from .excel import SheetSource
+from .kinds import LOGIN, TITLE
 from .source import Source
 
 __all__ = ["is_markup", "page"]
+
+_DIGIT = re.compile("[0-9]")
 
 
 def is_markup(beginning: str) -> bool:
@@ -39,8 +44,14 @@ def page(text: str, label: str) -> Source:
     reader.feed(text)
     reader.close()
     rows = max(reader.tables, key=len, default=[])
-    if not rows:
-        raise InputError("is a web page without a table", file=label, hint="save the table as CSV or .xlsx")
+    if not any(_DIGIT.search(cell) for row in rows for cell in row):
+        title = TITLE.search(text)
+        called = f", '{' '.join(html.unescape(title[1]).split())}'," if title else ""
+        if LOGIN.search(text):
+            hint = "log in to the historian, and export again"
+            raise InputError(f"is a web page{called} that asks for a login", file=label, hint=hint)
+        hint = "open it in a browser to see what it says; save the table as CSV or .xlsx"
+        raise InputError(f"is a web page{called} without a table of numbers", file=label, hint=hint)
     width = max(map(len, rows))
     bounds.check_columns(width, label)
     if width * len(rows) > bounds.CELLS:

@@ -24,6 +24,11 @@ from .tables import TableSource
 __all__ = ["parsed", "table_of"]
 
 _HINT = 'write a list of objects such as [{"time": ..., "SP": ..., "PV": ..., "OP": ...}, ...]'
+_SEE = "see to what it says, and export again"
+_MESSAGES = ("message", "error", "errors", "detail")
+"""Keys of what a server answers in place of data, in lower case."""
+_SHOWN = 200
+"""Characters of it that are shown."""
 _LISTS = ("value", "data", "rows", "records", "items", "results", "values", "samples", "points")
 """Keys whose list is the table, in lower case."""
 _SAMPLE = {"t": "time", "v": "value", "q": "quality"}
@@ -100,7 +105,19 @@ def _table(data: Any, label: str) -> tuple[list[str], list[list[Any]]]:
         for key in ("data", "result", "response", "body"):
             if isinstance(inner := keys.get(key), dict):
                 return _table(inner, label)
+        if (said := _said(data)) is not None:
+            raise InputError(f"is a message and no recording: '{said}'", file=label, hint=_SEE)
     raise InputError("holds no table that glapp can read", file=label, hint=_HINT)
+
+
+def _said(data: Any) -> str | None:
+    """What a server answered in place of data."""
+    if isinstance(data, list):
+        return _said(data[0]) if data else None
+    if isinstance(data, dict):
+        keys = {str(key).lower(): value for key, value in data.items()}
+        return next((said for key in _MESSAGES if (said := _said(keys.get(key))) is not None), None)
+    return data[:_SHOWN] if isinstance(data, str) else None
 
 
 def _of_list(data: Sequence[Any], label: str) -> tuple[list[str], list[list[Any]]]:

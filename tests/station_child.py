@@ -37,6 +37,9 @@ def answer(verdict: Verdict, d: float, low: float, high: float, acceptable: floa
     return {"time": time.time(), "asked_by": "the night"} | row
 
 
+FULL = "glapp.db cannot be written: database or disk is full"
+"""What a service with a full disk says."""
+
 EVIL = "FIC\u202e9\u200b\x1b[31m\u2066<b>"
 """A name with turns of direction, an invisible mark and an escape."""
 
@@ -100,6 +103,13 @@ async def main(folder: Path, port: int) -> None:
             showing.cancel()
             await asyncio.gather(opened, showing, return_exceptions=True)
             monitor.store.show(time.time() - 120.0, json.dumps(monitor.status() | {"wall": time.time() - 120.0}))
+        if word == "full":
+            showing.cancel()
+            monitor.status = lambda: Monitor.status(monitor) | {"failing": FULL}
+            monitor.store.show(time.time() - 120.0, json.dumps(Monitor.status(monitor) | {"wall": time.time() - 120.0}))
+        if word == "room":
+            del monitor.status
+            showing = asyncio.ensure_future(shown())
         if word == "no database":
             (folder / "glapp.db").rename(folder / "away.db")
         if word == "change":
@@ -114,8 +124,8 @@ async def main(folder: Path, port: int) -> None:
             await monitor.step()
         if word == "no evil":
             del monitor.status
-        if word == "share":
-            await monitor.commands.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
+        if word.startswith("share "):
+            await monitor.commands.change("FIC0", {"comp_share": float(word.split()[1])}, "olga", "engineer")
         if word == "one less":
             station.view.rows = lambda: View.rows(station.view)[1:]
         if word == "all":

@@ -340,6 +340,20 @@ def test_the_table_fits_the_terminal(demo, columns):
 
 
 @pytest.mark.slow
+def test_a_report_says_that_the_fit_was_left_out(run, demo, tmp_path):
+    """It said of LIC110 that only a step test can judge the valve; the fit tells that a disturbance swings it."""
+    left_out = (
+        "The fit of OP and PV was left out (--no-fit, fit=False), and may judge the valve: analyse again with it."
+    )
+    _, shown, _ = run("analyze", demo, "--no-fit", "--report", "left_out.html")
+    report = (tmp_path / "left_out.html").read_text(encoding="utf-8")
+    assert report.count(left_out) >= 4 and " ".join(shown.split()).count(left_out) == 4
+    assert "Only a step test" not in report and "Use the step test in this recording" in report  # of FIC402
+    without = json.loads(run("analyze", demo, "--json")[1])["loops"]
+    assert not any(left_out in loop["answer"]["do"] for loop in without)
+
+
+@pytest.mark.slow
 def test_the_demonstration_says_what_is_true(run, demo):
     code, out, err = run("analyze", demo, "--json", "--no-fit")
     loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}

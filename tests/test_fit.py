@@ -544,3 +544,40 @@ def test_a_level_that_sticks_gets_no_bound_beyond_its_band() -> None:
         )
         f = fitted(level.t[::4], level.pv[::4], level.op[::4])
         assert f.verdict == "cannot_tell" or (f.low is not None and f.low <= 3.0), f.reason
+
+
+def flow(every: float, follows: bool = True, lag: float = 2.0, ti: float = 3.0) -> dict[str, np.ndarray]:
+    """A quiet loop of a flow under a PI controller, a row every so many seconds; its valve may move nothing."""
+    h, rows, random = 0.5, 1500, np.random.default_rng(1)
+    each, x, load, integral, columns = round(every / h), 0.0, 0.0, 50.0, []
+    for k in range(rows * each):
+        load += 0.02 * h**0.5 * random.standard_normal()
+        pv = 50.0 + x + load + 0.05 * random.standard_normal()
+        integral = min(max(integral + 0.4 * h / ti * (50.0 - pv), 0.0), 100.0)
+        op = min(max(integral + 0.4 * (50.0 - pv), 0.0), 100.0)
+        x += h / lag * ((op - 50.0 if follows else 0.0) - x)
+        if k % each == 0:
+            columns.append((k * h, 50.0, pv, op))
+    return dict(zip(("t", "sp", "pv", "op"), np.array(columns).T, strict=True))
+
+
+@pytest.mark.slow
+def test_a_flow_with_a_row_a_minute_is_told_to_be_recorded_faster():
+    """It ended in "PV does not follow OP", without a word of the sampling."""
+    result = glapp.analyze(**flow(60.0))
+    assert result.fit.why == "no_answer"
+    texts = result.texts()
+    assert texts["so"] == "PV of loop does not follow OP, or is recorded too seldom to show it."
+    assert texts["do"].startswith("Record a row every 1 s or faster while OP moves")
+    assert "Rows 60 s apart may be why" in texts["why"][0] and "every 1 s or faster, while OP moves" in texts["why"][0]
+    known = glapp.Loop(name="FIC1", controller={"k": 0.4, "ti": 3})
+    assert "every 0.6 s or faster" in glapp.analyze(**flow(60.0), loop=known).texts()["do"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("every", [1.0, 60.0])
+def test_where_pv_does_not_follow_op_nothing_is_said_of_the_sampling(every):
+    result = glapp.analyze(**flow(every, follows=False))
+    texts = result.texts()
+    assert result.fit.why in ("no_answer", "winding_up")
+    assert "apart may be why" not in " ".join(texts["why"]) and "or faster" not in texts["do"]

@@ -299,6 +299,17 @@ def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window)
 
 
 @pytest.mark.verify
+def test_a_service_with_a_full_disk_says_so(browser: Any, window: Window) -> None:
+    """Its last state in the database does not tell: the window said that no command is answered."""
+    page = logged_in(browser, window, "vera")
+    window.say("full")
+    page.get_by_text("The service cannot write: glapp.db cannot be written: database or disk is full.").wait_for()
+    window.say("room")
+    page.get_by_role("alert").filter(has_text="The service").wait_for(state="hidden")
+    assert page.wrong == []
+
+
+@pytest.mark.verify
 def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "eve")
     page.goto(window.url + "/loop?name=FIC0")
@@ -317,7 +328,13 @@ def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page.get_by_text("Set: comp_size.").wait_for()
     page.get_by_role("button", name="Compensate").click()
     page.get_by_text("Whenever OP has turned round, u_FF goes to the other side: 0.600 % in all").wait_for()
-    window.say("share")  # somebody else sets comp_share
+    window.say(
+        "share 0.7"
+    )  # somebody else sets comp_share: the dialog goes with it; it showed 80 % until it was closed
+    page.get_by_text("70 % of it is compensated").wait_for()
+    page.get_by_text("by zero crossings").click()  # what somebody is about to choose stays
+    page.get_by_text("typed", exact=True).click()
+    window.say("share 0.6")
     enable.click()
     page.get_by_text(re.compile("Refused: .*comp_share.*somebody else has changed it")).wait_for()
     page.goto(window.url + "/loop?name=FIC1")

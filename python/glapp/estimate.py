@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Self, overload
@@ -174,9 +175,15 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         opened = _all_of(recording, loop, signals)
         parts = shares(progress, *[1 / max(len(opened), 1)] * len(opened))
         pairs = zip(opened, parts, strict=True)
-        return [_analyzed(one, INSPECTED_ROWS, part, trust=trust, fit=fit) for one, part in pairs]
+        return [_judged(one, trust, fit, part) for one, part in pairs]
     recording = recording_of(recording, loop, **signals)
-    return _analyzed(recording, INSPECTED_ROWS, progress, trust=trust, fit=fit)
+    return _judged(recording, trust, fit, progress)
+
+
+def _judged(recording: Recording, trust: bool, fit: bool, progress: Progress | None) -> Result:
+    """All that is asked of a recording; without `fit` its texts say that it was left out."""
+    result = _analyzed(recording, INSPECTED_ROWS, progress, trust=trust, fit=fit)
+    return result if fit else replace(result, fit_left_out="OP" in recording.columns)
 
 
 def _all_of(several: list[Any], loop: Loop | None, signals: dict[str, Any]) -> list[Recording]:
@@ -300,7 +307,10 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
             return Fit("cannot_tell", found[i].text, loop.op_label, why=found[i].code)
         case {"code": "finding", "of": i}:
             return fit_from_core(done["answer"]["fit"], done["pv"], done["position"], loop, found[i].text)
-    return fit_from_core(done["answer"]["fit"], done["pv"], done["position"], loop)
+    pv = done["pv"]
+    if (enough := next((m["numbers"].get("enough") for m in done["answer"]["messages"]), None)) is not None:
+        pv["message"]["numbers"]["enough"] = enough
+    return fit_from_core(done["answer"]["fit"], pv, done["position"], loop)
 
 
 def _note(name: str, origin: Origin, answer: dict[str, Any], loop: Loop) -> str:

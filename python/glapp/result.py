@@ -550,6 +550,8 @@ class Result:
         alone, and `repr` says so.
     messages : list of dict
         Why fit and crossings say what they do: each a `code` of the catalogue with its `numbers`.
+    fit_left_out : bool
+        OP was recorded, and nobody asked for the fit.
     """
 
     name: str
@@ -579,6 +581,7 @@ class Result:
     plan: Plan | None = None
     repair: Repair | None = None
     columns: dict[str, str] = field(default_factory=dict)
+    fit_left_out: bool = False
 
     @classmethod
     def of_error(cls, error: InputError, name: str, source: str, loop: Loop | None = None) -> Result:
@@ -766,6 +769,8 @@ class Result:
                 "reason": f.reason,
                 "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
             },
+            "fit_left_out": self.fit_left_out,
+            "enough": next((m["numbers"]["enough"] for m in self.messages if "enough" in m["numbers"]), None),
             "crossings": {
                 "verdict": self.crossings,
                 "reason": self.reason,

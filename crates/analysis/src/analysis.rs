@@ -9,7 +9,7 @@ use crate::quality::{self, Fault, Finding, Law, PERCENT, Severity, assumed_gain,
 use crate::step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 use crate::summary::{Facts, Summary};
 use crate::words;
-use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
+use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain, rows_to_ask_for};
 use glapp_core::status::NOT_AUTO;
 use glapp_core::{Columns, DATA_GAP_STEPS, DETECTIONS, DetectorSettings, ParameterError, Reason};
 use glapp_fit::{
@@ -351,7 +351,14 @@ impl Analysis {
             step_test,
             messages: Vec::new(),
         };
-        let fit_message = fitted.as_ref().and_then(|fitted| words::of_fitted(&answer, fitted));
+        let unanswered = fitted.as_ref().filter(|fitted| fitted.answer.word() == "no_answer");
+        let ti = self.controller.map(|controller| controller.ti);
+        let enough = unanswered.and_then(|_| rows_to_ask_for(&inspected(&self.beginning), ti));
+        let fit_message =
+            fitted.as_ref().and_then(|fitted| words::of_fitted(&answer, fitted)).map(|message| match enough {
+                Some(enough) => message.with("enough", enough),
+                None => message,
+            });
         let corrected = answer.corrected.as_ref().and_then(words::of_correction);
         answer.messages = [fit_message, words::of_crossings(&answer), corrected].into_iter().flatten().collect();
         let span = op_limits.map(|(low, high)| high - low);

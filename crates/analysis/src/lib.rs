@@ -21,6 +21,7 @@ mod origin;
 mod performance;
 pub mod quality;
 mod repair;
+mod seldom;
 mod signals;
 pub mod step_test;
 mod summary;
@@ -40,6 +41,7 @@ pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use performance::{Between, Performance, performance};
 pub use repair::{BeforeAfter, Changed, Difference, Fall, OneWidth, before_after, fall_of};
+pub use seldom::rows_to_ask_for;
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};
 pub use step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 pub use summary::{

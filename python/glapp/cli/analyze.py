@@ -104,8 +104,6 @@ def analyze(
         typer.echo(_rows(results), nl=False)
     elif any(isinstance(a, Result) for a in answers):
         _show(answers, why)
-        if no_fit and any(isinstance(a, Result) and a.trace is not None and a.trace.op is not None for a in answers):
-            out.print("Without --no-fit the width is fitted from OP and PV as well, which tells more.")
     for error in [*(answer.error for answer in answers if isinstance(answer, Refused)), *filter(None, faults)]:
         say_error(error)
     if report is not None and faults[-1] is None and not json and not to_output:

@@ -162,7 +162,7 @@ class Commands:
             raise InputError(
                 "it was never seen that the plant takes u_FF away by itself when nobody counts its watchdog up",
                 loop=loop,
-                hint=f"glapp watch watchdog-test {loop}",
+                hint=f"Test switching off in the window, or glapp watch watchdog-test {loop}",
             )
         self._require_no_test(loop)
         self._watchdog.require_none_stuck(loop)

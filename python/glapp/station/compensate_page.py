@@ -78,7 +78,7 @@ class CompensationPage:
         """Fill the dialog with settings and state."""
         made = status.get("compensation")
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
-        self._tested, self._set = settings.get(WATCHDOG_SEEN), settings
+        self._tested, self._set, self._choosing = settings.get(WATCHDOG_SEEN), settings, False
         self.body.clear()
         with self.body:
             if made is None:
@@ -99,11 +99,12 @@ class CompensationPage:
         return await command(self.station, self.session, self.loop, what, body, message)
 
     async def _look(self) -> None:
-        """Update the parts that change by themselves: effect, end of a test, withdrawal."""
+        """Update what changes by itself or by somebody else; a width that is being chosen here stays."""
         status = self.station.view.shown["loops"].get(self.loop, {})
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
-        if settings.get(WATCHDOG_SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
+        changed = settings != self._set and not self._choosing
+        if changed or settings.get(WATCHDOG_SEEN) != self._tested or bool(made and made["enabled"]) != self._enabled:
             await self._anew()
         elif self._enabled:
             await self._effect()
@@ -128,7 +129,7 @@ class CompensationPage:
             3: "by zero crossings: " + ("none yet" if estimate is None else f"{quantity(estimate, unit)} now"),
         }
         with ui.element("div").classes("bar"):
-            self.source = ui.radio(options, value=source or None, on_change=self._describe).props("dense")
+            self.source = ui.radio(options, value=source or None, on_change=self._chosen).props("dense")
             self.size = (
                 ui.number(f"typed width [{unit}]", value=field(seen["comp_size"]), min=0, on_change=self._typed)
                 .props('dense outlined aria-label="typed width"')
@@ -187,6 +188,11 @@ class CompensationPage:
         """Take the typed width as the source, and describe its effect."""
         if self.source.value != 1 and self.size.value:
             self.source.set_value(1)
+        self._chosen()
+
+    def _chosen(self) -> None:
+        """Describe the effect of what was chosen."""
+        self._choosing = True
         self._describe()
 
     def _describe(self) -> None:

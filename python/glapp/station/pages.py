@@ -40,6 +40,9 @@ __all__ = [
 DOUBLE = 0.5
 """The same command of the same person within this time is a double click [s]."""
 
+ASK = 3.0
+"""Time between two questions whether the service can write [s]."""
+
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
 
 
@@ -60,6 +63,8 @@ class Station:
     listed: Listed = field(default_factory=Listed)
     asked: dict[tuple[str, str, str], float] = field(default_factory=dict)
     _of: tuple[float | None, float] = (None, 0.0)
+    _failing: str | None = None
+    _asking: asyncio.Task[None] | None = None
 
     def __post_init__(self) -> None:
         self.sessions = Sessions(Tokens(self.view.folder))
@@ -78,6 +83,23 @@ class Station:
         if self.view.at != self._of[0] or now - self._of[1] > (1.0 if self.view.fitting else 5.0):
             self._of = self.view.at, now
             self.listed = self.listed.after(self.view.rows())
+
+    def failing(self, token: str) -> str | None:
+        """Why the service cannot write, by its last answer; None where it did not say. It is asked again and again.
+
+        A full disk holds no word of it in the database.
+        """
+        if self._asking is None or self._asking.done():
+            self._asking = asyncio.create_task(self._ask_failing(token))
+        return self._failing
+
+    async def _ask_failing(self, token: str) -> None:
+        """Ask the service once in some seconds whether it can write."""
+        try:
+            self._failing = (await self.api.asked("GET", "/status", token))["failing"]
+        except (Gone, Refused):
+            self._failing = None
+        await asyncio.sleep(ASK)
 
     def who(self, request: Request) -> Session:
         """Whose page it is; nobody gets here without a session."""
@@ -157,6 +179,11 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         text = ""
         if view.why is not None:
             text = f"The database cannot be read: {view.why}"
+        elif late is not None and (failing := station.failing(session.token)) is not None:
+            text = (
+                f"The service cannot write: {failing}. What comes waits in its memory; you see the state of "
+                f"{moment(view.at)}."
+            )
         elif late is not None:
             text = (
                 f"The service has written nothing for {age(late)}: you see the state of {moment(view.at)}. "

@@ -74,6 +74,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "so cannot_tell hidden_by_lag": "{name} shows no dead band, but the recording is too short to be sure.";
     "so cannot_tell hidden_by_changes": "{name} shows no dead band, but changes of the load may hide one.";
     "so cannot_tell no_answer": "PV of {name} does not follow OP.";
+    "so cannot_tell no_answer seldom": "PV of {name} does not follow OP, or is recorded too seldom to show it.";
     "so estimate": "The simple method reads a dead band of {width:op}{span} for {name}{beside}.";
     "so provisional": "The simple method reads {width:op}{span} for {name} so far{beside}.";
     "so provisional few":
@@ -112,6 +113,10 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "do inspect likely": "Confirm with a step test.";
     "do further": "Record while OP moves further, or make a step test, to learn how wide it is.";
     "do record_more": "Record for longer while OP moves further, or make a step test in manual.";
+    "do record_more seldom":
+        "Record a row every {enough:.3g} s or faster while OP moves, or make a step test in manual.";
+    "do left_out": "The fit of OP and PV was left out (--no-fit, fit=False), and may judge the valve: analyse again \
+         with it.";
     "do tuning": "Check the tuning, or look for a disturbance from elsewhere.";
     "do tuning found":
         "The valve needs no work: all of it is within {percent:number}\u{a0}% of span. But the loop swings, as a dead \
@@ -137,6 +142,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "short inspect likely": "step test";
     "short further": "record";
     "short record_more": "record";
+    "short left_out": "fit";
     "short tuning": "tuning";
     "short nothing": "nothing";
     "short review": "nothing";
@@ -244,6 +250,7 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
         "cannot_tell" if open && facts.high.is_some() && facts.low > Some(0.0) => vec!["open weak"],
         "cannot_tell" if open && facts.high.is_some() => vec!["open bound"],
         "cannot_tell" if open => vec!["open"],
+        "cannot_tell" if facts.enough.is_some() => vec!["no_answer seldom"],
         "cannot_tell" => vec![reason],
         "provisional" | "estimate" if few => vec!["few"],
         _ => vec![kind, cause],
@@ -317,12 +324,17 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
         }
         return Ok(sentences.join(" "));
     }
+    if left_out(facts) {
+        return text("answer.do left_out", &facts.message("").numbers, reader);
+    }
     if code == "remedy" {
         return text(&format!("half_period_remedy.{of}"), &facts.message("").numbers, reader);
     }
     let confidence = facts.confidence.as_deref().unwrap_or_default();
     let origin = facts.limit.as_ref().map_or("", |limit| &limit.origin);
+    let seldom = if facts.enough.is_some() { "seldom" } else { "" };
     let codes = [
+        format!("do {code} {seldom}"),
         format!("do {code} {confidence}"),
         format!("do {code} {of}"),
         format!("do {code} {origin}"),
@@ -333,6 +345,11 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
     text(&message.code, &message.numbers, reader)
 }
 
+/// Whether the next step is the fit that nobody asked for: it costs less than what the crossings alone lead to.
+fn left_out(facts: &AnswerFacts) -> bool {
+    facts.fit_left_out && facts.fit.is_none() && !["correct", "review"].contains(&facts.next.code.as_str())
+}
+
 /// Next step, in a word or two.
 fn short(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let code = &facts.next.code;
@@ -340,7 +357,13 @@ fn short(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let tested = asks && facts.next.tested;
     let confidence = facts.confidence.as_deref().unwrap_or_default();
     let codes = [format!("short {code} {confidence}"), format!("short {code}")];
-    let code = if tested { "short tested" } else { first(codes.iter().map(String::as_str)).unwrap_or(code) };
+    let code = if tested {
+        "short tested"
+    } else if left_out(facts) {
+        "short left_out"
+    } else {
+        first(codes.iter().map(String::as_str)).unwrap_or(code)
+    };
     text(&format!("answer.{code}"), &facts.message("").numbers, reader)
 }
 

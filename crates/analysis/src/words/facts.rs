@@ -54,6 +54,10 @@ pub struct AnswerFacts {
     pub step_test: Option<Tested>,
     /// Result of the fit; none where nothing was fitted.
     pub fit: Option<Fit>,
+    /// OP is recorded, and nobody asked for the fit.
+    pub fit_left_out: bool,
+    /// Time between rows that the loop needs \[s\], where PV does not follow OP and rows too far apart may be why.
+    pub enough: Option<f64>,
     /// Result of the zero crossings.
     pub crossings: Crossings,
 }
@@ -209,6 +213,7 @@ impl AnswerFacts {
             .with("percent", self.limit_percent())
             .with("jump", fit.jump)
             .with("d", fit.d)
+            .with("enough", self.enough)
             .with("d_hat", self.crossings.d_hat)
             .with("detections", super::Value::Count(self.crossings.detections))
     }

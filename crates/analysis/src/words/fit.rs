@@ -92,6 +92,9 @@ const SENTENCES: &[(&str, &str)] = sentences! {
          turned no more often than the load. Record while the setpoint moves, or on calmer days";
     "cannot_tell no_answer": "PV does not follow OP: a process at rest explains PV as well (likelihood ratio \
          {lr_no_answer:.0f}). Record while OP moves";
+    "cannot_tell no_answer seldom": "PV does not follow OP: a process at rest explains PV as well (likelihood ratio \
+         {lr_no_answer:.0f}). Rows {h:.3g} s apart may be why: the error is another one at each row, as where the \
+         process settles between two of them. Record a row every {enough:.3g} s or faster, while OP moves";
     "cannot_tell may_be": "probably {d:op}, but ", enough!(), longer!();
     "cannot_tell may_be bound": "probably {d:op}, at most {high:.3g}, but ", enough!(), longer!();
     "cannot_tell as_well": "a valve without a gap explains the data as well as one with {d:op}", longer!();
@@ -128,7 +131,14 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
             let none_fits = n.number("low").is_some_and(|low| low <= 0.0) || reason == "families_disagree";
             let open = if none_fits { "as_well" } else { "may_be" };
             let bound = if n.has("high") { " bound" } else { "" };
-            vec![format!("{reason} {shared}"), reason, format!("{open}{bound}"), open.into()]
+            let seldom = if n.has("enough") { "seldom" } else { "" };
+            vec![
+                format!("{reason} {seldom}"),
+                format!("{reason} {shared}"),
+                reason,
+                format!("{open}{bound}"),
+                open.into(),
+            ]
         }
         "settles" if n.has("own") => vec!["positioner".into()],
         "contradicts" => vec![n.word("verdict")],

@@ -201,6 +201,7 @@ impl AnswerFacts {
             rejected: most.map(|(name, count)| ((*name).into(), whole(*count))),
             positioner: None,
         };
-        Ok(Self { span, fit, crossings, ..document })
+        let enough = answer.messages.iter().find_map(|message| message.numbers.get("enough")?.number());
+        Ok(Self { span, fit, crossings, enough, ..document })
     }
 }

@@ -524,7 +524,8 @@ LINES = {
     "analyze good.csv --k 0 --ti 9": "--k: is 0.0, must be > 0",
     "analyze good.csv --k nan --ti 9": "--k: is nan, must be a finite number",
     "analyze good.csv --ti 9": "--k: give either the gain k or the proportional band pb",
-    "analyze good.csv --pb 100 --ti 9": "--pv-span: is required to convert a gain in %/%",
+    "analyze good.csv --pb 100 --ti 9": "--pv-span: is required to convert a gain in %/% (or a proportional "
+    "band); give the ranges of PV and OP: --pv-span 0 50 --op-span 0 100, or in a loops.toml",
     "analyze good.csv --pv-span 100 0": "--pv-span: goes from 100 to 0, must be low < high",
     "analyze good.csv --n 8": "--n: is 8, must be odd",
     "analyze good.csv --kp 0": "--kp: is 0, must not be 0",

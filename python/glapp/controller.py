@@ -210,7 +210,8 @@ class Controller(Checked):
                 "is required to convert a gain in %/% (or a proportional band)",
                 parameter=missing,
                 bound="required",
-                hint="write the range of the instrument, for instance [0, 100]",
+                hint="give the ranges of PV and OP: --pv-span 0 50 --op-span 0 100, or in a loops.toml "
+                "pv_span = [0, 50] and op_span = [0, 100]",
             )
         ratio = (op_span[1] - op_span[0]) / (pv_span[1] - pv_span[0])
         if not percent and ratio != 1.0:

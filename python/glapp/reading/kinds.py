@@ -65,8 +65,8 @@ def check_beginning(path: Path, first: bytes, label: str) -> None:
         what = f"is not packed, though its name ends in {path.suffix}"  # a browser may unpack what it loads
         raise InputError(what, file=label, hint=f"rename it to {path.stem}")
     if ending not in PACKED and not plain:
-        for right, start in _PACKED.items():
-            if first.startswith(start):
+        for right, packed in _PACKED.items():
+            if first.startswith(packed):
                 what = f"is packed by {PACKED[right]}, and its name does not end in {right}"
                 raise InputError(what, file=label, hint=f"rename it to {path.name}{right}")
 

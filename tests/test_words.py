@@ -78,7 +78,6 @@ BESIDE = {
         "{} (where PV came to rest",
     ],
     "what the methods are, of no loop": [
-        "Without --no-fit the width is fitted",
         "The gap from OP and PV",
         "Zero crossings: what a PLC",
         "A model of the loop, from OP",

@@ -171,8 +171,6 @@ thresholds! {
     /// Cells to a step or bend at least: a load that changes oftener is not one whose changes can be told (ADR
     /// 0009). Simulations.
     CELLS_A_CHANGE: usize = 40, "cells";
-    /// LR that a step or bend must bring to be tried. Simulations.
-    CLEAR_CHANGE: f64 = 15.0, "−2·ln L";
     /// LR of a step in a load that walks. Simulations and real loops.
     LARGE_STEP: f64 = 50.0, "−2·ln L";
     /// Size of such a step as a ratio to the gap: a smaller one may be the valve. Simulations.

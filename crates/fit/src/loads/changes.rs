@@ -1,18 +1,21 @@
 //! Steps of the load, and bends where it goes along lines: each costs what a new level, or slope, at any time of the record is
 //! worth, and is kept where it pays.
 
-use crate::data::cells::{Cells, Strip};
+use crate::data::cells::Cells;
 use crate::decide::thresholds::*;
-use crate::loads::marks::{calm_theta, mark, prune, relocate, too_many};
+use crate::loads::marks::{find, first_sight, mark, prune, relocate, too_many};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::screen::{PILOT, theta_for};
 use rayon::prelude::*;
 
-/// Beginnings with bends that are looked at nearer, and followed, with a lost motion and without.
-const LOOKED_AT: usize = 6;
-const FOLLOWED: usize = 2;
+/// Beginnings that are followed.
+const FOLLOWED: usize = 6;
+/// Times that a step must pay its price while the process is not known.
+const FIRST_TIMES: f64 = 2.0;
+/// Turns in which steps are found again at most.
+const MOST_TURNS: usize = 4;
 
 /// A record with marked steps, the point that fits them, and the cost of both [−2·ln L].
 #[derive(Clone)]
@@ -99,12 +102,13 @@ pub(crate) fn detect_changes(
     // A load along lines hides no jump: whether the valve sticks is seen once its bends are known.
     let begun: Vec<_> = begun.into_iter().filter(|(.., share)| *share == 0.0 || load == Load::Levels).collect();
     // PV in a loop tuned for its lag looks under a load along lines as under one that steps where those bend.
-    let still = Structure { noise: load.noises()[0], ..PILOT };
     let hinted = |hint: &Cells| {
         let near = |(theta, part, share): &(Theta, f64, f64)| {
-            let search = Search { record: hint, structure: still, sign };
-            let point = search.descend(*theta, &lost(*part, *share), 10, 0.1, f64::INFINITY);
-            Marked::new(hint.clone(), still, sign, point)
+            let search = Search { record: hint, structure: pilot, sign };
+            let lost = lost(*part, *share);
+            let theta = search.with_best_load_variance(*theta, &lost);
+            let point = search.descend(theta, &lost, 10, 0.1, f64::INFINITY);
+            Marked::new(hint.clone(), pilot, sign, point)
         };
         begun.par_iter().map(near).collect::<Vec<Marked>>()
     };
@@ -129,7 +133,7 @@ pub(crate) fn detect_changes(
     let none = tried[0].clone();
     tried.push(begun);
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    tried.truncate(3);
+    tried.truncate(FOLLOWED);
     tried.push(none);
     let mut tried = each(&tried, Marked::same, |marked| refine(pilot, sign, marked.clone()));
     let none = cheapest(tried.pop().into_iter().chain(known));
@@ -179,24 +183,14 @@ pub(crate) fn marked_anew(record: &Cells, structure: Structure, sign: f64, point
     (cheapest(followed.collect::<Vec<_>>()), family)
 }
 
-/// The best without a lost motion and the best with one, after the bends of a few beginnings were put where they pay most: bends
-/// that are marked late are marked twice, and hide which beginning is good.
+/// The best without a lost motion and the best with one, after the bends of a few beginnings were refined: bends beside a process that is
+/// not yet good hide which beginning is.
 fn shortlist(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Marked> {
     begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let (none, some): (Vec<Marked>, Vec<Marked>) = begun.into_iter().partition(|m| m.point.lost.d == 0.0);
-    let [still, _] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
-    let fewer = |marked: &Marked| {
-        let record = prune(&Search { record: &marked.record, structure: still, sign }, &marked.point);
-        let search = Search { record: &record, structure: still, sign };
-        let point = search.descend(marked.point.theta, &marked.point.lost, 8, 0.1, f64::INFINITY);
-        Marked::new(record, still, sign, point)
-    };
     let best = |marked: Vec<Marked>| {
-        let mut fewer = each(&marked[..LOOKED_AT.min(marked.len())], Marked::same, fewer);
-        fewer.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        cheapest(each(&fewer[..FOLLOWED.min(fewer.len())], Marked::same, |marked| {
-            refine(structure, sign, marked.clone())
-        }))
+        let followed = &marked[..FOLLOWED.min(marked.len())];
+        cheapest(each(followed, Marked::same, |marked| refine(structure, sign, marked.clone())))
     };
     vec![best(none), best(some)]
 }
@@ -237,23 +231,42 @@ fn in_family(family: Structure, theta: &Theta) -> Theta {
     other
 }
 
-/// Steps, and the process under a load that stands still between them, estimated in turns from a beginning.
+/// Steps, and the process under a load that may walk between them, estimated in turns from a beginning.
 fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &BacklashModel) -> Marked {
     let plain = record.unmarked();
-    let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
-    let watch = Search { record: &plain, structure: walks, sign };
-    let turn = |theta: Theta| {
-        let record = mark(&watch, &calm_theta(structure, &theta), lost, CLEAR_CHANGE, 0.0);
+    let search = Search { record: &plain, structure, sign };
+    let turn = |point: &Point, times: f64| {
+        let record = find(&search, point, times);
         let rounds = if too_many(&record) { 1 } else { 8 };
-        let point = Search { record: &record, structure: still, sign }.descend(theta, lost, rounds, 0.1, f64::INFINITY);
-        Marked::new(record, still, sign, point)
+        fitted(structure, sign, record, point, rounds, 0.1)
     };
-    let mut best = turn(theta);
-    for _ in 1..3 {
-        if too_many(&best.record) {
-            break;
-        }
-        let next = turn(best.point.theta);
+    let first = turn(&first_sight(&search, &theta, lost), FIRST_TIMES);
+    if too_many(&first.record) {
+        return first;
+    }
+    let second = turn(&first.point, 1.0);
+    cheapest([first, second])
+}
+
+/// The process fitted to marked steps from `point`, begun at the variance by which the load walks between them that explains most.
+fn fitted(structure: Structure, sign: f64, record: Cells, point: &Point, rounds: usize, enough: f64) -> Marked {
+    let search = Search { record: &record, structure, sign };
+    let theta = search.with_best_load_variance(point.theta, &point.lost);
+    let point = search.descend(theta, &point.lost, rounds, enough, f64::INFINITY);
+    Marked::new(record, structure, sign, point)
+}
+
+/// Steps found again, put to their times and fitted in turns, until a turn gains less than 1 [−2·ln L].
+fn refine(structure: Structure, sign: f64, marked: Marked) -> Marked {
+    let settled = |Marked { record, point, .. }: Marked| {
+        let record = prune(&Search { record: &record, structure, sign }, &point);
+        let record = relocate(&Search { record: &record, structure, sign }, &point);
+        fitted(structure, sign, record, &point, 10, 1e-2)
+    };
+    let mut best = settled(marked);
+    for _ in 0..MOST_TURNS {
+        let again = find(&Search { record: &best.record.unmarked(), structure, sign }, &best.point, 1.0);
+        let next = settled(fitted(structure, sign, again, &best.point, 8, 0.1));
         if next.cost > best.cost - 1.0 {
             break;
         }
@@ -262,68 +275,16 @@ fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &
     best
 }
 
-/// Steps that do not pay taken out, the others moved to where they pay most, and a load that may walk between them.
-fn refine(structure: Structure, sign: f64, marked: Marked) -> Marked {
-    let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
-    let [_, known, unknown] = Load::of(structure).walks();
-    let walking = |marked: Marked, q: f64| {
-        let mut theta = marked.point.theta;
-        theta[structure.lags + 1] = q;
-        let search = Search { record: &marked.record, structure: walks, sign };
-        let point = search.descend(theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
-        prune_and_relocate(walks, sign, Marked::new(marked.record, walks, sign, point))
-    };
-    // A load that walks needs fewer steps from the first, where the model is not quite that of the record.
-    cheapest([walking(prune_and_relocate(still, sign, marked.clone()), known), walking(marked, unknown)])
-}
-
-/// Steps pruned, relocated and fitted in turns, until a turn gains less than 1 [−2·ln L].
-fn prune_and_relocate(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
-    for _ in 0..4 {
-        let record = prune(&Search { record: &marked.record, structure, sign }, &marked.point);
-        let record = relocate(&Search { record: &record, structure, sign }, &marked.point);
-        let search = Search { record: &record, structure, sign };
-        let point = search.descend(marked.point.theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
-        let before = std::mem::replace(&mut marked, Marked::new(record, structure, sign, point)).cost;
-        if Load::of(structure) == Load::Lines {
-            marked = shift_all(structure, sign, marked);
-        }
-        if marked.cost > before - 1.0 {
-            break;
-        }
-    }
-    marked
-}
-
-/// The candidate with all bends earlier or later by the same time, where that costs less: PV shows a bend as late where it comes earlier and the process lags more, and OP's own
-/// moves where its dead time is shorter by as much.
-fn shift_all(structure: Structure, sign: f64, marked: Marked) -> Marked {
-    let last = |y: &[f64]| y.len() as f64 - 5.0;
-    let tried = [-8.0, -4.0, -2.0, 2.0, 4.0, 8.0].map(|by| {
-        let later = |s: &Strip| s.changes.iter().map(|t| (t + by).clamp(5.0, last(&s.y))).collect();
-        let record = marked.record.with_changes(marked.record.stretches.iter().map(later).collect());
-        let mut theta = marked.point.theta;
-        let lag = structure.lag(&theta);
-        theta[0] += ((lag - by) / lag).max(0.2).ln();
-        theta[structure.dead_time_at()] += by;
-        let search = Search { record: &record, structure, sign };
-        let point = search.descend(theta, &marked.point.lost, 6, 0.1, marked.point.cost);
-        Marked::new(record, structure, sign, point)
-    });
-    cheapest(tried.into_iter().chain([marked]))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loads::marks::tests::{TIMES, record, still};
+    use crate::loads::marks::tests::{TIMES, record};
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
     fn steps_are_marked_and_moved_to_their_times() {
         let (record, point) = record();
-        let found =
-            prune_and_relocate(still(&record).structure, 1.0, detect(&record, PILOT, 1.0, point.theta, &point.lost));
+        let found = refine(PILOT, 1.0, detect(&record, PILOT, 1.0, point.theta, &point.lost));
         let mut times = found.record.stretches[0].changes.clone();
         times.sort_by(f64::total_cmp);
         assert_eq!(times.len(), TIMES.len(), "{times:?}");
@@ -345,12 +306,10 @@ mod tests {
         }
         let u: Vec<f64> = (0..y.len()).map(|k| (k as f64 * 0.7).sin() * 0.01).collect();
         let record = Cells::new(&[(&y, &u)], 1);
-        let structure = Structure { noise: Noise::Lines, ..PILOT };
+        let structure = Structure { noise: Noise::Bends, ..PILOT };
         let mut theta = structure.beginning(6.0, 0.0);
         (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
-        let found =
-            prune_and_relocate(structure, 1.0, detect(&record, structure, 1.0, theta, &BacklashModel::gap(0.0, 1)))
-                .record;
+        let found = refine(structure, 1.0, detect(&record, structure, 1.0, theta, &BacklashModel::gap(0.0, 1))).record;
         let mut times = found.stretches[0].changes.clone();
         times.sort_by(f64::total_cmp);
         assert_eq!(times.len(), TIMES.len(), "{times:?}");

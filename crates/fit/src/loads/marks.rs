@@ -1,16 +1,21 @@
 //! Marks under one model: steps of the load, or bends where it goes along lines, found, taken out and moved.
 //!
-//! Under a Kalman gain that stands still a step of the load at cell k leaves one shape a in the innovations, shifted to k and as large as
-//! the step. What it would explain of white innovations ε is (Σ ε(k+i)·a(i))²/Σ a(i)²: a matched filter, one correlation for all cells.
+//! All changes of a load that stands still between them, or nearly so, are found by a bank of filters (`model::kalman::bank`).
+//!
+//! The few large steps of a load that walks are found by a matched filter. Under a Kalman gain that stands still a step of the load at cell k
+//! leaves one shape a in the innovations, shifted to k and as large as the step. What it would explain of white innovations ε is
+//! (Σ ε(k+i)·a(i))²/Σ a(i)², one correlation for all cells.
+//!
 //! What a mark that is taken out or moved is worth is then told by the filter itself, by the cells around the mark.
 
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{CELLS_A_CHANGE, FEWEST_BENDS, FEWEST_STEPS};
 use crate::model::backlash_model::BacklashModel;
+use crate::model::kalman::{Found, Sought};
 use crate::model::lanes::{LANES, Wide, Work, widest};
 use crate::model::structure::{Load, Structure, Theta};
 use crate::search::elsewhere::Elsewhere;
-use crate::search::likelihood::{Point, Search};
+use crate::search::likelihood::{Point, Search, delayed};
 use pulp::Simd;
 
 /// Cells over which the answer to a step is looked for.
@@ -18,6 +23,9 @@ pub(super) const ANSWER: usize = 100;
 
 /// Rounds in which steps are marked; in each all that lie well apart are taken.
 const ROUNDS: usize = 25;
+
+/// Part of what the record tells of the gain that a bank is told before.
+const GAIN_KNOWN: f64 = 0.1;
 
 /// While they are sought twice as many may be marked: some are taken out again. Where more would be, the load does not step.
 const MARKED_AT_MOST: usize = 2;
@@ -34,10 +42,9 @@ impl Load {
         if self == Self::Levels { [4.0, 2.0] } else { [15.0, 15.0] }
     }
 
-    /// ln of the variance by which the load, or its slope, walks in a cell [ln of the noise's variance]: while steps are
-    /// sought, at the beginning of a search with known steps, and at that of a search without them.
-    pub(super) fn walks(self) -> [f64; 3] {
-        if self == Self::Levels { [-5.0, -8.0, -4.0] } else { [-12.0, -20.0, -12.0] }
+    /// ln of the variance by which the load, or its slope, walks in a cell while its steps are not known [ln of the noise's variance].
+    pub(super) fn calm(self) -> f64 {
+        if self == Self::Levels { -5.0 } else { -12.0 }
     }
 }
 
@@ -49,7 +56,7 @@ pub(super) fn too_many(record: &Cells) -> bool {
 /// The process under a load that hardly walks.
 pub(super) fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
     let mut calm = *theta;
-    calm[structure.lags + 1] = Load::of(structure).walks()[0];
+    calm[structure.lags + 1] = Load::of(structure).calm();
     calm
 }
 
@@ -100,6 +107,78 @@ pub(super) fn mark(search: &Search, theta: &Theta, lost: &BacklashModel, clear: 
         }
     }
     record
+}
+
+/// The record with the changes of its load that a bank of filters finds, its gain and its noise those of `point`. Each must pay `times`
+/// its price.
+pub(super) fn find(search: &Search, point: &Point, times: f64) -> Cells {
+    let Search { record, structure, sign } = *search;
+    let [apart, _] = Load::of(structure).apart();
+    let variance = search.change_variance(point.kp, point.noise);
+    // What its size costs is in the likelihood of a filter, which does not know it.
+    let price = |known| times * search.price_of_place(known) + (times - 1.0) * variance.ln();
+    let most = MARKED_AT_MOST * record.count / CELLS_A_CHANGE;
+    let prices: Vec<f64> =
+        (0..most).scan(0.0, |sum, known| Some(std::mem::replace(sum, *sum + price(known)))).collect();
+    let (positions, delay) = (record.positions(&point.lost), search.delay(&point.theta));
+    let vv = GAIN_KNOWN * point.products.1;
+    // A load that may walk far needs no changes.
+    let mut theta = point.theta;
+    theta[structure.lags + 1] = theta[structure.lags + 1].min(Load::of(structure).calm());
+    let mut found = Found { sums: [point.kp * point.kp * vv, point.kp * vv, vv], ..Found::default() };
+    let mut prices = prices.as_slice();
+    let mut changes = Vec::new();
+    for (stretch, positions) in record.stretches.iter().zip(&positions) {
+        let v = delayed(positions, delay);
+        let sought = Sought {
+            theta: &theta,
+            y: &stretch.y,
+            v: &v,
+            variance,
+            noise: point.noise,
+            sign,
+            sums: found.sums,
+            prices,
+            apart: apart as usize,
+        };
+        widest(Seeking { structure, sought, found: &mut found });
+        prices = &prices[found.changes.len()..];
+        changes.push(std::mem::take(&mut found.changes));
+    }
+    record.with_changes(changes)
+}
+
+/// See [`Structure::bank`].
+struct Seeking<'s, 'f> {
+    structure: Structure,
+    sought: Sought<'s>,
+    found: &'f mut Found,
+}
+
+impl Work for Seeking<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        *self.found = self.structure.bank::<S, R>(simd, &self.sought);
+    }
+}
+
+/// What an unmarked record tells of gain and noise under a load that hardly walks.
+pub(super) fn first_sight(search: &Search, theta: &Theta, lost: &BacklashModel) -> Point {
+    let theta = calm_theta(search.structure, theta);
+    let here = search.at(&theta, &search.record.positions(lost));
+    // Spread of the innovations by their median, which steps do not move.
+    let mut sizes: Vec<f64> = here.residual.iter().map(|r| r[0].abs()).collect();
+    let middle = sizes.len() / 2;
+    let spread = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745 / here.scale[0];
+    let products = (here.sums.yv[0], here.sums.vv[0]);
+    Point {
+        theta,
+        cost: search.cost(here.sum[0]),
+        kp: here.kp[0],
+        lost: lost.clone(),
+        noise: spread * spread,
+        products,
+    }
 }
 
 /// Without the steps that do not pay.

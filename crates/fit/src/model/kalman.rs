@@ -1,7 +1,9 @@
 //! The innovations of a record: what each sample of PV brings that the model did not foresee.
 
+mod bank;
 mod sides;
 
+pub(crate) use bank::{Found, Sought};
 pub(crate) use sides::{Asked, Sides, Totals, union};
 
 use crate::model::lanes::{Lanes, Wide};
@@ -634,6 +636,25 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         if change.is_some() {
             gain.thaw();
         }
+        self.predict(gain, missing);
+        if let Some(change) = change {
+            let before = Wide::load(self.simd, &change.before);
+            let variance = Wide::load(self.simd, &change.variance);
+            let reached = self.reached(before);
+            let (from, to) = if MORE == LINES { (Self::LOAD, Self::LAST) } else { (0, Self::LOAD) };
+            for i in from..=to {
+                for j in i..=to {
+                    gain.p[i][j] += variance * reached[i] * reached[j];
+                }
+            }
+        }
+        self.measure(gain);
+        gain.look();
+    }
+
+    /// The covariance a cell later, and the effect of an innovation on the states there.
+    #[inline(always)]
+    fn predict(&self, gain: &mut Gain<S, R, N>, missing: bool) {
         let d = Self::LAST;
         // F·P, of which only the process' rows are new, and F·P·Hᵀ.
         let mut half = [[Wide::all(self.simd, 0.0); N]; N];
@@ -693,19 +714,6 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         if MORE > 0 {
             gain.p[d][d] += self.q_more;
         }
-        if let Some(change) = change {
-            let before = Wide::load(self.simd, &change.before);
-            let variance = Wide::load(self.simd, &change.variance);
-            let reached = self.reached(before);
-            let (from, to) = if MORE == LINES { (Self::LOAD, Self::LAST) } else { (0, Self::LOAD) };
-            for i in from..=to {
-                for j in i..=to {
-                    gain.p[i][j] += variance * reached[i] * reached[j];
-                }
-            }
-        }
-        self.measure(gain);
-        gain.look();
     }
 
     /// Effect on the states of a change so long before a cell; the last state follows at once, the others one after

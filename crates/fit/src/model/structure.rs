@@ -1,6 +1,6 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::model::kalman::{Asked, DRIFT, Delayed, LINES, LoadChange, Models, SLOPE, Totals, Whitened};
+use crate::model::kalman::{Asked, DRIFT, Delayed, Found, LINES, LoadChange, Models, SLOPE, Sought, Totals, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide, Work};
 use pulp::{Scalar, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
@@ -82,6 +82,12 @@ impl Load {
             Self::Levels => [Noise::Still, Noise::Input],
             Self::Lines => [Noise::Lines, Noise::Bends],
         }
+    }
+
+    /// Variances that are tried for how a load, or its slope, walks in a cell: the least of them, and from one to the next [ln of the
+    /// noise's variance].
+    pub(crate) fn walks(self) -> [f64; 2] {
+        if self == Self::Levels { [-8.0, 2.5] } else { [-24.0, 4.0] }
     }
 
     /// Kind of the load in a family.
@@ -248,7 +254,7 @@ impl Structure {
 
     /// The process with gain 1, held input, one cell a step; its first state is its output, the others its
     /// derivatives in units of the time constant τ, which keeps all of one size.
-    fn models<S: Simd, const R: usize, const N: usize, const MORE: usize>(
+    pub(crate) fn models<S: Simd, const R: usize, const N: usize, const MORE: usize>(
         self,
         simd: S,
         thetas: &[Theta; LANES],
@@ -342,6 +348,23 @@ impl Structure {
         macro_rules! with {
             ($states:literal, $more:expr) => {
                 self.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
+            };
+        }
+        match (self.order(), self.noise) {
+            (2, Noise::Still | Noise::Input) => with!(3, 0),
+            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
+            (_, Noise::Still | Noise::Input) => with!(4, 0),
+            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
+            (_, noise) => unreachable!("nothing is marked under {noise:?}"),
+        }
+    }
+
+    /// See [`Models::bank`]; of a load that steps or bends.
+    #[inline(always)]
+    pub(crate) fn bank<S: Simd, const R: usize>(self, simd: S, sought: &Sought) -> Found {
+        macro_rules! with {
+            ($states:literal, $more:expr) => {
+                self.models::<S, R, $states, { $more }>(simd, &[*sought.theta; LANES]).bank(sought)
             };
         }
         match (self.order(), self.noise) {

@@ -14,7 +14,7 @@ use crate::data::cells::{Cells, Positions, Strip};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::{Sums, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide};
-use crate::model::structure::{Noise, Structure, Theta};
+use crate::model::structure::{Load, Noise, Structure, Theta};
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -29,9 +29,9 @@ pub(crate) struct Point {
     pub(crate) kp: f64,
     pub(crate) lost: BacklashModel,
     /// Variance of the white noise on PV [PV unit²].
-    pub(super) noise: f64,
+    pub(crate) noise: f64,
     /// Σ ε_y·ε_v/S and Σ ε_v²/S, of which the gain is the ratio.
-    pub(super) products: (f64, f64),
+    pub(crate) products: (f64, f64),
 }
 
 /// Innovations that the likelihood is made of: `residual` = innovation/√S·exp(Σ ln S/2n), whose sum of squares is to be
@@ -40,7 +40,7 @@ pub(crate) struct Point {
 pub(crate) struct Innovations {
     pub(crate) residual: Vec<Lanes>,
     pub(crate) kp: Lanes,
-    pub(super) sums: Sums,
+    pub(crate) sums: Sums,
     pub(crate) sum: Lanes,
     /// Sum of squares with gain 0: what the disturbance alone explains.
     pub(crate) sum_without: Lanes,
@@ -161,7 +161,8 @@ impl Search<'_> {
     pub(crate) fn with_best_load_variance(&self, theta: Theta, lost: &BacklashModel) -> Theta {
         let thetas: [Theta; LANES] = std::array::from_fn(|l| {
             let mut theta = theta;
-            theta[self.structure.lags + 1] = 2.5 * l as f64 - 8.0;
+            let [least, apart] = Load::of(self.structure).walks();
+            theta[self.structure.lags + 1] = least + apart * l as f64;
             theta
         });
         let positions = self.record.positions(lost);
@@ -212,16 +213,27 @@ impl Search<'_> {
         if self.record.changes() == 0 {
             return 0.0;
         }
-        // The range of OP's possible effect, or of PV: a process that hardly answers OP pays no less for its changes.
+        let size = self.change_variance(kp, noise());
+        let changes = self.record.changes();
+        let places: f64 = (0..changes).map(|known| self.price_of_place(known)).sum();
+        changes as f64 * size.ln() + places
+    }
+
+    /// Variance that a change may have, divided by 2π [variance of the noise]: the range of OP's possible effect, or of PV, since a
+    /// process that hardly answers OP pays no less for its changes. At least 1.
+    pub(crate) fn change_variance(&self, kp: f64, noise: f64) -> f64 {
         let seen = if self.structure.integrating { 0.0 } else { self.record.span };
-        let mut size = (kp * self.record.range).abs().max(seen).powi(2) / noise();
+        let mut size = (kp * self.record.range).abs().max(seen).powi(2) / noise;
         if matches!(self.structure.noise, Noise::Lines | Noise::Bends) {
             size /= LONG * LONG;
         }
-        let (changes, cells) = (self.record.changes(), self.record.count);
-        // Any order of the changes is possible: ln of the binomial coefficient.
-        let places: f64 = (0..changes).map(|j| ((cells - j) as f64 / (j + 1) as f64).ln()).sum();
-        changes as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
+        (size / (2.0 * PI)).max(1.0)
+    }
+
+    /// Price of the place of one more change [−2·ln L]: any order of them is possible, so all together cost the logarithm of the binomial
+    /// coefficient.
+    pub(crate) fn price_of_place(&self, known: usize) -> f64 {
+        2.0 * ((self.record.count - known) as f64 / (known + 1) as f64).ln()
     }
 
     /// PV as the process alone would make it from rest at the positions of a lost motion; none where the record has none.
@@ -250,7 +262,7 @@ pub(super) fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
 }
 
 /// `v`, late by `delay` [cells].
-pub(super) fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
+pub(crate) fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
     let (mut shifted, part) = (Vec::new(), delay - delay.floor());
     shift(v, delay, &mut shifted);
     shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect()

@@ -208,7 +208,7 @@ impl Search<'_> {
     /// Delay of the answer [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from
     /// the first step on. OP never acts on the PV of its own step: it is the controller's answer to that PV, and would
     /// explain it all too well.
-    pub(super) fn delay(&self, theta: &Theta) -> f64 {
+    pub(crate) fn delay(&self, theta: &Theta) -> f64 {
         let cell = self.record.cell as f64;
         theta[self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell)
     }

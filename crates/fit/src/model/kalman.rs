@@ -85,6 +85,8 @@ impl LoadChange {
 
 /// Variance that means "not known at all", at the start and for the load where it changes, in units of the white noise.
 pub(crate) const UNKNOWN: f64 = 1e8;
+/// Part of [`UNKNOWN`] that is the variance of a step whose place in its cell is not known: it is a hundred times the noise.
+const BLURRED: f64 = 1e-4;
 /// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
 /// that models with more states do not pay for a start that nobody asked about.
 pub(crate) const START: usize = 6;
@@ -647,6 +649,14 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                     gain.p[i][j] += variance * reached[i] * reached[j];
                 }
             }
+            if MORE != LINES {
+                let blur = self.blur();
+                for i in 0..Self::ORDER {
+                    for j in i..Self::ORDER {
+                        gain.p[i][j] += variance * blur[i][j];
+                    }
+                }
+            }
         }
         self.measure(gain);
         gain.look();
@@ -714,6 +724,23 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         if MORE > 0 {
             gain.p[d][d] += self.q_more;
         }
+    }
+
+    /// Covariance of the effects on the process of a step anywhere in its cell, or spread over it, beside those of one in its middle; the
+    /// step's variance is [`BLURRED`] of the one that is not known at all.
+    #[inline(always)]
+    fn blur(&self) -> [[Wide<S, R>; N]; N] {
+        array::from_fn(|i| {
+            array::from_fn(|j| {
+                if i >= Self::ORDER || j >= Self::ORDER {
+                    return Wide::all(self.simd, 0.0);
+                }
+                let (p, q) = (Self::ORDER - i, Self::ORDER - j);
+                let covariance = 1.0 / (p + q + 1) as f64 - 1.0 / ((p + 1) * (q + 1)) as f64;
+                let both = self.transition[i][Self::LOAD] * self.transition[j][Self::LOAD];
+                both * Wide::all(self.simd, covariance * BLURRED)
+            })
+        })
     }
 
     /// Effect on the states of a change so long before a cell; the last state follows at once, the others one after

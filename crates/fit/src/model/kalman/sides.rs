@@ -275,6 +275,9 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             for k in cells.clone().rev() {
                 if let Some(change) = changes.next_if(|change| change.cell == k + 1) {
                     going.free(&self.noise_of(change));
+                    if MORE != LINES {
+                        self.blur_of(change).iter().for_each(|column| going.free(column));
+                    }
                 }
                 going.back(&process, sides.y[k], sides.v[k]);
             }
@@ -290,6 +293,26 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             }
             sides.behind[next] = now;
         }
+    }
+
+    /// Columns whose outer products add up to the blur of a change of the first model.
+    #[inline(always)]
+    fn blur_of(&self, change: &LoadChange) -> [[f64; N]; N] {
+        let size = change.variance[0];
+        let blur = self.blur().map(|row| row.map(|x| size * x.lanes()[0]));
+        let mut columns = [[0.0; N]; N];
+        for j in 0..N {
+            let rest = blur[j][j] - (0..j).map(|m| columns[m][j] * columns[m][j]).sum::<f64>();
+            if rest <= 1e-9 * blur[j][j] {
+                continue;
+            }
+            let pivot = rest.sqrt();
+            for i in j..N {
+                let sum: f64 = (0..j).map(|m| columns[m][i] * columns[m][j]).sum();
+                columns[j][i] = (blur[j][i] - sum) / pivot;
+            }
+        }
+        columns
     }
 
     /// Effect of a change of the first model on each of the states.

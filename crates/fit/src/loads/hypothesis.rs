@@ -7,7 +7,7 @@ use crate::loads::plausible::{all_large, few, plausible};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
-use crate::search::profile::{FINE_TOLERANCE, Profile};
+use crate::search::profile::{FINE_TOLERANCE, Profile, Seed};
 use crate::search::screen::{MOST_FAMILIES, PILOT, best_of, full_profile, pilot, screen, screening_margin};
 use glapp_core::Model;
 use rayon::prelude::*;
@@ -257,7 +257,14 @@ fn sticking_profiles(search: &Search, gap: &Profile, clue: Option<&(Structure, P
         .map(|point| {
             let widths: Vec<f64> =
                 around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
-            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4, FINE_TOLERANCE);
+            let mut profile = Profile::over(
+                search,
+                &widths,
+                &point.lost,
+                &[Seed { theta: point.theta, d: point.lost.d }],
+                4,
+                FINE_TOLERANCE,
+            );
             profile.refine(search, 1, 0.02 * point.lost.d);
             profile
         })

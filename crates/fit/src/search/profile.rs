@@ -16,6 +16,13 @@ pub(crate) struct Profile {
     pub(crate) best: usize,
 }
 
+/// A beginning of a profile: parameters, and the width that they go with.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) struct Seed {
+    pub(crate) theta: Theta,
+    pub(crate) d: f64,
+}
+
 /// Gain of a step below which a descent of a whole profile ends [−2·ln L].
 pub(crate) const FINE_TOLERANCE: f64 = 0.03;
 
@@ -28,22 +35,20 @@ const FINER: f64 = 10.0;
 
 impl Profile {
     /// Profile over `widths` (rising), with all else of the valve as in `lost`. Each search begins from the neighbours on both
-    /// sides, each fourth also from `seeds`; `rounds` and `enough` as in [`Search::descend`].
+    /// sides, each fourth also from `seeds`, and each seed's own width from it; `rounds` and `enough` as in [`Search::descend`].
     pub(crate) fn over(
         search: &Search,
         widths: &[f64],
         lost: &BacklashModel,
-        seeds: &[Theta],
+        seeds: &[Seed],
         rounds: usize,
         enough: f64,
     ) -> Self {
         let at = |d: f64| BacklashModel { d, ..lost.clone() };
         let mut points: Vec<Point> = Vec::with_capacity(widths.len());
         for (i, &d) in widths.iter().enumerate() {
-            let mut beginnings = Vec::new();
-            if i % 4 == 0 {
-                beginnings.extend(seeds.iter().map(|theta| (*theta, at(d))));
-            }
+            let begins = |seed: &&Seed| i % 4 == 0 || seed.d == d;
+            let mut beginnings: Vec<_> = seeds.iter().filter(begins).map(|seed| (seed.theta, at(d))).collect();
             if let Some(before) = points.last() {
                 beginnings.push((before.theta, at(d)));
             }

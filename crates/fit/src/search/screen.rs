@@ -4,7 +4,7 @@ use crate::data::cells::Cells;
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
-use crate::search::profile::{FINE_TOLERANCE, Profile};
+use crate::search::profile::{FINE_TOLERANCE, Profile, Seed};
 use rayon::prelude::*;
 
 /// Relative excess of the innovations allowed after a coarse look, which may miss a narrow valley.
@@ -158,7 +158,9 @@ pub(crate) fn screen(record: &Cells, seeds: &[Theta], sign: f64, near: f64, load
         .chain(Structure::with(Noise::Slope).into_iter().flat_map(sloping))
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSE_TOLERANCE))
+        .map(|(structure, theta)| {
+            Profile::over(&of(structure), &coarse, &gap, &[Seed { theta, d: near }], 4, COARSE_TOLERANCE)
+        })
         .collect();
     let mut simple = distinct(simple);
     // A gap that is narrow against all that OP does has a valley between two of the widths, which a family that is right
@@ -184,8 +186,8 @@ pub(crate) fn screen(record: &Cells, seeds: &[Theta], sign: f64, near: f64, load
         .filter(|p| p.least() < promising && matches!(p.structure.noise, Noise::Input | Noise::Output))
         .filter_map(|p| {
             let structure = Structure { noise: Noise::Both, ..p.structure };
-            let both =
-                Profile::over(&of(structure), &coarse, &gap, &[theta_for_both(structure, p)], 3, COARSE_TOLERANCE);
+            let seed = Seed { theta: theta_for_both(structure, p), d: p.points[p.best].lost.d };
+            let both = Profile::over(&of(structure), &coarse, &gap, &[seed], 3, COARSE_TOLERANCE);
             // A second disturbance without effect gives the same family once more.
             (both.penalised() < p.penalised()).then_some(both)
         })
@@ -219,7 +221,8 @@ fn with_width(widths: &[f64], d: f64) -> Vec<f64> {
 pub(crate) fn full_profile(search: &Search, look: &Profile) -> Profile {
     let range = search.record.range;
     let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
-    let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
+    let mut seeds: Vec<Seed> =
+        [look.best, 0].map(|i| &look.points[i]).map(|p| Seed { theta: p.theta, d: p.lost.d }).to_vec();
     seeds.dedup();
     let gap = BacklashModel::gap(0.0, search.record.stretches.len());
     let widths = with_width(&fine.map(|part| part * range), look.points[look.best].lost.d);

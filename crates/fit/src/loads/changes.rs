@@ -27,7 +27,7 @@ pub(crate) struct Marked {
 
 impl Marked {
     pub(super) fn new(record: Cells, structure: Structure, sign: f64, point: Point) -> Self {
-        let cost = point.cost + Search { record: &record, structure, sign }.price_of_changes(&point);
+        let cost = point.cost + Search { record: &record, structure, sign }.price_of_changes(point.kp);
         Self { record, point, cost }
     }
 

@@ -61,14 +61,30 @@ impl Hypothesis {
         let sticking = sticking_profiles(&of(sticks_in), &profiles[0], clue);
         let best = &profiles[0].points[profiles[0].best];
         let stuck = sticking.first().map_or(f64::INFINITY, Profile::penalised);
-        let price = of(profiles[0].structure).price_of_changes(best);
+        let price = of(profiles[0].structure).price_of_changes(best.kp);
         let cost = least.min(stuck) + price;
         let none = profiles.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(plain, f64::min);
         Self { record, dissent, sticking, sticks_in, cost, without: none + price, profiles }
     }
 
     /// Made from marked steps and the family that goes with them; None where they are not those of a load, or cost more
-    /// than `rival`.
+    /// than `rival`. Steps too few to tell that the load stands still between them must be large ones of a load that walks.
+    fn with_marks(
+        with: Marked,
+        structure: Structure,
+        load: Load,
+        seeds: &[Theta],
+        sign: f64,
+        rival: f64,
+    ) -> Option<Self> {
+        if few(&with.record, load) {
+            Self::with_changes(with, structure, load, seeds, sign, rival)
+        } else {
+            Self::with_large_steps(with, structure, seeds, sign, rival)
+        }
+    }
+
+    /// As [`Self::with_marks`], of steps of a load that stands still between them, or of bends.
     fn with_changes(
         with: Marked,
         structure: Structure,
@@ -78,7 +94,7 @@ impl Hypothesis {
         rival: f64,
     ) -> Option<Self> {
         // The whole profiles may bring a little more.
-        if !few(&with.record, load) || with.cost > rival + 10.0 {
+        if with.cost > rival + 10.0 {
             return None;
         }
         let clue = (structure, with.point);
@@ -131,7 +147,7 @@ fn with_walking_load(record: &Cells, seeds: &[Theta], sign: f64) -> (Cells, Vec<
         let search = Search { record: &record, structure: leading.structure, sign };
         let whole = full_profile(&search, leading);
         let best = &whole.points[whole.best];
-        least = least.min(best.cost + search.price_of_changes(best));
+        least = least.min(best.cost + search.price_of_changes(best.kp));
         let marked = with_large_steps(&search, best);
         if marked.record.same_changes(&record) || marked.cost > least - 1.0 {
             return (record, looked, Some(whole));
@@ -189,7 +205,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
         if load == Load::Levels {
             least = least.min(with.cost + price);
         }
-        let Some(marked) = Hypothesis::with_changes(with, structure, load, seeds, sign, rival) else {
+        let Some(marked) = Hypothesis::with_marks(with, structure, load, seeds, sign, rival) else {
             continue;
         };
         without = without.min(marked.without).min(none.unwrap_or(without));
@@ -203,12 +219,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
         let load = Load::of(structure);
         let (with, structure) = marked_anew(&believed.record, structure, sign, point);
         let rival = believed.cost - 2.0;
-        let marked = if few(&with.record, load) {
-            Hypothesis::with_changes(with, structure, load, seeds, sign, rival)
-        } else {
-            Hypothesis::with_large_steps(with, structure, seeds, sign, rival)
-        };
-        let Some(marked) = marked else { break };
+        let Some(marked) = Hypothesis::with_marks(with, structure, load, seeds, sign, rival) else { break };
         without = without.min(marked.without);
         believed = marked;
     }

@@ -17,6 +17,7 @@ use crate::model::structure::{Load, Structure, Theta};
 use crate::search::elsewhere::Elsewhere;
 use crate::search::likelihood::{Point, Search, delayed};
 use pulp::Simd;
+use std::f64::consts::PI;
 
 /// Cells over which the answer to a step is looked for.
 pub(super) const ANSWER: usize = 100;
@@ -114,7 +115,7 @@ pub(super) fn mark(search: &Search, theta: &Theta, lost: &BacklashModel, clear: 
 pub(super) fn find(search: &Search, point: &Point, times: f64) -> Cells {
     let Search { record, structure, sign } = *search;
     let [apart, _] = Load::of(structure).apart();
-    let variance = search.change_variance(point.kp, point.noise);
+    let variance = search.largest_change(point.kp).powi(2) / (2.0 * PI * point.noise);
     // What its size costs is in the likelihood of a filter, which does not know it.
     let price = |known| times * search.price_of_place(known) + (times - 1.0) * variance.ln();
     let most = MARKED_AT_MOST * record.count / CELLS_A_CHANGE;
@@ -184,7 +185,7 @@ pub(super) fn first_sight(search: &Search, theta: &Theta, lost: &BacklashModel) 
 /// Without the steps that do not pay.
 pub(super) fn prune(search: &Search, point: &Point) -> Cells {
     let mut record = search.record.clone();
-    let mut cost = point.cost + search.price_at(point);
+    let mut cost = point.cost + search.price_of_changes(point.kp);
     let positions = record.positions(&point.lost);
     while record.changes() > 0 {
         // Step by step: what the record costs without it.
@@ -198,7 +199,7 @@ pub(super) fn prune(search: &Search, point: &Point) -> Cells {
             let mut fewer = record.clone();
             fewer.stretches[i].changes.pop();
             let search = Search { record: &fewer, ..*search };
-            let price_of_changes = search.price_at(point);
+            let price_of_changes = search.price_of_changes(point.kp);
             for j in 0..changes.len() {
                 let fewer = [&changes[..j], &changes[j + 1..]].concat();
                 let sums = elsewhere.with(i, &[fewer.as_slice()]);

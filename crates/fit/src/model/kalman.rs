@@ -85,8 +85,8 @@ impl LoadChange {
 
 /// Variance that means "not known at all", at the start and for the load where it changes, in units of the white noise.
 pub(crate) const UNKNOWN: f64 = 1e8;
-/// Part of [`UNKNOWN`] that is the variance of a step whose place in its cell is not known: it is a hundred times the noise.
-const BLURRED: f64 = 1e-4;
+/// Part of [`UNKNOWN`] that is the variance of a step whose place in its cell is not known: it is ten times the noise.
+const BLURRED: f64 = 1e-6;
 /// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
 /// that models with more states do not pay for a start that nobody asked about.
 pub(crate) const START: usize = 6;

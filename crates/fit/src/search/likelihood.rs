@@ -11,6 +11,7 @@
 //! the residual r = ε/√S·exp(Σ ln S/2n).
 
 use crate::data::cells::{Cells, Positions, Strip};
+use crate::decide::thresholds::PRICE_OF_CHANGE;
 use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::{Sums, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide};
@@ -181,26 +182,18 @@ impl Search<'_> {
         freedom * ((sum.max(1e-300) / freedom).ln() + 1.0 + (2.0 * PI).ln())
     }
 
-    /// Price of the marked changes of the load at `point`, which was found with them [−2·ln L]: each may lie at any
-    /// cell, and be as large as OP's range, that of a slope as large as that in a hundred cells.
-    pub(crate) fn price_of_changes(&self, point: &Point) -> f64 {
-        self.price(point.kp, || point.noise)
-    }
-
-    /// Price of the changes of this record at a point of another.
-    pub(crate) fn price_at(&self, point: &Point) -> f64 {
-        let noise = || {
-            let positions = self.record.positions(&point.lost);
-            self.innovations(&[point.theta; LANES], 1, &positions, Wanted::Least, |found| self.noise(found))
-        };
-        self.price(point.kp, noise)
+    /// Price of the marked changes of the load, where the gain is `kp` [−2·ln L]: each may lie at any cell, and be as large as
+    /// OP's range or PV's, that of a slope as large as that in a hundred cells. Beside it each leaves one sample less to the noise.
+    pub(crate) fn price_of_changes(&self, kp: f64) -> f64 {
+        let changes = self.record.changes();
+        let places: f64 = (0..changes).map(|known| self.price_of_place(known)).sum();
+        changes as f64 * self.largest_change(kp).powi(2).ln() + places
     }
 
     /// Cost of this record at a point of another, with the price of its changes [−2·ln L].
     pub(crate) fn cost_at(&self, point: &Point, positions: &Positions) -> f64 {
-        self.innovations(&[point.theta; LANES], 1, positions, Wanted::Least, |found| {
-            self.cost(found.sum[0]) + self.price(point.kp, || self.noise(found))
-        })
+        let sum = self.innovations(&[point.theta; LANES], 1, positions, Wanted::Least, |found| found.sum[0]);
+        self.cost(sum) + self.price_of_changes(point.kp)
     }
 
     /// Variance of the white noise on PV in the first lane.
@@ -209,31 +202,20 @@ impl Search<'_> {
         found.sum[0] / (scale * scale) / self.record.freedom()
     }
 
-    fn price(&self, kp: f64, noise: impl FnOnce() -> f64) -> f64 {
-        if self.record.changes() == 0 {
-            return 0.0;
-        }
-        let size = self.change_variance(kp, noise());
-        let changes = self.record.changes();
-        let places: f64 = (0..changes).map(|known| self.price_of_place(known)).sum();
-        changes as f64 * size.ln() + places
+    /// Largest change of the load that is thought of: the range of OP's possible effect, or of PV, since a process that hardly
+    /// answers OP pays no less for its changes [PV unit, or PV unit/cell].
+    pub(crate) fn largest_change(&self, kp: f64) -> f64 {
+        // A load that makes PV's span in the whole record is the least that is thought of where PV is its integral.
+        let seen =
+            if self.structure.integrating { self.record.span / self.record.count as f64 } else { self.record.span };
+        let largest = (kp * self.record.range).abs().max(seen);
+        if Load::of(self.structure) == Load::Lines { largest / LONG } else { largest }
     }
 
-    /// Variance that a change may have, divided by 2π [variance of the noise]: the range of OP's possible effect, or of PV, since a
-    /// process that hardly answers OP pays no less for its changes. At least 1.
-    pub(crate) fn change_variance(&self, kp: f64, noise: f64) -> f64 {
-        let seen = if self.structure.integrating { 0.0 } else { self.record.span };
-        let mut size = (kp * self.record.range).abs().max(seen).powi(2) / noise;
-        if matches!(self.structure.noise, Noise::Lines | Noise::Bends) {
-            size /= LONG * LONG;
-        }
-        (size / (2.0 * PI)).max(1.0)
-    }
-
-    /// Price of the place of one more change [−2·ln L]: any order of them is possible, so all together cost the logarithm of the binomial
-    /// coefficient.
+    /// Price of one more change, and of its place [−2·ln L]: any order of them is possible, so all together cost the logarithm of the
+    /// binomial coefficient.
     pub(crate) fn price_of_place(&self, known: usize) -> f64 {
-        2.0 * ((self.record.count - known) as f64 / (known + 1) as f64).ln()
+        PRICE_OF_CHANGE + 2.0 * ((self.record.count - known) as f64 / (known + 1) as f64).ln()
     }
 
     /// PV as the process alone would make it from rest at the positions of a lost motion; none where the record has none.

@@ -180,6 +180,9 @@ thresholds! {
     WIDER_THAN_GAP: f64 = 1.2, "1";
     /// Of n steps more than n/2 + 0.82·√n go with OP in 5 % of loads, which know nothing of OP. FIC46005: 21 of 25.
     ALONG_OP: f64 = 0.82, "1";
+    /// The same of steps that leave no gap: more than n/2 + 1.55·√n go with OP in 0.1 % of loads, so chance alone takes no load from
+    /// what a gap has to beat.
+    ALONG_OP_WITHOUT: f64 = 1.55, "1";
 
     /// Mean rise of −2·ln L over the width of all records that is no disagreement. `bench.lengths` (ADR 0012).
     AGREES: f64 = 4.0, "−2·ln L";

@@ -183,6 +183,21 @@ pub(crate) fn marked_anew(record: &Cells, structure: Structure, sign: f64, point
     (cheapest(followed.collect::<Vec<_>>()), family)
 }
 
+/// `point`, which has no gap, with steps that are marked anew, and the process of these with the steps of `record`; the family is that of a
+/// load which may walk between them.
+pub(crate) fn without_a_gap(
+    record: &Cells,
+    structure: Structure,
+    sign: f64,
+    point: &Point,
+) -> ([Marked; 2], Structure) {
+    let family = Structure { noise: Load::of(structure).noises()[1], ..structure };
+    let theta = in_family(family, &point.theta);
+    let own = refine(family, sign, detect(record, family, sign, theta, &point.lost));
+    let believed = fitted(family, sign, record.clone(), &own.point, 10, 1e-2);
+    ([own, believed], family)
+}
+
 /// The best without a lost motion and the best with one, after the bends of a few beginnings were refined: bends beside a process that is
 /// not yet good hide which beginning is.
 fn shortlist(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Marked> {

@@ -1,8 +1,8 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
 use crate::data::cells::Cells;
-use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
-use crate::loads::changes::{Marked, choose_family, detect_changes, marked_anew, with_large_steps};
+use crate::decide::thresholds::{ALONG_OP, ALONG_OP_WITHOUT, ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
+use crate::loads::changes::{Marked, choose_family, detect_changes, marked_anew, with_large_steps, without_a_gap};
 use crate::loads::plausible::{all_large, few, plausible};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Load, Noise, Structure, Theta};
@@ -103,7 +103,7 @@ impl Hypothesis {
         let marked = Self::new(with.record, looked, None, Some(&clue), sign);
         let (structure, point) = marked.best();
         let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
-        (marked.cost <= rival && plausible(&best, structure, sign)).then_some(marked)
+        (marked.cost <= rival && plausible(&best, structure, sign, ALONG_OP)).then_some(marked)
     }
 
     /// Made from so few marked steps that each must be larger than the gap, under a load that walks; None where one is
@@ -115,6 +115,19 @@ impl Hypothesis {
         let seeds = [&[structure.as_pilot(&with.point.theta)], seeds].concat();
         let looked = screen(&with.record, &seeds, sign, with.point.lost.d, Load::Levels);
         Some(Self::new(with.record, looked, None, None, sign)).filter(|marked| marked.cost <= rival)
+    }
+
+    /// Cost of no gap, begun anew from the process that suits it best beside the steps that are believed in: with steps of its own where
+    /// they may be those of a load, and with those [−2·ln L].
+    fn without_anew(&self, sign: f64) -> f64 {
+        let Profile { structure, points, .. } = &self.profiles[0];
+        if !few(&self.record, Load::of(*structure)) {
+            return f64::INFINITY;
+        }
+        let ([own, believed], family) = without_a_gap(&self.record, *structure, sign, &points[0]);
+        let cost =
+            if plausible(&own, family, sign, ALONG_OP_WITHOUT) { own.cost.min(believed.cost) } else { believed.cost };
+        cost + 2.0 * family.parameters() as f64
     }
 
     /// Likelihood ratio of a process that does not answer, in the best family of a gap.
@@ -195,7 +208,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
         let rival = least;
         let pilot = Structure { noise: load.noises()[1], ..PILOT };
         let price = 2.0 * pilot.parameters() as f64;
-        let none = plausible(&none, pilot, sign).then_some(none.cost + price);
+        let none = plausible(&none, pilot, sign, ALONG_OP_WITHOUT).then_some(none.cost + price);
         if load == Load::Lines {
             // A load along lines is one that any gap has to beat, with the steps that suit it best.
             least = least.min(with.cost + price);
@@ -213,8 +226,12 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
         believed = marked;
     }
     done(0.9);
-    // A width that was looked at early keeps the steps that make up for it.
+    // A width that was looked at early keeps the steps that make up for it; so does no gap.
     while believed.record.changes() > 0 && without - believed.cost > LR_SEEN {
+        without = without.min(believed.without_anew(sign));
+        if without - believed.cost <= LR_SEEN {
+            break;
+        }
         let (structure, point) = believed.best();
         let load = Load::of(structure);
         let (with, structure) = marked_anew(&believed.record, structure, sign, point);

@@ -12,9 +12,9 @@ pub(crate) fn few(record: &Cells, load: Load) -> bool {
     (load.fewest()..=record.count / CELLS_A_CHANGE).contains(&record.changes())
 }
 
-/// Whether the marked steps may be load steps: they are few, and follow OP no more often than by chance (5 %).
+/// Whether the marked steps may be load steps: they are few, and of n no more than n/2 + `chance`·√n follow OP.
 /// A load knows nothing of OP; a valve that breaks loose goes where OP has gone.
-pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> bool {
+pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64, chance: f64) -> bool {
     let load = Load::of(structure);
     if !few(&marked.record, load) || load == Load::Lines {
         // OP goes along the same lines: where they bend tells nothing.
@@ -22,7 +22,7 @@ pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> boo
     }
     let (along, all) = along_op(marked, structure, sign);
     let (along, all) = (along as f64, all as f64);
-    along <= 0.5 * all + ALONG_OP * all.sqrt()
+    along <= 0.5 * all + chance * all.sqrt()
 }
 
 /// Whether each step is clear and wider than the gap, as those of a load that walks must be: what is smaller may be the valve.
@@ -94,7 +94,7 @@ mod tests {
         let (record, point) = record();
         let truth =
             Marked::new(record.with_changes(vec![TIMES.to_vec()]), still(&record).structure, 1.0, point.clone());
-        assert!(plausible(&truth, PILOT, 1.0));
+        assert!(plausible(&truth, PILOT, 1.0, ALONG_OP));
         // OP moves up before each step up, and down before each step down.
         let (y, mut u) = (record.stretches[0].y.clone(), Vec::new());
         let mut op = 0.0;
@@ -105,6 +105,6 @@ mod tests {
         }
         let other = Cells::new(&[(&y, &u)], 1).with_changes(vec![TIMES.to_vec()]);
         let along = Marked::new(other, still(&record).structure, 1.0, point);
-        assert!(!plausible(&along, PILOT, 1.0));
+        assert!(!plausible(&along, PILOT, 1.0, ALONG_OP_WITHOUT));
     }
 }

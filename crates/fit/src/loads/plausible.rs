@@ -105,6 +105,6 @@ mod tests {
         }
         let other = Cells::new(&[(&y, &u)], 1).with_changes(vec![TIMES.to_vec()]);
         let along = Marked::new(other, still(&record).structure, 1.0, point);
-        assert!(!plausible(&along, PILOT, 1.0, ALONG_OP_WITHOUT));
+        assert!(!plausible(&along, PILOT, 1.0, ALONG_OP));
     }
 }

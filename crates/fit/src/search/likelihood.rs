@@ -15,7 +15,7 @@ use crate::decide::thresholds::PRICE_OF_CHANGE;
 use crate::model::backlash_model::BacklashModel;
 use crate::model::kalman::{Sums, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide};
-use crate::model::structure::{Load, Noise, Structure, Theta};
+use crate::model::structure::{Load, Structure, Theta};
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;

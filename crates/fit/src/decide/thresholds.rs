@@ -178,6 +178,8 @@ thresholds! {
     LARGE_STEP: f64 = 50.0, "−2·ln L";
     /// Size of such a step as a ratio to the gap: a smaller one may be the valve. Simulations.
     WIDER_THAN_GAP: f64 = 1.2, "1";
+    /// Traversals of the gap each way to a step that may be smaller. The limit cycles of `tests/ladder.py`, which begin with one.
+    TRAVERSALS_A_STEP: usize = 4, "1";
     /// Of n steps more than n/2 + 0.82·√n go with OP in 5 % of loads, which know nothing of OP. FIC46005: 21 of 25.
     ALONG_OP: f64 = 0.82, "1";
     /// The same of steps that leave no gap: more than n/2 + 1.55·√n go with OP in 0.1 % of loads, so chance alone takes no load from

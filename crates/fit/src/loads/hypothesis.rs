@@ -3,7 +3,7 @@
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{ALONG_OP, ALONG_OP_WITHOUT, ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
 use crate::loads::changes::{Marked, choose_family, detect_changes, marked_anew, with_large_steps, without_a_gap};
-use crate::loads::plausible::{all_large, few, plausible};
+use crate::loads::plausible::{all_large, beside_many_traversals, few, plausible};
 use crate::model::backlash_model::BacklashModel;
 use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
@@ -68,7 +68,7 @@ impl Hypothesis {
     }
 
     /// Made from marked steps and the family that goes with them; None where they are not those of a load, or cost more
-    /// than `rival`. Steps too few to tell that the load stands still between them must be large ones of a load that walks.
+    /// than `rival`. Steps too few to tell that the load stands still between them are those of a load that walks.
     fn with_marks(
         with: Marked,
         structure: Structure,
@@ -80,7 +80,7 @@ impl Hypothesis {
         if few(&with.record, load) {
             Self::with_changes(with, structure, load, seeds, sign, rival)
         } else {
-            Self::with_large_steps(with, structure, seeds, sign, rival)
+            Self::with_few_steps(with, structure, seeds, sign, rival)
         }
     }
 
@@ -106,10 +106,11 @@ impl Hypothesis {
         (marked.cost <= rival && plausible(&best, structure, sign, ALONG_OP)).then_some(marked)
     }
 
-    /// Made from so few marked steps that each must be larger than the gap, under a load that walks; None where one is
-    /// not.
-    fn with_large_steps(with: Marked, structure: Structure, seeds: &[Theta], sign: f64, rival: f64) -> Option<Self> {
-        if with.cost > rival + 10.0 || !all_large(&with, structure, sign) {
+    /// Made from so few marked steps that each may be the valve, under a load that walks; None where they are neither larger than the
+    /// gap nor few beside its traversals.
+    fn with_few_steps(with: Marked, structure: Structure, seeds: &[Theta], sign: f64, rival: f64) -> Option<Self> {
+        let may_be = || all_large(&with, structure, sign) || beside_many_traversals(&with, structure);
+        if with.cost > rival + 10.0 || !may_be() {
             return None;
         }
         let seeds = [&[structure.as_pilot(&with.point.theta)], seeds].concat();

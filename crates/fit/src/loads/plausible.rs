@@ -34,6 +34,16 @@ pub(crate) fn all_large(marked: &Marked, structure: Structure, sign: f64) -> boo
     Load::of(structure) == Load::Levels && !pushes.is_empty() && pushes.iter().all(large)
 }
 
+/// Whether the steps are so few beside the gap's traversals that these tell enough, were each of them the valve that breaks loose.
+pub(crate) fn beside_many_traversals(marked: &Marked, structure: Structure) -> bool {
+    let least = marked.record.traversals(marked.point.lost.d).into_iter().min().unwrap_or(0);
+    let changes = marked.record.changes();
+    Load::of(structure) == Load::Levels
+        && marked.point.lost.d > 0.0
+        && changes > 0
+        && TRAVERSALS_A_STEP * changes <= least
+}
+
 /// Steps that push PV the way in which OP has been pushing it, and all before which OP moved.
 fn along_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
     let (pushes, _) = pushes(marked, structure, sign);

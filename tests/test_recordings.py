@@ -180,7 +180,8 @@ class TestRealLoops:
     def test_three_exports_of_one_valve_give_one_answer(self) -> None:
         answer = self.joined("FIC20102")
         assert [one.t0 for one in answer.recordings] == sorted(one.t0 for one in answer.recordings if one.t0)
-        assert len(answer.recordings) == 3 and answer.d == pytest.approx(2.4, rel=0.05)
+        assert len(answer.recordings) == 3 and answer.d == pytest.approx(2.2, rel=0.1)
+        assert not answer.found, "each has one or two moves of OP"
 
     def test_an_oscillation_joined_stays_without_a_gap(self) -> None:
         assert not self.joined("LIC31102B").found

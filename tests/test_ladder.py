@@ -31,8 +31,8 @@ def test_a_limit_cycle_is_the_gaps_and_not_a_loads() -> None:
 
 @pytest.mark.slow
 def test_a_limit_cycle_is_no_sound_valve() -> None:
-    # With the loop's sign a load that steps in each half-period explained PV best. It was called sound below 0.8 %, since the step
-    # with which the cycle begins was not taken for one.
+    # With the loop's sign a load that steps in each half-period explained PV best. It was called sound below 0.8 %,
+    # since the step with which the cycle begins was not taken for one.
     loop = ladder.cycling(5)
     fit = glapp.analyze(ladder.recording(ladder.limit_cycle(loop, 5), "cycle")).fit
     assert fit is not None and fit.best is not None and fit.low is not None and fit.high is not None

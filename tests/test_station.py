@@ -74,6 +74,8 @@ def view(plant: tuple[Monitor, FastAPI]) -> View:
     monitor.store.show(time.time(), json.dumps(monitor.status()))
     found = View(monitor.store.folder)
     found.refresh()
+    for loop in found.shown["loops"].values():  # the plant may have been made long ago
+        loop["seen"] = time.time() if loop["seen"] is not None else None
     return found
 
 

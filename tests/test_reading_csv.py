@@ -128,6 +128,8 @@ def in_dialect(table, d):
 def test_a_table_in_any_dialect_reads_back_equal(tmp_path, monkeypatch, table, dialect):
     # Numbers are taken for seconds since 1970 from 26 March 1991 on; before, they count from the first row.
     assume(dialect["stamp"] != "epoch" or min(table[0]) >= datetime(1991, 4, 1))
+    # A table whose newest row comes first is another test's.
+    assume(table[0] == sorted(table[0]) or table[0] != sorted(table[0], reverse=True))
     monkeypatch.setattr(csv_module, "_BLOCK", dialect["block"])
     data = in_dialect(table, dialect)
     path = tmp_path / ("x.csv.gz" if dialect["gzip"] else "x.csv")

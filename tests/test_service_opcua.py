@@ -1162,9 +1162,10 @@ def test_the_command_serves_a_plant_and_finds_its_tags(tmp_path):
             assert served.stdout.readline() == "fault: bad in FIC101 for 9 s\n"
             look = [*map(str, [*GLAPP, "tags", f"opc.tcp://127.0.0.1:{port}", "--find", "fic"])]
             found = subprocess.run(look, capture_output=True, text=True, timeout=60, check=True)
-        finally:
             served.send_signal(signal.SIGINT)
-        assert served.wait(20) == 0
+            assert served.wait(20) == 0
+        finally:
+            served.kill()
     assert f'pv = "{node("FIC101.PV")}"' in found.stdout and "PIC102" not in found.stdout
     assert [loop.name for loop in read_settings(settings)] == ["FIC101", "PIC102"]
 

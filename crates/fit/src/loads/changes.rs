@@ -87,7 +87,7 @@ pub(crate) fn detect_changes(
     load: Load,
     hints: &[Cells],
 ) -> Option<(Marked, Marked)> {
-    let pilot = Structure { noise: load.noises()[1], ..PILOT };
+    let pilot = Structure { noise: load.noise(), ..PILOT };
     let n = record.count as f64;
     let lost = |part: f64, share: f64| BacklashModel {
         share,
@@ -162,8 +162,7 @@ fn nearer(structure: Structure, sign: f64, marked: Marked, by: [f64; 3]) -> Mark
 /// `point` with steps that are marked anew beside other widths: steps that were marked beside a wrong width make up for
 /// it, and hold it.
 pub(crate) fn marked_anew(record: &Cells, structure: Structure, sign: f64, point: &Point) -> (Marked, Structure) {
-    let walks = Load::of(structure).noises()[1];
-    let family = Structure { noise: walks, ..structure };
+    let family = Structure { noise: Load::of(structure).noise(), ..structure };
     let theta = in_family(family, &point.theta);
     let beside = [0.6, 0.7, 0.8, 0.87, 0.94, 1.06, 1.15, 1.25, 1.4, 1.6];
     let mut tried: Vec<Marked> = beside
@@ -191,7 +190,7 @@ pub(crate) fn without_a_gap(
     sign: f64,
     point: &Point,
 ) -> ([Marked; 2], Structure) {
-    let family = Structure { noise: Load::of(structure).noises()[1], ..structure };
+    let family = Structure { noise: Load::of(structure).noise(), ..structure };
     let theta = in_family(family, &point.theta);
     let own = refine(family, sign, detect(record, family, sign, theta, &point.lost));
     let believed = fitted(family, sign, record.clone(), &own.point, 10, 1e-2);
@@ -216,7 +215,7 @@ pub(crate) fn choose_family(record: &Cells, marked: Marked, sign: f64, load: Loa
         let point = Search { record, structure, sign }.descend(theta, lost, 12, 1e-2, f64::INFINITY);
         Marked::new(record.clone(), structure, sign, point)
     };
-    let [_, walks] = load.noises();
+    let walks = load.noise();
     let (mut best, mut family) = (marked, Structure { noise: walks, ..PILOT });
     for structure in Structure::with(walks).into_iter().skip(1) {
         let Point { theta, lost, .. } = &best.point;

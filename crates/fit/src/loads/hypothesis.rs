@@ -69,37 +69,23 @@ impl Hypothesis {
 
     /// Made from marked steps and the family that goes with them; None where they are not those of a load, or cost more
     /// than `rival`. Steps too few to tell that the load stands still between them are those of a load that walks.
-    fn with_marks(
-        with: Marked,
-        structure: Structure,
-        load: Load,
-        seeds: &[Theta],
-        sign: f64,
-        rival: f64,
-    ) -> Option<Self> {
-        if few(&with.record, load) {
-            Self::with_changes(with, structure, load, seeds, sign, rival)
+    fn with_marks(with: Marked, structure: Structure, seeds: &[Theta], sign: f64, rival: f64) -> Option<Self> {
+        if few(&with.record, Load::of(structure)) {
+            Self::with_changes(with, structure, seeds, sign, rival)
         } else {
             Self::with_few_steps(with, structure, seeds, sign, rival)
         }
     }
 
     /// As [`Self::with_marks`], of steps of a load that stands still between them, or of bends.
-    fn with_changes(
-        with: Marked,
-        structure: Structure,
-        load: Load,
-        seeds: &[Theta],
-        sign: f64,
-        rival: f64,
-    ) -> Option<Self> {
+    fn with_changes(with: Marked, structure: Structure, seeds: &[Theta], sign: f64, rival: f64) -> Option<Self> {
         // The whole profiles may bring a little more.
         if with.cost > rival + 10.0 {
             return None;
         }
         let clue = (structure, with.point);
         let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
-        let looked = screen(&with.record, &seeds, sign, clue.1.lost.d, load);
+        let looked = screen(&with.record, &seeds, sign, clue.1.lost.d, Load::of(structure));
         let marked = Self::new(with.record, looked, None, Some(&clue), sign);
         let (structure, point) = marked.best();
         let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
@@ -207,7 +193,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
             hints = vec![with.record.clone(), none.record.clone()];
         }
         let rival = least;
-        let pilot = Structure { noise: load.noises()[1], ..PILOT };
+        let pilot = Structure { noise: load.noise(), ..PILOT };
         let price = 2.0 * pilot.parameters() as f64;
         let none = plausible(&none, pilot, sign, ALONG_OP_WITHOUT).then_some(none.cost + price);
         if load == Load::Lines {
@@ -219,7 +205,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
         if load == Load::Levels {
             least = least.min(with.cost + price);
         }
-        let Some(marked) = Hypothesis::with_marks(with, structure, load, seeds, sign, rival) else {
+        let Some(marked) = Hypothesis::with_marks(with, structure, seeds, sign, rival) else {
             continue;
         };
         without = without.min(marked.without).min(none.unwrap_or(without));
@@ -234,10 +220,9 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
             break;
         }
         let (structure, point) = believed.best();
-        let load = Load::of(structure);
         let (with, structure) = marked_anew(&believed.record, structure, sign, point);
         let rival = believed.cost - 2.0;
-        let Some(marked) = Hypothesis::with_marks(with, structure, load, seeds, sign, rival) else { break };
+        let Some(marked) = Hypothesis::with_marks(with, structure, seeds, sign, rival) else { break };
         without = without.min(marked.without);
         believed = marked;
     }

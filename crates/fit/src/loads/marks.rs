@@ -75,10 +75,7 @@ pub(super) fn mark(search: &Search, theta: &Theta, lost: &BacklashModel, clear: 
     for _ in 0..ROUNDS {
         let here = Search { record: &record, ..*search }.at(theta, &positions);
         let residual = here.lane(0);
-        // Spread of the innovations by their median, which steps do not move.
-        let mut sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
-        let middle = sizes.len() / 2;
-        let spread = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
+        let spread = spread(&residual);
         let clear = (clear * energy * spread * spread).max((least * here.scale[0] * energy).powi(2));
         let known = record.changes();
         let all_left = record.by_stretch(&residual);
@@ -108,6 +105,13 @@ pub(super) fn mark(search: &Search, theta: &Theta, lost: &BacklashModel, clear: 
         }
     }
     record
+}
+
+/// Spread of innovations by their median, which steps do not move.
+fn spread(residual: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
+    let middle = sizes.len() / 2;
+    *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745
 }
 
 /// The record with the changes of its load that a bank of filters finds, its gain and its noise those of `point`. Each must pay `times`
@@ -167,10 +171,7 @@ impl Work for Seeking<'_, '_> {
 pub(super) fn first_sight(search: &Search, theta: &Theta, lost: &BacklashModel) -> Point {
     let theta = calm_theta(search.structure, theta);
     let here = search.at(&theta, &search.record.positions(lost));
-    // Spread of the innovations by their median, which steps do not move.
-    let mut sizes: Vec<f64> = here.residual.iter().map(|r| r[0].abs()).collect();
-    let middle = sizes.len() / 2;
-    let spread = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745 / here.scale[0];
+    let spread = spread(&here.lane(0)) / here.scale[0];
     let products = (here.sums.yv[0], here.sums.vv[0]);
     Point {
         theta,

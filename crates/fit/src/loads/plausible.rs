@@ -64,7 +64,7 @@ struct Push {
 /// Effect of each marked step, the variance of the innovations and their scale [1/PV unit].
 fn pushes(marked: &Marked, structure: Structure, sign: f64) -> (Vec<Push>, [f64; 2]) {
     let Marked { record, point, .. } = marked;
-    let calm = Structure { noise: Load::of(structure).noises()[1], ..structure };
+    let calm = Structure { noise: Load::of(structure).noise(), ..structure };
     let theta = calm_theta(structure, &point.theta);
     let positions = record.positions(&point.lost);
     let answer = Search { record, structure: calm, sign }.answer(&theta, ANSWER);

@@ -66,6 +66,19 @@ macro_rules! by_states {
     };
 }
 
+/// The same of a load that steps or bends: no other has marks.
+macro_rules! by_marked_states {
+    ($structure:expr, $with:ident) => {
+        match ($structure.order(), $structure.noise) {
+            (2, Noise::Still | Noise::Input) => $with!(3, 0),
+            (2, Noise::Lines | Noise::Bends) => $with!(4, LINES),
+            (_, Noise::Still | Noise::Input) => $with!(4, 0),
+            (_, Noise::Lines | Noise::Bends) => $with!(5, LINES),
+            (_, noise) => unreachable!("nothing is marked under {noise:?}"),
+        }
+    };
+}
+
 /// Kind of a load between its marks.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Load {
@@ -76,12 +89,9 @@ pub(crate) enum Load {
 }
 
 impl Load {
-    /// Disturbances of a load that does only that, and of one that walks as well.
-    pub(crate) fn noises(self) -> [Noise; 2] {
-        match self {
-            Self::Levels => [Noise::Still, Noise::Input],
-            Self::Lines => [Noise::Lines, Noise::Bends],
-        }
+    /// Disturbance of a load that may walk between its marks.
+    pub(crate) fn noise(self) -> Noise {
+        if self == Self::Levels { Noise::Input } else { Noise::Bends }
     }
 
     /// Variances that are tried for how a load, or its slope, walks in a cell: the least of them, and from one to the next [ln of the
@@ -350,13 +360,7 @@ impl Structure {
                 self.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
             };
         }
-        match (self.order(), self.noise) {
-            (2, Noise::Still | Noise::Input) => with!(3, 0),
-            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
-            (_, Noise::Still | Noise::Input) => with!(4, 0),
-            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
-            (_, noise) => unreachable!("nothing is marked under {noise:?}"),
-        }
+        by_marked_states!(self, with)
     }
 
     /// See [`Models::bank`]; of a load that steps or bends.
@@ -367,13 +371,7 @@ impl Structure {
                 self.models::<S, R, $states, { $more }>(simd, &[*sought.theta; LANES]).bank(sought)
             };
         }
-        match (self.order(), self.noise) {
-            (2, Noise::Still | Noise::Input) => with!(3, 0),
-            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
-            (_, Noise::Still | Noise::Input) => with!(4, 0),
-            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
-            (_, noise) => unreachable!("nothing is marked under {noise:?}"),
-        }
+        by_marked_states!(self, with)
     }
 
     /// States of the process.

@@ -9,6 +9,7 @@ import os
 import pickle
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from threading import get_native_id
 from typing import Any
 
 from glapp import _glapp
@@ -25,7 +26,7 @@ def kept(asked: str, answer: Callable[[], Any]) -> Any:
     """An answer, which stays there for the next who asks the same."""
     path = Path(os.environ[FOLDER]) / asked
     if not path.exists():
-        part = path.with_suffix(f".{os.getpid()}")
+        part = path.with_suffix(f".{get_native_id()}")  # two threads may ask the same at once
         part.write_bytes(pickle.dumps(answer()))
         part.replace(path)  # whole or not there, whoever else makes the same
     return pickle.loads(path.read_bytes())

@@ -47,7 +47,7 @@ def test_halves_do_not_overlap_and_lie_in_and_out_of_the_family_alike():
     numbers = range(40)
     halves = {which: {n for n in numbers if half(n) == which} for which in "AB"}
     assert not halves["A"] & halves["B"] and halves["A"] | halves["B"] == set(numbers)
-    assert [{half(n, SEEDS[part]) for n in numbers} for part in "CDE"] == [{"C"}, {"D"}, {"E"}]
+    assert [{half(n, SEEDS[part]) for n in numbers} for part in "CDEF"] == [{"C"}, {"D"}, {"E"}, {"F"}]
     outside = {n for n in range(16) if draw(f"drift/none/{n}/1").outside}
     assert len(outside & halves["A"]) == len(outside & halves["B"]) == 4
 

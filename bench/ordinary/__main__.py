@@ -3,8 +3,8 @@
 Every answer goes, with all its evidence, to one line of a file as soon as it is there; what the file has is not asked
 again. `--score FILE` counts the lines of files that are there and fits nothing.
 
-Part A is for choosing rules. Part E (`--half E`, its seed is set) is asked and scored once, when they are chosen; parts
-B, C and D judged before it.
+Part A is for choosing rules. Part F (`--half F`, its seed is set) is asked and scored once, when they are chosen; parts
+B to E judged before it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SEVERAL = (1, 2, 4, 8)
 """Numbers of days of one valve that are asked about together with `--several`."""
 
 WITH_FAULT = (0, 6)
-"""Of eight numbers of parts D and E these have all their twins, one of them in and one out of what the fit models; the
+"""Of eight numbers of parts D to F these have all their twins, one of them in and one out of what the fit models; the
 others only those without a gap or friction."""
 
 
@@ -45,7 +45,7 @@ def tasks(rows: list[str], which: str, numbers: int, seed: int, several: bool) -
                 sound = name.split("/")[1] in ("none", "driven")
                 if several and (row in CYCLES or sound):
                     continue
-                if which in ("D", "E") and not sound and number % 8 not in WITH_FAULT:
+                if which in ("D", "E", "F") and not sound and number % 8 not in WITH_FAULT:
                     continue
                 yield from ((name, count) for count in (SEVERAL if several else (1,)))
 
@@ -54,7 +54,7 @@ def main() -> None:
     """Ask, or score."""
     parser = argparse.ArgumentParser(prog="python -m bench.ordinary", description=__doc__.split("\n\n")[0])
     parser.add_argument("--rows", help=f"some of: {', '.join(ROWS)}; all where not given, separated by commas")
-    parser.add_argument("--half", choices=("A", "B", "AB", "C", "D", "E"), default="A")
+    parser.add_argument("--half", choices=("A", "B", "AB", "C", "D", "E", "F"), default="A")
     parser.add_argument("--numbers", type=int, default=20, help="so many numbers of each row and half")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--several", action="store_true", help=f"{SEVERAL} days of one valve together, with a gap")

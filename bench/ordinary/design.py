@@ -2,8 +2,8 @@
 
 "steps/gap/17/1" is number 17 of the row of steps with seed 1, its valve with a gap; "steps/none/17/1" is the same loop
 without. Even numbers are part A, on which rules may be chosen; odd ones are part B, which judged until it had been
-looked at three times. Parts C, D and E have a seed of their own each (`SEEDS`): parts C and D judged once each, and
-part E judges now. Numbers 2 and 3 of any four lie outside of what the fit models: a positioner, a bent valve curve, a
+looked at three times. Parts C to F have a seed of their own each (`SEEDS`): parts C, D and E judged once each, and
+part F judges now. Numbers 2 and 3 of any four lie outside of what the fit models: a positioner, a bent valve curve, a
 filter in the sensor or a fractional lag.
 
 "steps/gap/17/1/3" is that loop on another day: the same dynamics, controller, valve and kind of load, other random
@@ -40,7 +40,7 @@ from ..truth.design import log_uniform
 from ..truth.records import compressed
 
 Floats = npt.NDArray[np.float64]
-Half = Literal["A", "B", "C", "D", "E"]
+Half = Literal["A", "B", "C", "D", "E", "F"]
 Fault = Literal["none", "gap", "friction", "both", "driven"]
 """Fault: none; a clearance; friction of the stem; both; none, but a load of the period and swing that the gap, or the
 friction, of the same number makes by itself.
@@ -93,8 +93,11 @@ ATTEMPTS = 60
 ALIKE = 0.5
 """A lasting cycle is like itself a period later by this correlation."""
 
-SEEDS: dict[Half, int] = {"C": 90417, "D": 31126, "E": 5639}
-"""Seeds of the parts that judge."""
+SEEDS: dict[Half, int] = {"C": 90417, "D": 31126, "E": 5639, "F": 72944}
+"""Seeds of the parts that judge or have judged."""
+
+JUDGE: Half = "F"
+"""Part that judges now."""
 
 LEAST_ROWS = 8
 """A cycle has at least so many rows a period."""

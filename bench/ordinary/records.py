@@ -57,7 +57,7 @@ class Truth:
     fault : Fault
     number, seed : int
     half : str
-        "A", "B", "C", "D" or "E".
+        "A" to "F".
     service, kind : str
         As in `design.Drawn`.
     outside : list of str

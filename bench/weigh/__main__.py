@@ -2,10 +2,10 @@
 
 Records of the four corpora whose truth is known are asked, and the evidence that the fit has for each goes to
 out/weigh.jsonl as soon as it is there; what the file has is not asked again. `--answers FILE` takes the evidence from
-files of `bench.ordinary` beside them. Then the tables are printed. `--learn` writes the weights of parts A to C into
+files of `bench.ordinary` beside them. Then the tables are printed. `--learn` writes the weights into
 crates/fit/src/decide/weights.rs; build again afterwards.
 
-Parts A, B and C are for learning. Part D of `bench.ordinary` judges, and nothing is chosen on it.
+Part F of `bench.ordinary` judges, and nothing is chosen on it. All other records are for learning.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from rich.progress import track
 
 from glapp import _glapp
 
+from ..ordinary.design import JUDGE
 from ..page import write
 from .model import balanced
 from .samples import Sample, ask, done, names, of_answers, read, version
@@ -77,7 +78,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--answers", type=Path, nargs="+", default=[], help="answers of bench.ordinary")
-    parser.add_argument("--learn", action="store_true", help="write the weights of parts A to C into the crate")
+    parser.add_argument("--learn", action="store_true", help="write the learned weights into the crate")
     parser.add_argument("--docs", action="store_true", help="write the tables into bench/results/weigh.md")
     given = parser.parse_args()
     if given.rounds:
@@ -89,7 +90,7 @@ def main() -> None:
     if given.docs:
         write("weigh.md", text, "tables")
     if given.learn:
-        learned = data.of(data.group(lambda s: s.half) != "D")
+        learned = data.of(data.group(lambda s: s.half) != JUDGE)
         lines = learned.lines()
         of = f"fit {version()}, {len(learned.samples)} records"
         WEIGHTS.write_text(rust(data.names, lines, of), encoding="utf-8")

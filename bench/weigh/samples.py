@@ -19,10 +19,10 @@ from ..ordinary import design as ordinary_design
 from ..ordinary import records as ordinary
 from ..ordinary.answers import _plain
 from ..ordinary.answers import read as read_answers
+from ..ordinary.design import Half
 from ..truth import design as truth_design
 from ..truth import records as truth
 
-Half = Literal["A", "B", "C", "D"]
 Fault = Literal["none", "gap", "friction", "both"]
 
 SEED = 40
@@ -60,7 +60,7 @@ class Sample:
     name : str
         Source and name: "ordinary steps/gap/2/40" is `bench.ordinary.records.record("steps/gap/2/40")`.
     half : str
-        "A", "B", "C": the weights are learned from it; "D": they are judged by it.
+        The weights are judged by `ordinary_design.JUDGE`, and learned from all others.
     row : str
         Records of one row are weighed so that half of their weight has a gap.
     load, process, recorder : str

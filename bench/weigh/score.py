@@ -8,6 +8,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from ..ordinary.design import JUDGE
 from ..truth.score import markdown
 from .model import Bools, Floats, Lines, Names, auc, balanced, learned, left_out, log_loss
 from .samples import Sample
@@ -90,14 +91,14 @@ def at(prior: float, data: Data) -> Floats:
 
 
 def tables(data: Data) -> str:
-    """All tables; part D judges the weights of parts A to C, where there are records of it."""
+    """All tables; a part judges the weights of all others, where there are records of it."""
     parts_of = data.group(lambda s: s.half)
-    ours, judge = data.of(parts_of != "D"), data.of(parts_of == "D")
+    ours, judge = data.of(parts_of != JUDGE), data.of(parts_of == JUDGE)
     odds = ours.lines().log_odds(judge.quantities)
     judged = [
-        ("Log loss, learned from parts A to C", losses(ours, judge, odds)),
-        ("Frequency against stated probability, part D", calibration(judge, odds)),
-        ("Rungs by probability, compared with the ladder, part D", rungs(judge, odds)),
+        ("Log loss, learned from the other parts", losses(ours, judge, odds)),
+        (f"Frequency against stated probability, part {JUDGE}", calibration(judge, odds)),
+        (f"Rungs by probability, compared with the ladder, part {JUDGE}", rungs(judge, odds)),
     ]
     parts = [
         ("", counts(data)),
@@ -105,7 +106,7 @@ def tables(data: Data) -> str:
         ("Each kind left out in turn", kinds(data)),
         ("A dead band beyond 1 % of span, twins left out", beyond(data, data.learned())),
         ("What must not be learned", nuisances(data)),
-        ("The terms, learned from parts A to C", terms(ours)),
+        ("The terms, learned from the other parts", terms(ours)),
     ]
     return "\n\n".join((f"### {title}\n\n" if title else "") + text for title, text in parts)
 
@@ -114,7 +115,7 @@ def counts(data: Data) -> str:
     """Numbers of records of each kind."""
     sources = sorted({s.name.split(" ")[0] for s in data.samples})
     fits = ", ".join(sorted({s.fit for s in data.samples}))
-    of = {part: sum(s.half == part for s in data.samples) for part in ("A", "B", "C", "D")}
+    of = {part: sum(s.half == part for s in data.samples) for part in sorted(set(data.group(lambda s: s.half)))}
     return (
         f"{len(data.samples)} records of {', '.join(sources)}, {int(data.gap.sum())} with a gap. Of these "
         f"{', '.join(f'{n} of part {part}' for part, n in of.items())}. Fit {fits}."
@@ -145,7 +146,7 @@ def losses(ours: Data, judge: Data, odds: Floats) -> str:
             loss, least = (log_loss(x, data.gap, data.weight) for x in (z, best))
             row += [f"{loss:.3f}", f"{100 * (1 - least / loss):.0f} %", f"{auc(z, data.gap, data.weight):.3f}"]
         body.append(row)
-    head = ["parts A to C, twins left out", "weights better by", "AUC", "part D", "weights better by", "AUC"]
+    head = ["other parts, twins left out", "weights better by", "AUC", f"part {JUDGE}", "weights better by", "AUC"]
     return markdown(["log-odds", *head], body)
 
 

@@ -92,7 +92,7 @@ quick:
 
 # As they are shipped, with the crates that `make run` has compiled: the Python face is among them, since its dependencies choose
 # features of theirs.
-TESTED := core fit sim analysis capi embedded plc-check py
+TESTED := core model fit sim analysis capi embedded plc-check py
 rust:
 	+cargo test --release --quiet $(TESTED:%=-p glapp-%)
 

@@ -94,15 +94,17 @@ def tables(data: Data) -> str:
     """All tables; a part judges the weights of all others, where there are records of it."""
     parts_of = data.group(lambda s: s.half)
     ours, judge = data.of(parts_of != JUDGE), data.of(parts_of == JUDGE)
-    odds = ours.lines().log_odds(judge.quantities)
-    judged = [
-        ("Log loss, learned from the other parts", losses(ours, judge, odds)),
-        (f"Frequency against stated probability, part {JUDGE}", calibration(judge, odds)),
-        (f"Rungs by probability, compared with the ladder, part {JUDGE}", rungs(judge, odds)),
-    ]
+    judged = []
+    if judge.samples:
+        odds = ours.lines().log_odds(judge.quantities)
+        judged = [
+            ("Log loss, learned from the other parts", losses(ours, judge, odds)),
+            (f"Frequency against stated probability, part {JUDGE}", calibration(judge, odds)),
+            (f"Rungs by probability, compared with the ladder, part {JUDGE}", rungs(judge, odds)),
+        ]
     parts = [
         ("", counts(data)),
-        *(judged if judge.samples else []),
+        *judged,
         ("Each kind left out in turn", kinds(data)),
         ("A dead band beyond 1 % of span, twins left out", beyond(data, data.learned())),
         ("What must not be learned", nuisances(data)),

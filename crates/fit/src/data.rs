@@ -1,5 +1,6 @@
-//! Records as they come, and as the likelihood sees them.
+//! Records as they come and as the likelihood sees them, and the lost motion that moves them.
 
+pub(crate) mod backlash_model;
 pub(crate) mod cells;
 pub(crate) mod history;
 pub(crate) mod recorder;

@@ -12,7 +12,6 @@
 mod data;
 mod decide;
 mod loads;
-mod model;
 mod position;
 mod problem;
 mod progress;
@@ -34,7 +33,7 @@ pub use decide::valve::{RecordingAnswer, ValveAnswer};
 pub use decide::weigh::{LEAST_DOUBT, Terms, USUAL_PRIOR, Weighed};
 pub use decide::weights::LEARNED;
 pub use decide::witness::{cycle::Cycle, plateau::Plateau};
-pub use model::structure::{Noise, Structure};
+pub use glapp_model::structure::{Noise, Structure};
 pub use position::{AtValve, PositionAnswer, Shown, fit_position};
 pub use problem::{Divided, FitProblem, Window, WindowFit, fit, fit_valve};
 pub use progress::Tell;

@@ -9,10 +9,10 @@ use crate::decide::joint::{Curve, JointAnswer, joint};
 use crate::decide::segment::{Fitted, fit_segment};
 use crate::decide::valve::{Recording, ValveAnswer, valve};
 use crate::decide::verdict::judge;
-use crate::model::structure::Theta;
 use crate::progress::{Tell, Windows};
 use crate::search::decimation::{FEWEST, MOST_CELLS, cell, look};
 use crate::search::screen::rescaled;
+use glapp_model::structure::Theta;
 use rayon::prelude::*;
 use serde::{Deserialize, Deserializer, Serialize};
 

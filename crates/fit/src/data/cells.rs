@@ -1,11 +1,11 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::segment::spread;
 use crate::decide::thresholds::FEWEST_SWINGS;
-use crate::model::backlash_model::BacklashModel;
-use crate::model::kalman::START;
-use crate::model::lanes::{LANES, Lanes};
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Real};
+use glapp_model::kalman::START;
+use glapp_model::lanes::{LANES, Lanes};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -5,10 +5,10 @@ use crate::decide::bootstrap::bootstrap_threshold;
 use crate::decide::evidence::{lr_asked, lr_asked_of_changes};
 use crate::decide::thresholds::*;
 use crate::loads::cycle::lr_beside_cycle;
-use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::{dot, solve};
 use crate::search::profile::{Profile, information_ratio};
+use glapp_model::structure::{MOST, Structure, Theta};
 use rayon::prelude::*;
 
 /// The most likely model of a segment: a gap, or a valve that sticks where its slip jump pays.

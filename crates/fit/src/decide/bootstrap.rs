@@ -1,9 +1,9 @@
 //! Distribution of the likelihood ratio of no gap by chance.
 
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{MOST, Theta};
+use crate::data::backlash_model::BacklashModel;
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::{dot, solve};
+use glapp_model::structure::{MOST, Theta};
 use rayon::prelude::*;
 
 /// Seed of the random numbers: the same record gets the same answer, in any unit.
@@ -196,7 +196,7 @@ impl Draws {
 mod tests {
     use super::*;
     use crate::data::cells::Cells;
-    use crate::model::structure::{Noise, Structure};
+    use glapp_model::structure::{Noise, Structure};
 
     #[test]
     fn the_score_gives_the_ratio_that_fits_give() {

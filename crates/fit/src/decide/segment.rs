@@ -1,5 +1,6 @@
 //! Result of one record: width, interval, and whether there is a gap at all.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::{Cells, Positions};
 use crate::data::segment::Segment;
 use crate::decide::best::{Best, Filtered, NoGap, Process, WidthLimits};
@@ -11,11 +12,10 @@ use crate::decide::verdict::judge;
 use crate::decide::witness::cycle::{Cycle, cycle};
 use crate::decide::witness::plateau::plateau;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::dot;
 use crate::search::profile::Profile;
+use glapp_model::structure::{Structure, Theta};
 use serde::{Deserialize, Serialize};
 
 /// Fit of one window, with all that is needed to evaluate another width.

@@ -3,7 +3,7 @@
 use crate::data::signal::Unit;
 use crate::decide::evidence::Evidence;
 use crate::decide::judgement::{Judgement, Verdict};
-use crate::model::structure::Structure;
+use glapp_model::structure::Structure;
 use serde::{Deserialize, Serialize};
 
 /// One family's view.

@@ -7,6 +7,7 @@
 //!
 //! [`joint`]: crate::decide::joint
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::samples::Unfit;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
@@ -17,7 +18,6 @@ use crate::decide::segment::swings_evenly;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
 use crate::loads::cycle::lr_beside_cycle;
-use crate::model::backlash_model::BacklashModel;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 

@@ -1,13 +1,13 @@
 //! Steps of the load, and bends where it goes along lines: each costs what a new level, or slope, at any time of the record is
 //! worth, and is kept where it pays.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::Cells;
 use crate::decide::thresholds::*;
 use crate::loads::marks::{find, first_sight, mark, prune, relocate, too_many};
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::screen::{PILOT, theta_for};
+use glapp_model::structure::{Load, Noise, Structure, Theta};
 use rayon::prelude::*;
 
 /// Beginnings that are followed.

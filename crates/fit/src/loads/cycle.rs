@@ -4,12 +4,12 @@
 //! A load that walks explains that badly, so a gap would have it too easy. It has to beat a load of one period instead,
 //! whatever its form: both get the harmonics of that period, and what the gap still brings is its own.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::{Cells, Positions};
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::dot;
 use crate::search::screen::theta_for;
+use glapp_model::structure::{Noise, Structure, Theta};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

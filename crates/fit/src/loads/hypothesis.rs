@@ -1,15 +1,15 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{ALONG_OP, ALONG_OP_WITHOUT, ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
 use crate::loads::changes::{Marked, choose_family, detect_changes, marked_anew, with_large_steps, without_a_gap};
 use crate::loads::plausible::{all_large, beside_many_traversals, few, plausible};
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::profile::{FINE_TOLERANCE, Profile, Seed};
 use crate::search::screen::{MOST_FAMILIES, PILOT, best_of, full_profile, pilot, screen, screening_margin};
 use glapp_core::Model;
+use glapp_model::structure::{Load, Noise, Structure, Theta};
 use rayon::prelude::*;
 
 /// Kinds of sticking that are followed.

@@ -1,6 +1,6 @@
 //! Marks under one model: steps of the load, or bends where it goes along lines, found, taken out and moved.
 //!
-//! All changes of a load that stands still between them, or nearly so, are found by a bank of filters (`model::kalman::bank`).
+//! All changes of a load that stands still between them, or nearly so, are found by a bank of filters (`glapp_model::kalman`).
 //!
 //! The few large steps of a load that walks are found by a matched filter. Under a Kalman gain that stands still a step of the load at cell k
 //! leaves one shape a in the innovations, shifted to k and as large as the step. What it would explain of white innovations ε is
@@ -8,14 +8,14 @@
 //!
 //! What a mark that is taken out or moved is worth is then told by the filter itself, by the cells around the mark.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{CELLS_A_CHANGE, FEWEST_BENDS, FEWEST_STEPS};
-use crate::model::backlash_model::BacklashModel;
-use crate::model::kalman::{Found, Sought};
-use crate::model::lanes::{LANES, Wide, Work, widest};
-use crate::model::structure::{Load, Structure, Theta};
 use crate::search::elsewhere::Elsewhere;
 use crate::search::likelihood::{Point, Search, delayed};
+use glapp_model::kalman::{Found, Sought};
+use glapp_model::lanes::{LANES, Wide, Work, widest};
+use glapp_model::structure::{Load, Structure, Theta};
 use pulp::Simd;
 use std::f64::consts::PI;
 
@@ -31,22 +31,20 @@ const GAIN_KNOWN: f64 = 0.1;
 /// While they are sought twice as many may be marked: some are taken out again. Where more would be, the load does not step.
 const MARKED_AT_MOST: usize = 2;
 
-impl Load {
-    /// Fewest steps or bends.
-    pub(super) fn fewest(self) -> usize {
-        if self == Self::Levels { FEWEST_STEPS } else { FEWEST_BENDS }
-    }
+/// Fewest steps or bends.
+pub(super) fn fewest(load: Load) -> usize {
+    if load == Load::Levels { FEWEST_STEPS } else { FEWEST_BENDS }
+}
 
-    /// Fewest cells between two steps: when they are marked, and when they are moved. Two bends beside each other are a
-    /// step, which a wrong process needs.
-    pub(super) fn apart(self) -> [f64; 2] {
-        if self == Self::Levels { [4.0, 2.0] } else { [15.0, 15.0] }
-    }
+/// Fewest cells between two steps: when they are marked, and when they are moved. Two bends beside each other are a
+/// step, which a wrong process needs.
+fn apart(load: Load) -> [f64; 2] {
+    if load == Load::Levels { [4.0, 2.0] } else { [15.0, 15.0] }
+}
 
-    /// ln of the variance by which the load, or its slope, walks in a cell while its steps are not known [ln of the noise's variance].
-    pub(super) fn calm(self) -> f64 {
-        if self == Self::Levels { -5.0 } else { -12.0 }
-    }
+/// ln of the variance by which the load, or its slope, walks in a cell while its steps are not known [ln of the noise's variance].
+fn calm(load: Load) -> f64 {
+    if load == Load::Levels { -5.0 } else { -12.0 }
 }
 
 /// Whether so many steps are marked that more would be if they might.
@@ -56,16 +54,16 @@ pub(super) fn too_many(record: &Cells) -> bool {
 
 /// The process under a load that hardly walks.
 pub(super) fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
-    let mut calm = *theta;
-    calm[structure.lags + 1] = Load::of(structure).calm();
-    calm
+    let mut theta = *theta;
+    theta[structure.lags + 1] = calm(Load::of(structure));
+    theta
 }
 
 /// The record with the steps that the innovations at θ tell, largest first: of a likelihood ratio above `clear`, larger than
 /// `least` [PV unit].
 pub(super) fn mark(search: &Search, theta: &Theta, lost: &BacklashModel, clear: f64, least: f64) -> Cells {
     let mut record = search.record.clone();
-    let [apart, _] = Load::of(search.structure).apart();
+    let [apart, _] = apart(Load::of(search.structure));
     let answer = search.answer(theta, ANSWER);
     let energy: f64 = answer.iter().map(|a| a * a).sum();
     if energy < 1e-12 {
@@ -118,7 +116,7 @@ fn spread(residual: &[f64]) -> f64 {
 /// its price.
 pub(super) fn find(search: &Search, point: &Point, times: f64) -> Cells {
     let Search { record, structure, sign } = *search;
-    let [apart, _] = Load::of(structure).apart();
+    let [apart, _] = apart(Load::of(structure));
     let variance = search.largest_change(point.kp).powi(2) / (2.0 * PI * point.noise);
     // What its size costs is in the likelihood of a filter, which does not know it.
     let price = |known| times * search.price_of_place(known) + (times - 1.0) * variance.ln();
@@ -129,7 +127,7 @@ pub(super) fn find(search: &Search, point: &Point, times: f64) -> Cells {
     let vv = GAIN_KNOWN * point.products.1;
     // A load that may walk far needs no changes.
     let mut theta = point.theta;
-    theta[structure.lags + 1] = theta[structure.lags + 1].min(Load::of(structure).calm());
+    theta[structure.lags + 1] = theta[structure.lags + 1].min(calm(Load::of(structure)));
     let mut found = Found { sums: [point.kp * point.kp * vv, point.kp * vv, vv], ..Found::default() };
     let mut prices = prices.as_slice();
     let mut changes = Vec::new();
@@ -146,25 +144,11 @@ pub(super) fn find(search: &Search, point: &Point, times: f64) -> Cells {
             prices,
             apart: apart as usize,
         };
-        widest(Seeking { structure, sought, found: &mut found });
+        found = structure.bank(&sought);
         prices = &prices[found.changes.len()..];
         changes.push(std::mem::take(&mut found.changes));
     }
     record.with_changes(changes)
-}
-
-/// See [`Structure::bank`].
-struct Seeking<'s, 'f> {
-    structure: Structure,
-    sought: Sought<'s>,
-    found: &'f mut Found,
-}
-
-impl Work for Seeking<'_, '_> {
-    #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
-        *self.found = self.structure.bank::<S, R>(simd, &self.sought);
-    }
 }
 
 /// What an unmarked record tells of gain and noise under a load that hardly walks.
@@ -232,7 +216,7 @@ pub(super) fn prune(search: &Search, point: &Point) -> Cells {
 /// Each step at the time near by when it explains most.
 pub(super) fn relocate(search: &Search, point: &Point) -> Cells {
     let Point { theta, lost, .. } = point;
-    let [_, beside] = Load::of(search.structure).apart();
+    let [_, beside] = apart(Load::of(search.structure));
     let mut record = search.record.clone();
     let positions = record.positions(lost);
     let mut elsewhere = Elsewhere::new(search, theta, &positions);
@@ -315,8 +299,8 @@ impl Work for Statistic<'_> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::model::structure::Noise;
     use crate::search::screen::PILOT;
+    use glapp_model::structure::Noise;
 
     pub(in crate::loads) const TIMES: [f64; 6] = [60.4, 130.75, 210.1, 280.5, 350.9, 430.25];
 

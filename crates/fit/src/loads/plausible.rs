@@ -3,13 +3,13 @@
 use crate::data::cells::Cells;
 use crate::decide::thresholds::*;
 use crate::loads::changes::Marked;
-use crate::loads::marks::{ANSWER, calm_theta};
-use crate::model::structure::{Load, Structure};
+use crate::loads::marks::{ANSWER, calm_theta, fewest};
 use crate::search::likelihood::{Point, Search};
+use glapp_model::structure::{Load, Structure};
 
 /// Whether so many steps can be those of a load.
 pub(crate) fn few(record: &Cells, load: Load) -> bool {
-    (load.fewest()..=record.count / CELLS_A_CHANGE).contains(&record.changes())
+    (fewest(load)..=record.count / CELLS_A_CHANGE).contains(&record.changes())
 }
 
 /// Whether the marked steps may be load steps: they are few, and of n no more than n/2 + `chance`·√n follow OP.

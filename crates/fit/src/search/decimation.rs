@@ -2,8 +2,8 @@
 
 use crate::data::cells::Cells;
 use crate::data::segment::{OpAndPv, Segment, turns};
-use crate::model::structure::Theta;
 use crate::search::screen::{Pilot, pilot};
+use glapp_model::structure::Theta;
 use rayon::prelude::*;
 
 /// Least cells for an answer.

@@ -1,14 +1,14 @@
 //! Descent to the maximum of the likelihood for a given lost motion: Levenberg and Marquardt, the derivatives by differences, all of
 //! them in one pass.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::Positions;
-use crate::model::backlash_model::BacklashModel;
-use crate::model::kalman::Sums;
-use crate::model::lanes::{LANES, Lanes};
-use crate::model::structure::{MOST, Theta};
 use crate::search::likelihood::{Point, Search, Wanted, gain};
 use crate::search::linear::solve;
 use crate::search::pass::{BEGUN, DESCENDED, Workspace};
+use glapp_model::kalman::Sums;
+use glapp_model::lanes::{LANES, Lanes};
+use glapp_model::structure::{MOST, Theta};
 
 /// Cells after which what the filter was told at first is forgotten.
 const SETTLED: usize = 100;
@@ -216,8 +216,8 @@ impl Search<'_> {
 mod tests {
     use super::*;
     use crate::data::cells::Cells;
-    use crate::model::structure::{Noise, Structure};
     use crate::search::likelihood::Innovations;
+    use glapp_model::structure::{Noise, Structure};
 
     #[test]
     fn beginnings_are_summed_up_as_passes_would() {

@@ -1,11 +1,10 @@
 //! Marked changes of the load tried elsewhere, each by the cells around it.
 
 use crate::data::cells::{Positions, Strip};
-use crate::model::kalman::{Asked, Sides, Totals, UNKNOWN, union};
-use crate::model::lanes::{Lanes, Work, wide_enough};
-use crate::model::structure::{Structure, Theta};
 use crate::search::likelihood::{Search, delayed, gain};
-use pulp::Simd;
+use glapp_model::kalman::{Asked, Sides, Totals, UNKNOWN, union};
+use glapp_model::lanes::Lanes;
+use glapp_model::structure::Theta;
 use std::ops::Range;
 
 /// A record under one model whose changes are tried elsewhere, each by the cells around it.
@@ -65,9 +64,7 @@ impl<'s> Elsewhere<'s> {
         let cells = tried.iter().filter_map(|tried| differing(own, tried));
         let cells = cells.reduce(|a, b| union(&a, &b)).unwrap_or(1..2);
         let asked = Asked { sides: &mut self.sides[stretch], theta: &self.theta, cells: &cells, tried };
-        let mut totals = Totals::default();
-        wide_enough(tried.len(), Tried { structure: self.search.structure, asked, totals: &mut totals });
-        totals
+        self.search.structure.elsewhere(asked)
     }
 
     /// Σ r² with these totals of one of the stretches, which has so many changes.
@@ -97,26 +94,12 @@ fn differing(a: &[f64], b: &[f64]) -> Option<Range<usize>> {
     Some(least..most + 1)
 }
 
-/// See [`Structure::elsewhere`].
-struct Tried<'s, 't> {
-    structure: Structure,
-    asked: Asked<'s, 't>,
-    totals: &'s mut Totals,
-}
-
-impl Work for Tried<'_, '_> {
-    #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
-        *self.totals = self.structure.elsewhere::<S, R>(simd, self.asked);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::backlash_model::BacklashModel;
     use crate::data::cells::Cells;
-    use crate::model::backlash_model::BacklashModel;
-    use crate::model::structure::Noise;
+    use glapp_model::structure::{Noise, Structure};
 
     #[test]
     fn changes_elsewhere_are_judged_by_the_cells_around_them_as_by_a_pass() {

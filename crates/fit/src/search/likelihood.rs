@@ -10,12 +10,12 @@
 //! is least for kp = Σ(ε_y·ε_v/S)/Σ(ε_v²/S) and σ² = Σ(ε²/S)/n (concentrated likelihood). What is left is n·ln Σ r² and a constant, for
 //! the residual r = ε/√S·exp(Σ ln S/2n).
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::{Cells, Positions, Strip};
 use crate::decide::thresholds::PRICE_OF_CHANGE;
-use crate::model::backlash_model::BacklashModel;
-use crate::model::kalman::{Sums, UNKNOWN, Whitened};
-use crate::model::lanes::{LANES, Lanes, Wide};
-use crate::model::structure::{Load, Structure, Theta};
+use glapp_model::kalman::{Sums, UNKNOWN, Whitened};
+use glapp_model::lanes::{LANES, Lanes, Wide, Work, wide_enough};
+use glapp_model::structure::{Load, Structure, Theta};
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -108,18 +108,49 @@ fn products<S: Simd, const R: usize, const ROWS: usize>(
     products.iter_mut().zip(rows).for_each(|(product, row)| *product = row.lanes());
 }
 
-impl Search<'_> {
-    /// Gain and residuals from what a pass left.
+/// Residuals with the gain and the scale that are found, and their sums.
+struct Residuals<'r> {
+    white: &'r Whitened,
+    /// Rows of the products: one for each parameter to move, and the residuals themselves.
+    rows: usize,
+    wanted: Wanted,
+    found: &'r mut Innovations,
+}
+
+impl Work for Residuals<'_> {
     #[inline(always)]
-    pub(super) fn gain_and_residuals<S: Simd, const R: usize>(
-        &self,
-        simd: S,
-        white: &Whitened,
-        found: &mut Innovations,
-        wanted: Wanted,
-    ) {
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { white, rows, wanted, found } = self;
         let load = |lanes: &Lanes| Wide::<S, R>::load(simd, lanes);
-        let nothing = Wide::<S, R>::all(simd, 0.0);
+        let (kp, scale) = (load(&found.kp), load(&found.scale));
+        let innovations = white.of_y().iter().zip(white.of_v());
+        let residuals = innovations.map(|(y, v)| (load(y) - kp * load(v)) * scale);
+        let mut sum = Wide::<S, R>::all(simd, 0.0);
+        match wanted {
+            Wanted::Sums | Wanted::Least => residuals.for_each(|r| sum += r * r),
+            Wanted::Residuals => residuals.for_each(|r| {
+                sum += r * r;
+                found.residual.push(r.lanes());
+            }),
+            Wanted::Products => {
+                macro_rules! of_rows {
+                    ($($rows:literal)*) => {
+                        match rows {
+                            $($rows => products::<S, R, $rows>(simd, residuals, &mut sum, &mut found.products),)*
+                            rows => unreachable!("{rows} rows"),
+                        }
+                    };
+                }
+                of_rows!(3 4 5 6 7 8);
+            }
+        }
+        found.sum = sum.lanes();
+    }
+}
+
+impl Search<'_> {
+    /// Gain and residuals from what a pass of so many lanes left.
+    pub(super) fn gain_and_residuals(&self, lanes: usize, white: &Whitened, found: &mut Innovations, wanted: Wanted) {
         found.sums = white.sums;
         found.residual.clear();
         if wanted == Wanted::Sums {
@@ -132,30 +163,7 @@ impl Search<'_> {
         let free = self.record.changes() as f64 * UNKNOWN.ln();
         found.scale = Lanes::each(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
         found.sum_without = Lanes::each(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
-        let (kp, scale) = (load(&found.kp), load(&found.scale));
-        let innovations = white.of_y().iter().zip(white.of_v());
-        let residuals = innovations.map(|(y, v)| (load(y) - kp * load(v)) * scale);
-        let mut sum = nothing;
-        match wanted {
-            Wanted::Sums | Wanted::Least => residuals.for_each(|r| sum += r * r),
-            Wanted::Residuals => residuals.for_each(|r| {
-                sum += r * r;
-                found.residual.push(r.lanes());
-            }),
-            Wanted::Products => {
-                // One row for each parameter to move, and the residuals themselves.
-                macro_rules! rows {
-                    ($($rows:literal)*) => {
-                        match self.structure.parameters() + 1 {
-                            $($rows => products::<S, R, $rows>(simd, residuals, &mut sum, &mut found.products),)*
-                            rows => unreachable!("{rows} rows"),
-                        }
-                    };
-                }
-                rows!(3 4 5 6 7 8);
-            }
-        }
-        found.sum = sum.lanes();
+        wide_enough(lanes, Residuals { white, rows: self.structure.parameters() + 1, wanted, found });
     }
 
     /// θ with the variance of its first disturbance that explains most: how restless a load is spans many powers of ten.
@@ -248,4 +256,42 @@ pub(crate) fn delayed(v: &[f64], delay: f64) -> Vec<f64> {
     let (mut shifted, part) = (Vec::new(), delay - delay.floor());
     shift(v, delay, &mut shifted);
     shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glapp_model::kalman::Delayed;
+    use glapp_model::structure::Noise;
+    use pulp::Scalar;
+    use std::iter::once;
+
+    #[test]
+    fn residuals_in_registers_of_every_width_have_the_same_bits() {
+        let structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
+        let y: Vec<f64> = (0..90).map(|k| (f64::from(k) * 0.1).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
+        let v: Vec<Lanes> = (0..90).map(|k| Lanes::each(|l| (f64::from(k) * 0.1 + 0.02 * l as f64).sin())).collect();
+        let mut white = Whitened::default();
+        let thetas = [structure.beginning(8.0, 2.4); LANES];
+        structure.whiten(LANES, &thetas, &mut once((&*y, [].as_slice(), Delayed::Each(&v))), &mut white);
+        let rows = structure.parameters() + 1;
+        let of = |run: &dyn Fn(Residuals)| {
+            let mut found = Innovations { kp: Lanes::all(1.1), scale: Lanes::all(0.9), ..Innovations::default() };
+            run(Residuals { white: &white, rows, wanted: Wanted::Products, found: &mut found });
+            let products = found.products[..rows].iter().flat_map(|row| row.iter().take(rows));
+            found.sum.iter().take(rows).chain(products).map(|x| x.to_bits()).collect::<Vec<u64>>()
+        };
+        let alone = of(&|residuals| residuals.run::<_, LANES>(Scalar::new()));
+        assert!(alone.iter().all(|bits| f64::from_bits(*bits) != 0.0));
+        #[cfg(target_arch = "x86_64")]
+        {
+            use pulp::x86::{V3, V4};
+            if let Some(simd) = V3::try_new() {
+                assert_eq!(of(&|residuals| residuals.run::<_, 2>(simd)), alone);
+            }
+            if let Some(simd) = V4::try_new() {
+                assert_eq!(of(&|residuals| residuals.run::<_, 1>(simd)), alone);
+            }
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Sums of products, and small systems of linear equations.
 
-use crate::model::structure::{MOST, Theta};
+use glapp_model::structure::{MOST, Theta};
 
 /// Σ aᵢ·bᵢ.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

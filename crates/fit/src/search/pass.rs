@@ -1,12 +1,12 @@
 //! A pass over a record: eight sets of parameters at once, with room that is kept from one pass to the next.
 
 use crate::data::cells::{Positions, Strip};
-use crate::model::kalman::{Delayed, LoadChange, Sums, Whitened};
-use crate::model::lanes::{LANES, Lanes, Work, wide_enough, widest};
-use crate::model::structure::{MOST, Noise, Structure, Theta};
 use crate::search::likelihood::{Innovations, Point, Search, Wanted, shift};
-use pulp::Simd;
+use glapp_model::kalman::{Delayed, LoadChange, Sums, Whitened};
+use glapp_model::lanes::{LANES, Lanes};
+use glapp_model::structure::{MOST, Noise, Structure, Theta};
 use std::cell::RefCell;
+use std::iter::once;
 use std::sync::Arc;
 
 /// Memory of one pass, kept from one to the next.
@@ -94,9 +94,8 @@ struct Pass<'r, 's> {
     place: usize,
 }
 
-impl Work for Pass<'_, '_> {
-    #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
+impl Pass<'_, '_> {
+    fn run(self) {
         let Self { search, workspace, thetas, lanes, positions, wanted, place } = self;
         let Search { record, structure, .. } = search;
         let stretches = 0..record.stretches.len();
@@ -139,55 +138,19 @@ impl Work for Pass<'_, '_> {
         let Kept { white, known } = &mut workspace.kept[workspace.last];
         if held.is_some() {
             white.forget_answer();
-            let inputs = delayed.zip(&record.stretches).map(|(v, s)| (s.y.len(), v));
-            structure.answer::<S, R, false>(simd, 0, inputs, white);
+            let mut inputs = delayed.zip(&record.stretches).map(|(v, s)| (s.y.len(), v));
+            structure.answer(lanes, &mut inputs, white);
         } else {
             workspace.changes.clear();
             workspace.changes.extend(record.stretches.iter().map(|stretch| LoadChange::alike(&stretch.changes)));
             *known = None;
             white.clear();
             let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
-            let inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
-            structure.whiten::<S, R>(simd, thetas, inputs, white);
+            let mut inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
+            structure.whiten(lanes, thetas, &mut inputs, white);
             *known = Some(Known::new(search, thetas, lanes));
         }
-        search.gain_and_residuals::<S, R>(simd, white, &mut workspace.found, wanted);
-    }
-}
-
-/// Sums of the answers of the first model to eight starts in one stretch, with the gains that a pass has left.
-struct Beginning<'r, 's> {
-    search: &'s Search<'s>,
-    white: &'r mut Whitened,
-    theta: &'s Theta,
-    stretch: usize,
-    positions: &'s [Lanes],
-}
-
-impl Work for Beginning<'_, '_> {
-    #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { search, white, theta, stretch, positions } = self;
-        white.forget_answer();
-        let v = Delayed::Late { positions, delay: search.delay(theta) };
-        search.structure.answer::<S, R, true>(simd, stretch, std::iter::once((positions.len(), v)), white);
-    }
-}
-
-/// The response of a process to positions alone.
-struct Response<'s> {
-    structure: Structure,
-    theta: &'s Theta,
-    positions: &'s [Lanes],
-    white: &'s mut Whitened,
-}
-
-impl Work for Response<'_> {
-    #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
-        let nothing = vec![0.0; self.positions.len()];
-        let alone = [(nothing.as_slice(), [].as_slice(), Delayed::Each(self.positions))];
-        self.structure.whiten::<S, R>(simd, &[*self.theta; LANES], alone.into_iter(), self.white);
+        search.gain_and_residuals(lanes, white, &mut workspace.found, wanted);
     }
 }
 
@@ -224,7 +187,7 @@ impl Search<'_> {
         then: impl FnOnce(&Workspace) -> T,
     ) -> T {
         WORKSPACE.with_borrow_mut(|workspace| {
-            wide_enough(lanes, Pass { search: self, workspace, thetas, lanes, positions, wanted, place });
+            Pass { search: self, workspace, thetas, lanes, positions, wanted, place }.run();
             then(workspace)
         })
     }
@@ -240,7 +203,9 @@ impl Search<'_> {
         });
         WORKSPACE.with_borrow_mut(|workspace| {
             let white = &mut workspace.kept[held].white;
-            widest(Beginning { search: self, white, theta: &point.theta, stretch, positions });
+            white.forget_answer();
+            let v = Delayed::Late { positions, delay: self.delay(&point.theta) };
+            self.structure.answers_of_first(stretch, positions.len(), v, white);
             white.sums
         })
     }
@@ -260,8 +225,9 @@ impl Search<'_> {
             }
         };
         let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
-        let mut white = Whitened::default();
-        widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
+        let (nothing, mut white) = (vec![0.0; step.len()], Whitened::default());
+        let alone = (nothing.as_slice(), [].as_slice(), Delayed::Each(&step));
+        self.structure.whiten(LANES, &[*theta; LANES], &mut once(alone), &mut white);
         white.of_v()[before..].iter().map(|v| v[0]).collect()
     }
 
@@ -283,35 +249,8 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::backlash_model::BacklashModel;
     use crate::data::cells::Cells;
-    use crate::model::backlash_model::BacklashModel;
-    use pulp::Scalar;
-
-    /// Results of a pass over a record with a hole and a change of the load, in registers of the instructions `S`: of a
-    /// point and its derivatives.
-    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> Vec<u64> {
-        let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
-        let mut y: Vec<f64> =
-            (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
-        y[70..75].fill(f64::NAN);
-        let record = Cells::new(&[(&y, &u)], 1).with_changes(vec![vec![120.3]]);
-        let search = Search { record: &record, structure, sign: 1.0 };
-        let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
-        let positions = record.positions(&BacklashModel::gap(0.1, 1));
-        let mut workspace = Workspace::default();
-        let pass = Pass {
-            search: &search,
-            workspace: &mut workspace,
-            thetas: &thetas,
-            lanes: search.lanes(),
-            positions: &|_, i| positions[i].as_slice(),
-            wanted: Wanted::Products,
-            place: BEGUN,
-        };
-        pass.run::<S, R>(simd);
-        let Innovations { sum, products, .. } = &workspace.found;
-        (0..search.lanes()).flat_map(|l| [sum[l], products[1][l]]).map(f64::to_bits).collect()
-    }
 
     #[test]
     fn gains_that_are_kept_give_the_bits_of_a_new_pass() {
@@ -362,41 +301,6 @@ mod tests {
         assert!(!holds(&record, slower));
         assert!(!holds(&record.with_changes(vec![vec![40.0]]), theta));
         assert!(!holds(&record.with(vec![y.clone()]), theta), "other PV, though its numbers are the same");
-    }
-
-    #[test]
-    fn registers_of_every_width_give_the_same_bits() {
-        let of_lines = [Noise::Slope, Noise::Lines, Noise::Bends];
-        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both].into_iter().chain(of_lines) {
-            for (lags, integrating) in [(2, false), (3, false), (1, true)] {
-                let structure = Structure { lags, integrating, noise };
-                let alone = passed::<Scalar, LANES>(Scalar::new(), structure);
-                assert!(alone.iter().all(|bits| f64::from_bits(*bits).is_finite()));
-                #[cfg(target_arch = "x86_64")]
-                {
-                    #[cfg(debug_assertions)]
-                    use pulp::x86::V2;
-                    use pulp::x86::{V3, V4};
-                    // All eight lanes, and as many registers as are wide enough.
-                    macro_rules! same {
-                        ($instructions:ident: $($registers:literal)*) => {$(
-                            if let Some(simd) = $instructions::try_new()
-                                && $registers * $instructions::F64_LANES > structure.parameters()
-                            {
-                                let bits = passed::<$instructions, $registers>(simd, structure);
-                                assert_eq!(bits, alone, "{structure:?} in {} registers", $registers);
-                            }
-                        )*};
-                    }
-                    // Two numbers a register stand for NEON and WebAssembly. They take the compiler as long as all else here, so
-                    // they are left to `make verify`, whose tests are compiled with assertions.
-                    #[cfg(debug_assertions)]
-                    same!(V2: 4 3 2);
-                    same!(V3: 2 1);
-                    same!(V4: 1);
-                }
-            }
-        }
     }
 
     fn of_two_lags(noise: Noise) -> Structure {

@@ -1,10 +1,10 @@
 //! The likelihood over the width d: where it is greatest, how far it stays near, what it is without a gap.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::Cells;
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::linear::{dot, solve};
+use glapp_model::structure::{MOST, Structure, Theta};
 use serde::{Deserialize, Serialize};
 
 /// Likelihood over d of one family; `points` in rising order of d, the first at d = 0.

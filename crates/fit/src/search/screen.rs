@@ -1,10 +1,10 @@
 //! First looks at a record: which processes and which loads may have made it.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::Cells;
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{Load, Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::profile::{FINE_TOLERANCE, Profile, Seed};
+use glapp_model::structure::{Load, Noise, Structure, Theta};
 use rayon::prelude::*;
 
 /// Relative excess of the innovations allowed after a coarse look, which may miss a narrow valley.

@@ -13,14 +13,14 @@
 //! its own period and a swing of its own size; that both are those of the loop with the gap is chance. The period alone is a weak witness,
 //! for a load excites a loop best near the period at which it would swing itself.
 
+use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::{Cells, Strip, crossings};
 use crate::data::segment::{Segment, Stretch};
 use crate::decide::bootstrap::Draws;
 use crate::decide::thresholds::{LAW, OWN_CYCLE};
-use crate::model::backlash_model::BacklashModel;
-use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::linear::{dot, solve};
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState};
+use glapp_model::structure::{MOST, Structure, Theta};
 use serde::{Deserialize, Serialize};
 
 /// Fewest recorded swings that are compared with.
@@ -231,7 +231,7 @@ impl Process {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::structure::Noise;
+    use glapp_model::structure::Noise;
 
     const SECOND: f64 = 1000.0;
 

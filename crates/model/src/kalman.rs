@@ -3,10 +3,10 @@
 mod bank;
 mod sides;
 
-pub(crate) use bank::{Found, Sought};
-pub(crate) use sides::{Asked, Sides, Totals, union};
+pub use bank::{Found, Sought};
+pub use sides::{Asked, Sides, Totals, union};
 
-use crate::model::lanes::{Lanes, Wide};
+use crate::lanes::{Lanes, Wide};
 use pulp::{Simd, WithSimd};
 use std::array;
 
@@ -37,7 +37,7 @@ pub(crate) const LINES: usize = 3;
 
 /// A cell before which the load may have jumped in some of the models.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LoadChange {
+pub struct LoadChange {
     pub(crate) cell: usize,
     /// Variance of the change in each of the models.
     pub(crate) variance: Lanes,
@@ -47,7 +47,7 @@ pub(crate) struct LoadChange {
 
 impl LoadChange {
     /// Changes of all the models at these times [cells], in the order of their cells; of two in one cell the later one given.
-    pub(crate) fn alike(times: &[f64]) -> Vec<Self> {
+    pub fn alike(times: &[f64]) -> Vec<Self> {
         let change = |time: &f64| Self {
             cell: time.ceil() as usize,
             variance: Lanes::all(UNKNOWN),
@@ -84,21 +84,31 @@ impl LoadChange {
 }
 
 /// Variance that means "not known at all", at the start and for the load where it changes, in units of the white noise.
-pub(crate) const UNKNOWN: f64 = 1e8;
+pub const UNKNOWN: f64 = 1e8;
 /// Part of [`UNKNOWN`] that is the variance of a step whose place in its cell is not known: it is ten times the noise.
 const BLURRED: f64 = 1e-6;
 /// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
 /// that models with more states do not pay for a start that nobody asked about.
-pub(crate) const START: usize = 6;
+pub const START: usize = 6;
 
 /// The positions of the eight models, each `delay` cells before.
-pub(crate) enum Delayed<'d> {
+pub enum Delayed<'d> {
     /// Positions of each model.
     Each(&'d [Lanes]),
     /// Positions with a cell before the first, a part of a cell late: as many whole cells late in all models.
-    Same { shifted: &'d [f64], part: Lanes },
+    Same {
+        /// Positions, and the one before them.
+        shifted: &'d [f64],
+        /// Part of a cell in each of the models.
+        part: Lanes,
+    },
     /// Positions of each model, all as late: the first ones hold before their beginning, the last ones after their end.
-    Late { positions: &'d [Lanes], delay: f64 },
+    Late {
+        /// Positions as OP moves the valve.
+        positions: &'d [Lanes],
+        /// Delay [cells].
+        delay: f64,
+    },
 }
 
 impl Delayed<'_> {
@@ -124,13 +134,15 @@ impl Delayed<'_> {
 /// Results of a pass over a record: innovations divided by their standard deviations, of PV and of the model's answer
 /// with gain 1, and Σ ln S. Its room is kept from one pass to the next.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Whitened {
+pub struct Whitened {
     of_y: Vec<Lanes>,
     of_v: Vec<Lanes>,
     /// Innovations that count of both.
     count: usize,
-    pub(crate) log_s: Lanes,
-    pub(crate) sums: Sums,
+    /// Σ ln S of each of the models.
+    pub log_s: Lanes,
+    /// Sums of the innovations.
+    pub sums: Sums,
     /// Gains for the same models with another answer: for a cell in which they move, and for a run of cells in which
     /// they stand still, the effect of an innovation on each of the states, and its weight.
     gains: Vec<Lanes>,
@@ -143,10 +155,13 @@ pub(crate) struct Whitened {
 
 /// Sums of squares and products of the innovations of PV and of the answer.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Sums {
-    pub(crate) yy: Lanes,
-    pub(crate) yv: Lanes,
-    pub(crate) vv: Lanes,
+pub struct Sums {
+    /// Σ ε_y² of PV.
+    pub yy: Lanes,
+    /// Σ ε_y·ε_v.
+    pub yv: Lanes,
+    /// Σ ε_v² of the answer.
+    pub vv: Lanes,
 }
 
 /// Cells on end of one kind.
@@ -176,7 +191,7 @@ struct Checkpoint {
 
 impl Whitened {
     /// Empty again, its room kept.
-    pub(crate) fn clear(&mut self) {
+    pub fn clear(&mut self) {
         (self.count, self.gains_kept) = (0, 0);
         self.runs.clear();
         self.stretches.clear();
@@ -184,17 +199,17 @@ impl Whitened {
     }
 
     /// Ready for another answer of the same models.
-    pub(crate) fn forget_answer(&mut self) {
+    pub fn forget_answer(&mut self) {
         (self.sums.yv, self.sums.vv) = (Lanes::all(0.0), Lanes::all(0.0));
     }
 
     /// Innovations of PV.
-    pub(crate) fn of_y(&self) -> &[Lanes] {
+    pub fn of_y(&self) -> &[Lanes] {
         &self.of_y[..self.count]
     }
 
     /// Innovations of the answer.
-    pub(crate) fn of_v(&self) -> &[Lanes] {
+    pub fn of_v(&self) -> &[Lanes] {
         &self.of_v[..self.count]
     }
 

@@ -13,8 +13,8 @@
 //! for gains that count as still there.
 
 use super::{Adding, GATHERED, Gain, LINES, LoadChange, Models, START, Sums};
-use crate::model::lanes::{Lanes, Wide};
-use crate::model::structure::Theta;
+use crate::lanes::{Lanes, Wide};
+use crate::structure::Theta;
 use pulp::{Simd, WithSimd};
 use std::array;
 use std::ops::Range;
@@ -78,7 +78,7 @@ fn near((a, b): (&[f64; MOST_STATES], &[f64; MOST_STATES])) -> bool {
 
 /// A stretch under one model, as its changes stand.
 #[derive(Clone, Debug)]
-pub(crate) struct Sides {
+pub struct Sides {
     y: Arc<[f64]>,
     /// The positions, as late as they act.
     v: Vec<f64>,
@@ -94,14 +94,16 @@ pub(crate) struct Sides {
 
 /// [`Sums`] and Σ ln S of a stretch.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Totals {
-    pub(crate) sums: Sums,
-    pub(crate) log_s: Lanes,
+pub struct Totals {
+    /// Sums of the innovations.
+    pub sums: Sums,
+    /// Σ ln S.
+    pub log_s: Lanes,
 }
 
 impl Sides {
-    /// `v`: the position that acts in each cell.
-    pub(crate) fn new(y: Arc<[f64]>, v: Vec<f64>, changes: &[f64]) -> Self {
+    /// `y`: PV; `v`: the position that acts in each cell; `changes`: times of the changes [cells].
+    pub fn new(y: Arc<[f64]>, v: Vec<f64>, changes: &[f64]) -> Self {
         let numbers = y.iter().enumerate().filter(|(_, y)| !y.is_nan());
         let started = numbers.map(|(k, _)| k + 1).nth(START - 1).unwrap_or(y.len());
         let changes = LoadChange::alike(changes);
@@ -109,7 +111,7 @@ impl Sides {
     }
 
     /// Sets new changes, which differ from the last ones in these cells alone.
-    pub(crate) fn change(&mut self, changes: &[f64], cells: &Range<usize>) {
+    pub fn change(&mut self, changes: &[f64], cells: &Range<usize>) {
         self.changes = LoadChange::alike(changes);
         let cells = self.stale.as_ref().map_or(cells.clone(), |stale| union(stale, cells));
         self.stale = Some(cells);
@@ -143,7 +145,7 @@ impl Sides {
 }
 
 /// Cells from the first of both to the last.
-pub(crate) fn union(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
+pub fn union(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
     a.start.min(b.start)..a.end.max(b.end)
 }
 
@@ -577,9 +579,13 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
 }
 
 /// Other changes of a stretch, which differ from its own in these cells alone.
-pub(crate) struct Asked<'s, 't> {
-    pub(crate) sides: &'s mut Sides,
-    pub(crate) theta: &'s Theta,
-    pub(crate) cells: &'s Range<usize>,
-    pub(crate) tried: &'s [&'t [f64]],
+pub struct Asked<'s, 't> {
+    /// The stretch.
+    pub sides: &'s mut Sides,
+    /// Its model.
+    pub theta: &'s Theta,
+    /// Cells in which the changes differ.
+    pub cells: &'s Range<usize>,
+    /// Times of all changes of the stretch [cells], up to eight sets of them.
+    pub tried: &'s [&'t [f64]],
 }

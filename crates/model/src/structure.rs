@@ -1,10 +1,11 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::model::kalman::{Asked, DRIFT, Delayed, Found, LINES, LoadChange, Models, SLOPE, Sought, Totals, Whitened};
-use crate::model::lanes::{LANES, Lanes, Wide, Work};
+use crate::kalman::{Asked, DRIFT, Delayed, Found, LINES, LoadChange, Models, SLOPE, Sought, Totals, Whitened};
+use crate::lanes::{LANES, Lanes, Wide, Work, wide_enough, widest};
 use pulp::{Scalar, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::array;
+use std::iter::once;
 
 /// Source of the disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,7 +82,7 @@ macro_rules! by_marked_states {
 
 /// Kind of a load between its marks.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Load {
+pub enum Load {
     /// Constant, with steps.
     Levels,
     /// Along straight lines, with bends.
@@ -90,18 +91,18 @@ pub(crate) enum Load {
 
 impl Load {
     /// Disturbance of a load that may walk between its marks.
-    pub(crate) fn noise(self) -> Noise {
+    pub fn noise(self) -> Noise {
         if self == Self::Levels { Noise::Input } else { Noise::Bends }
     }
 
     /// Variances that are tried for how a load, or its slope, walks in a cell: the least of them, and from one to the next [ln of the
     /// noise's variance].
-    pub(crate) fn walks(self) -> [f64; 2] {
+    pub fn walks(self) -> [f64; 2] {
         if self == Self::Levels { [-8.0, 2.5] } else { [-24.0, 4.0] }
     }
 
     /// Kind of the load in a family.
-    pub(crate) fn of(structure: Structure) -> Self {
+    pub fn of(structure: Structure) -> Self {
         if matches!(structure.noise, Noise::Lines | Noise::Bends) { Self::Lines } else { Self::Levels }
     }
 }
@@ -115,23 +116,24 @@ const STRAIGHT: f64 = 1e-10;
 const LASTS: f64 = 50.0;
 
 /// Most parameters that a structure can have.
-pub(crate) const MOST: usize = 7;
+pub const MOST: usize = 7;
 
 /// The parameters of a structure in the order in which the search moves them, all on scales where a step of 1 is large:
 /// ln T, ln ζ (two lags or more), ln T₃ (three lags), dead time in cells, then of the noise ln q_load, ln q_more,
 /// logit of the drift's pole. T in cells; two lags are 1/(1 + 2ζTs + T²s²).
-pub(crate) type Theta = [f64; MOST];
+pub type Theta = [f64; MOST];
 
 impl Structure {
     /// Process families: two lags hold one (the other goes to nothing), an integrator holds one with a lag.
     const PROCESSES: [(usize, bool); 3] = [(2, false), (3, false), (1, true)];
 
     /// The families that every record is tried with, for one kind of disturbance.
-    pub(crate) fn with(noise: Noise) -> [Self; 3] {
+    pub fn with(noise: Noise) -> [Self; 3] {
         Self::PROCESSES.map(|(lags, integrating)| Self { lags, integrating, noise })
     }
 
-    pub(crate) fn parameters(self) -> usize {
+    /// Number of its parameters in θ.
+    pub fn parameters(self) -> usize {
         self.lags + 1 + self.noise_parameters()
     }
 
@@ -145,12 +147,12 @@ impl Structure {
     }
 
     /// Place of the dead time in θ.
-    pub(crate) fn dead_time_at(self) -> usize {
+    pub fn dead_time_at(self) -> usize {
         self.lags
     }
 
     /// A beginning for the search: lags of `t` cells in all, dead time `dead` cells.
-    pub(crate) fn beginning(self, t: f64, dead: f64) -> Theta {
+    pub fn beginning(self, t: f64, dead: f64) -> Theta {
         let mut theta = [0.0; MOST];
         match self.lags {
             1 => theta[0] = t.ln(),
@@ -171,7 +173,7 @@ impl Structure {
     }
 
     /// The nearest θ within bounds, for a record of `n` cells.
-    pub(crate) fn bounded(self, mut theta: Theta, n: f64) -> Theta {
+    pub fn bounded(self, mut theta: Theta, n: f64) -> Theta {
         let long = (n / 4.0).ln();
         match self.lags {
             1 => theta[0] = theta[0].clamp(-3.0, long),
@@ -198,7 +200,7 @@ impl Structure {
     }
 
     /// Coefficients of 1, s, s² … [cellsᵏ], with the integrator if there is one; those beyond the order are 0.
-    pub(crate) fn denominator(self, theta: &Theta) -> [f64; 4] {
+    pub fn denominator(self, theta: &Theta) -> [f64; 4] {
         let t = theta[0].exp();
         if self.integrating {
             return [0.0, 1.0, t, 0.0];
@@ -214,7 +216,7 @@ impl Structure {
     }
 
     /// Denominator in time, with cells of `h` seconds; behind an integrator, whose gain is a velocity, divided by `h`.
-    pub(crate) fn denominator_in(self, theta: &Theta, h: f64) -> [f64; 4] {
+    pub fn denominator_in(self, theta: &Theta, h: f64) -> [f64; 4] {
         let den = self.denominator(theta);
         let mut power = if self.integrating { 1.0 / h } else { 1.0 };
         den.map(|coefficient| {
@@ -225,24 +227,24 @@ impl Structure {
     }
 
     /// Lags together [cells]: the coefficient of s in the denominator, of s² behind an integrator.
-    pub(crate) fn lag(self, theta: &Theta) -> f64 {
+    pub fn lag(self, theta: &Theta) -> f64 {
         self.denominator(theta)[1 + usize::from(self.integrating)]
     }
 
     /// Settling time of PV [cells]: its lags; behind an integrator, which answers at once, with the dead time.
-    pub(crate) fn settles(self, theta: &Theta) -> f64 {
+    pub fn settles(self, theta: &Theta) -> f64 {
         self.lag(theta) + if self.integrating { theta[self.dead_time_at()] } else { 0.0 }
     }
 
     /// Whether two sets of parameters are of one process: lags and dead time within a third of their sum.
-    pub(crate) fn alike(self, a: &Theta, b: &Theta) -> bool {
+    pub fn alike(self, a: &Theta, b: &Theta) -> bool {
         let (lags, dead) = ([self.lag(a), self.lag(b)], [a[self.dead_time_at()], b[self.dead_time_at()]]);
         let near = 0.5 + (lags[0] + dead[0]) / 3.0;
         (lags[0] - lags[1]).abs() < near && (dead[0] - dead[1]).abs() < near
     }
 
     /// The nearest parameters of two lags with a load that walks.
-    pub(crate) fn as_pilot(self, theta: &Theta) -> Theta {
+    pub fn as_pilot(self, theta: &Theta) -> Theta {
         let mut pilot = [0.0; MOST];
         if self.integrating {
             // An integrator is a lag that lasts.
@@ -310,68 +312,52 @@ impl Structure {
         Models { simd, transition, q_load, q_more, pole }
     }
 
-    /// See [`Models::whiten`]: of each stretch its PV, the changes of its load and its positions.
-    #[inline(always)]
-    pub(crate) fn whiten<'a, S: Simd, const R: usize>(
+    /// Whitens PV and the answers of eight models to positions, stretch after stretch.
+    ///
+    /// - `lanes`: so many of the models count; the others may be left out.
+    /// - `stretches`: of each its PV, the changes of its load and its positions.
+    /// - `white`: takes the innovations, their sums, and the gains for [`Self::answer`]; cleared before.
+    pub fn whiten<'a>(
         self,
-        simd: S,
+        lanes: usize,
         thetas: &[Theta; LANES],
-        stretches: impl Iterator<Item = (&'a [f64], &'a [LoadChange], Delayed<'a>)>,
+        stretches: &mut dyn Iterator<Item = (&'a [f64], &'a [LoadChange], Delayed<'a>)>,
         white: &mut Whitened,
     ) {
-        // A loop and no closure: only what is inlined here is compiled for the registers of the machine.
-        macro_rules! with {
-            ($states:literal, $more:expr) => {{
-                let models = self.models::<S, R, $states, { $more }>(simd, thetas);
-                white.keep_process(&models);
-                for (y, changes, v) in stretches {
-                    models.whiten(y, changes, &v, white);
-                }
-            }};
-        }
-        by_states!(self, with);
+        wide_enough(lanes, Whiten { structure: self, thetas, stretches, white });
     }
 
-    /// See [`Models::answer`]: of each of the stretches from `first` on its cells and its positions.
-    #[inline(always)]
-    pub(crate) fn answer<'a, S: Simd, const R: usize, const ONE: bool>(
+    /// The answers to other positions with the gains that [`Self::whiten`] has left.
+    ///
+    /// - `lanes`: so many of the models count.
+    /// - `stretches`: of each its cells and its positions.
+    /// - `white`: of the same models; PV's innovations stay, the answer was forgotten before.
+    pub fn answer<'a>(
         self,
-        simd: S,
-        first: usize,
-        stretches: impl Iterator<Item = (usize, Delayed<'a>)>,
+        lanes: usize,
+        stretches: &mut dyn Iterator<Item = (usize, Delayed<'a>)>,
         white: &mut Whitened,
     ) {
-        macro_rules! with {
-            ($states:literal, $more:expr) => {{
-                let models = Models::<S, R, $states, { $more }>::kept::<ONE>(simd, white);
-                for (stretch, (cells, v)) in (first..).zip(stretches) {
-                    models.answer::<ONE>(stretch, cells, &v, white);
-                }
-            }};
-        }
-        by_states!(self, with);
+        wide_enough(lanes, Answer::<false> { structure: self, first: 0, stretches, white });
     }
 
-    /// See [`Models::elsewhere`]; of a load that steps or bends.
-    #[inline(always)]
-    pub(crate) fn elsewhere<S: Simd, const R: usize>(self, simd: S, asked: Asked) -> Totals {
-        macro_rules! with {
-            ($states:literal, $more:expr) => {
-                self.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
-            };
-        }
-        by_marked_states!(self, with)
+    /// Sums of the answers of the first model to eight sets of positions in one stretch, with the gains that [`Self::whiten`] has left.
+    pub fn answers_of_first(self, stretch: usize, cells: usize, v: Delayed, white: &mut Whitened) {
+        widest(Answer::<true> { structure: self, first: stretch, stretches: &mut once((cells, v)), white });
     }
 
-    /// See [`Models::bank`]; of a load that steps or bends.
-    #[inline(always)]
-    pub(crate) fn bank<S: Simd, const R: usize>(self, simd: S, sought: &Sought) -> Found {
-        macro_rules! with {
-            ($states:literal, $more:expr) => {
-                self.models::<S, R, $states, { $more }>(simd, &[*sought.theta; LANES]).bank(sought)
-            };
-        }
-        by_marked_states!(self, with)
+    /// Totals of a stretch with other changes of a load that steps or bends; see [`Sides`](crate::kalman::Sides).
+    pub fn elsewhere(self, asked: Asked) -> Totals {
+        let mut totals = Totals::default();
+        wide_enough(asked.tried.len(), Elsewhere { structure: self, asked, totals: &mut totals });
+        totals
+    }
+
+    /// Changes of a load that steps or bends, by a bank of filters.
+    pub fn bank(self, sought: &Sought) -> Found {
+        let mut found = Found::default();
+        widest(Bank { structure: self, sought, found: &mut found });
+        found
     }
 
     /// States of the process.
@@ -379,8 +365,8 @@ impl Structure {
         self.lags + usize::from(self.integrating)
     }
 
-    /// See [`Models::response`].
-    pub(crate) fn response(self, theta: &Theta, v: &[f64]) -> Vec<f64> {
+    /// PV of the process from rest, with gain 1, without load and noise, at the positions `v`.
+    pub fn response(self, theta: &Theta, v: &[f64]) -> Vec<f64> {
         let mut response = Vec::new();
         // One model alone: a register of one number is wide enough.
         FromRest { structure: self, theta, v, response: &mut response }.run::<Scalar, 1>(Scalar::new());
@@ -404,7 +390,98 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> WithSimd for Di
     }
 }
 
-/// See [`Models::response`].
+/// See [`Structure::whiten`].
+struct Whiten<'w, 'a> {
+    structure: Structure,
+    thetas: &'w [Theta; LANES],
+    stretches: &'w mut dyn Iterator<Item = (&'a [f64], &'a [LoadChange], Delayed<'a>)>,
+    white: &'w mut Whitened,
+}
+
+impl Work for Whiten<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { structure, thetas, stretches, white } = self;
+        // A loop and no closure: only what is inlined here is compiled for the registers of the machine.
+        macro_rules! with {
+            ($states:literal, $more:expr) => {{
+                let models = structure.models::<S, R, $states, { $more }>(simd, thetas);
+                white.keep_process(&models);
+                for (y, changes, v) in stretches {
+                    models.whiten(y, changes, &v, white);
+                }
+            }};
+        }
+        by_states!(structure, with);
+    }
+}
+
+/// See [`Structure::answer`]; with `ONE` all models are the first one's, see [`Structure::answers_of_first`].
+struct Answer<'w, 'a, const ONE: bool> {
+    structure: Structure,
+    /// Place of the first stretch.
+    first: usize,
+    stretches: &'w mut dyn Iterator<Item = (usize, Delayed<'a>)>,
+    white: &'w mut Whitened,
+}
+
+impl<const ONE: bool> Work for Answer<'_, '_, ONE> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { structure, first, stretches, white } = self;
+        macro_rules! with {
+            ($states:literal, $more:expr) => {{
+                let models = Models::<S, R, $states, { $more }>::kept::<ONE>(simd, white);
+                for (stretch, (cells, v)) in (first..).zip(stretches) {
+                    models.answer::<ONE>(stretch, cells, &v, white);
+                }
+            }};
+        }
+        by_states!(structure, with);
+    }
+}
+
+/// See [`Structure::elsewhere`].
+struct Elsewhere<'s, 't> {
+    structure: Structure,
+    asked: Asked<'s, 't>,
+    totals: &'s mut Totals,
+}
+
+impl Work for Elsewhere<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { structure, asked, totals } = self;
+        macro_rules! with {
+            ($states:literal, $more:expr) => {
+                *totals = structure.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
+            };
+        }
+        by_marked_states!(structure, with);
+    }
+}
+
+/// See [`Structure::bank`].
+pub(crate) struct Bank<'s, 'b> {
+    pub(crate) structure: Structure,
+    pub(crate) sought: &'s Sought<'b>,
+    pub(crate) found: &'s mut Found,
+}
+
+impl Work for Bank<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { structure, sought, found } = self;
+        macro_rules! with {
+            ($states:literal, $more:expr) => {
+                *found = structure.models::<S, R, $states, { $more }>(simd, &[*sought.theta; LANES]).bank(sought)
+            };
+        }
+        by_marked_states!(structure, with);
+    }
+}
+
+/// See [`Structure::response`].
 struct FromRest<'s> {
     structure: Structure,
     theta: &'s Theta,
@@ -474,6 +551,7 @@ fn product<S: Simd, const R: usize, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kalman::Sums;
     use glapp_sim::Matrix;
 
     #[test]
@@ -509,6 +587,75 @@ mod tests {
             x = [row(0), row(1)];
             let truth = 1.0 - (-f64::from(k) / 3.0).exp();
             assert!((x[0] - truth).abs() < 1e-4, "{k}: {} for {truth}", x[0]);
+        }
+    }
+
+    /// Innovations and sums of a record with a hole and a change of the load, in registers of the instructions `S`: of a point and its
+    /// derivatives; then with other positions, by the gains that are kept.
+    fn whitened<S: Simd, const R: usize>(simd: S, structure: Structure) -> Vec<u64> {
+        let mut y: Vec<f64> =
+            (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
+        y[70..75].fill(f64::NAN);
+        let positions =
+            |late: f64| (0..200).map(|k| Lanes::all((f64::from(k) * 0.1 - late).sin())).collect::<Vec<Lanes>>();
+        let thetas = array::from_fn(|l| {
+            let mut theta = structure.beginning(8.0, 2.4);
+            if l > 0 {
+                theta[l - 1] += 0.01;
+            }
+            theta
+        });
+        let (changes, mut white) = (LoadChange::alike(&[120.3]), Whitened::default());
+        let mut bits = Vec::new();
+        let mut keep = |white: &Whitened| {
+            let Sums { yy, yv, vv } = white.sums;
+            let all = white.of_y().iter().chain(white.of_v()).chain([&white.log_s, &yy, &yv, &vv]);
+            bits.extend(all.flat_map(|lanes| lanes.map(f64::to_bits).into_iter().take(structure.parameters() + 1)));
+        };
+        let first = positions(0.2);
+        let stretches = &mut once((y.as_slice(), changes.as_slice(), Delayed::Each(&first)));
+        Whiten { structure, thetas: &thetas, stretches, white: &mut white }.run::<S, R>(simd);
+        keep(&white);
+        white.forget_answer();
+        let second = positions(0.3);
+        let stretches = &mut once((y.len(), Delayed::Each(&second)));
+        Answer::<false> { structure, first: 0, stretches, white: &mut white }.run::<S, R>(simd);
+        keep(&white);
+        bits
+    }
+
+    #[test]
+    fn registers_of_every_width_give_the_same_bits() {
+        let of_lines = [Noise::Slope, Noise::Lines, Noise::Bends];
+        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both].into_iter().chain(of_lines) {
+            for (lags, integrating) in [(2, false), (3, false), (1, true)] {
+                let structure = Structure { lags, integrating, noise };
+                let alone = whitened::<Scalar, LANES>(Scalar::new(), structure);
+                assert!(alone.iter().all(|bits| f64::from_bits(*bits).is_finite()));
+                #[cfg(target_arch = "x86_64")]
+                {
+                    #[cfg(debug_assertions)]
+                    use pulp::x86::V2;
+                    use pulp::x86::{V3, V4};
+                    // All eight lanes, and as many registers as are wide enough.
+                    macro_rules! same {
+                        ($instructions:ident: $($registers:literal)*) => {$(
+                            if let Some(simd) = $instructions::try_new()
+                                && $registers * $instructions::F64_LANES > structure.parameters()
+                            {
+                                let bits = whitened::<$instructions, $registers>(simd, structure);
+                                assert_eq!(bits, alone, "{structure:?} in {} registers", $registers);
+                            }
+                        )*};
+                    }
+                    // Two numbers a register stand for NEON and WebAssembly. They take the compiler as long as all else here, so
+                    // they are left to `make verify`, whose tests are compiled with assertions.
+                    #[cfg(debug_assertions)]
+                    same!(V2: 4 3 2);
+                    same!(V3: 2 1);
+                    same!(V4: 1);
+                }
+            }
         }
     }
 }

@@ -9,20 +9,22 @@ use std::ops::{Add, AddAssign, Deref, DerefMut, Div, Mul, MulAssign, Sub, SubAss
 
 /// Models that are run side by side: the recurrence waits for itself, eight of them fill the waiting, and a point with all
 /// its derivatives is one pass.
-pub(crate) const LANES: usize = 8;
+pub const LANES: usize = 8;
 
 /// One number for each of the models that run side by side. Aligned to the widest registers: what lies across the border of
 /// two lines of the cache waits for both.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(64))]
-pub(crate) struct Lanes([f64; LANES]);
+pub struct Lanes([f64; LANES]);
 
 impl Lanes {
-    pub(crate) fn all(x: f64) -> Self {
+    /// The same number for all.
+    pub fn all(x: f64) -> Self {
         Self([x; LANES])
     }
 
-    pub(crate) fn each(of: impl FnMut(usize) -> f64) -> Self {
+    /// The number of each, from its place.
+    pub fn each(of: impl FnMut(usize) -> f64) -> Self {
         Self(array::from_fn(of))
     }
 }
@@ -45,32 +47,35 @@ impl DerefMut for Lanes {
 
 /// [`Lanes`] in `R` registers of the instructions `S`; where these hold fewer numbers, the first of them, and 0 for the others.
 #[derive(Clone, Copy)]
-pub(crate) struct Wide<S: Simd, const R: usize> {
+pub struct Wide<S: Simd, const R: usize> {
     pub(crate) simd: S,
     registers: [S::f64s; R],
 }
 
 impl<S: Simd, const R: usize> Wide<S, R> {
+    /// The same number in all lanes.
     #[inline(always)]
-    pub(crate) fn all(simd: S, x: f64) -> Self {
+    pub fn all(simd: S, x: f64) -> Self {
         Self { simd, registers: [simd.splat_f64s(x); R] }
     }
 
     /// The first eight of these numbers.
     #[inline(always)]
-    pub(crate) fn begin(simd: S, numbers: &[f64]) -> Self {
+    pub fn begin(simd: S, numbers: &[f64]) -> Self {
         let (registers, _) = S::as_simd_f64s(&numbers[..LANES]);
         Self { simd, registers: array::from_fn(|r| registers[r]) }
     }
 
+    /// From memory.
     #[inline(always)]
-    pub(crate) fn load(simd: S, lanes: &Lanes) -> Self {
+    pub fn load(simd: S, lanes: &Lanes) -> Self {
         let (registers, _) = S::as_simd_f64s(&lanes.0);
         Self { simd, registers: array::from_fn(|r| registers[r]) }
     }
 
+    /// To memory.
     #[inline(always)]
-    pub(crate) fn lanes(self) -> Lanes {
+    pub fn lanes(self) -> Lanes {
         let mut lanes = Lanes::default();
         let (registers, _) = S::as_mut_simd_f64s(&mut lanes.0);
         registers.iter_mut().zip(self.registers).for_each(|(to, register)| *to = register);
@@ -134,7 +139,7 @@ operators! {
 }
 
 /// Work on eight lanes, written for any registers.
-pub(crate) trait Work {
+pub trait Work {
     /// Does it, the lanes in `R` registers.
     fn run<S: Simd, const R: usize>(self, simd: S);
 }
@@ -143,7 +148,7 @@ pub(crate) trait Work {
 ///
 /// Each instruction set is named with its number of registers. A choice by `S::F64_LANES` in generic code compiles all numbers of
 /// registers for all sets, which takes the compiler several times as long.
-pub(crate) fn widest(work: impl Work) {
+pub fn widest(work: impl Work) {
     match Arch::new() {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(simd) => Simd::vectorize(simd, InRegisters::<_, 1>(work)),
@@ -158,7 +163,7 @@ pub(crate) fn widest(work: impl Work) {
 }
 
 /// Work where only the first so many `lanes` count: in no more registers than they fill, but for the narrowest.
-pub(crate) fn wide_enough(lanes: usize, work: impl Work) {
+pub fn wide_enough(lanes: usize, work: impl Work) {
     match (Arch::new(), lanes) {
         #[cfg(target_arch = "x86_64")]
         (Arch::V3(simd), ..=4) => Simd::vectorize(simd, InRegisters::<_, 1>(work)),

@@ -18,8 +18,8 @@
 //! known: s has mean 0 and variance V, b is even over the cell. So the covariance grows by V·E[r·r'], whose elements are moments of b.
 
 use super::{Gain, LINES, Models, START};
-use crate::model::lanes::{LANES, Lanes, Wide};
-use crate::model::structure::Theta;
+use crate::lanes::{LANES, Lanes, Wide};
+use crate::structure::Theta;
 use pulp::{Simd, WithSimd};
 use std::array;
 use std::f64::consts::{LN_2, SQRT_2};
@@ -33,32 +33,34 @@ const FIRST: usize = 10;
 const LAST: usize = 5;
 
 /// Question to the bank: the changes of a stretch under one model.
-pub(crate) struct Sought<'b> {
-    pub(crate) theta: &'b Theta,
-    pub(crate) y: &'b [f64],
+pub struct Sought<'b> {
+    /// The model.
+    pub theta: &'b Theta,
+    /// PV.
+    pub y: &'b [f64],
     /// The positions, as late as they act.
-    pub(crate) v: &'b [f64],
+    pub v: &'b [f64],
     /// Variance of a change [variance of the white noise on PV].
-    pub(crate) variance: f64,
+    pub variance: f64,
     /// Variance of the white noise on PV.
-    pub(crate) noise: f64,
+    pub noise: f64,
     /// Sign of the gain, 0 where it is not known.
-    pub(crate) sign: f64,
+    pub sign: f64,
     /// Σ ε_y², Σ ε_y·ε_v and Σ ε_v² that are known before the stretch.
-    pub(crate) sums: [f64; 3],
+    pub sums: [f64; 3],
     /// Price of 0, 1, 2 … changes [−2·ln p]: there are no more than these.
-    pub(crate) prices: &'b [f64],
+    pub prices: &'b [f64],
     /// Fewest cells between two changes.
-    pub(crate) apart: usize,
+    pub apart: usize,
 }
 
 /// The cheapest history of a stretch.
 #[derive(Default)]
-pub(crate) struct Found {
+pub struct Found {
     /// Times of the changes [cells].
-    pub(crate) changes: Vec<f64>,
+    pub changes: Vec<f64>,
     /// The sums of [`Sought::sums`] with this stretch.
-    pub(crate) sums: [f64; 3],
+    pub sums: [f64; 3],
 }
 
 /// Filters side by side.
@@ -319,7 +321,8 @@ fn ln(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::structure::{Noise, Structure};
+    use crate::lanes::Work;
+    use crate::structure::{Bank, Noise, Structure};
     use pulp::Scalar;
 
     const STEPS: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
@@ -351,10 +354,10 @@ mod tests {
         theta[structure.lags + 1] = -8.0;
         let (noise, sums) = (4e-5, [1e-3, 1e-3, 1e-3]);
         let variance = 1e4;
-        structure.bank::<S, R>(
-            simd,
-            &Sought { theta: &theta, y: &y, v: &v, variance, noise, sign: 1.0, sums, prices: &prices, apart },
-        )
+        let sought = Sought { theta: &theta, y: &y, v: &v, variance, noise, sign: 1.0, sums, prices: &prices, apart };
+        let mut found = Found::default();
+        Bank { structure, sought: &sought, found: &mut found }.run::<S, R>(simd);
+        found
     }
 
     #[test]

@@ -65,15 +65,16 @@ verify: setup $(VENV)/.docs
 	@+$(MAKE) --no-print-directory --jobs=4 $(VERIFIED:%=timed-%)
 
 .PHONY: clock others $(VERIFIED:%=timed-%)
-# Only the files that hold such a test are read. What failed by the clock is kept apart from what failed among the others.
+# Only the files that hold such a test are read. What fails beside others is run once more, alone: other work on the machine must not
+# decide. What failed by the clock is kept apart from what failed among the others.
 marked = -m '$(1)' $$(grep --files-with-matches 'mark\.$(firstword $(1))' tests/test_*.py)
+verified = $(BIN)/pytest --verbose --numprocesses $(1) --dist loadgroup $(3) $(call marked,$(2)) || \
+	{ printf '\n== What failed, once more and alone\n'; $(BIN)/pytest --verbose --numprocesses 0 --last-failed $(3) $(call marked,$(2)); }
 clock:
-	$(BIN)/pytest --verbose --numprocesses 5 --dist loadgroup --override-ini cache_dir=.pytest_cache/clock $(call marked,by_the_clock)
+	$(call verified,5,by_the_clock,--override-ini cache_dir=.pytest_cache/clock)
 
 others:
-	$(BIN)/pytest --verbose --numprocesses auto --dist loadgroup --durations=20 $(call marked,verify and not by_the_clock) || \
-		{ printf '\n== What failed among others, once more and alone\n'; \
-		$(BIN)/pytest --verbose --numprocesses 0 --last-failed $(call marked,verify and not by_the_clock); }
+	$(call verified,auto,verify and not by_the_clock,--durations=20)
 
 timed-clock: timed-interop
 timed-others: timed-interop timed-site timed-page

@@ -335,8 +335,12 @@ def test_the_table_fits_the_terminal(demo, columns):
     printed = subprocess.run([*GLAPP, "analyze", demo, "--why"], capture_output=True, text=True, env=env).stdout
     assert max(map(cell_len, printed.splitlines())) <= columns
     assert sum(line.split()[:1] == ["why"] for line in printed.splitlines()) == 5
-    assert "LIC110 swings in a smooth wave" in " ".join(out.split())
+    said = " ".join(out.split())
+    assert "LIC110 swings in a smooth wave" in said
     assert "\x1b" not in out
+    for page in ("README.md", "docs/index.md"):
+        [quoted] = re.findall(r"^```\n(PIC305 .*?)^```", (ROOT / page).read_text("utf-8"), re.DOTALL | re.MULTILINE)
+        assert " ".join(quoted.split()) in said, f"{page} quotes another answer than the one that is given"
 
 
 @pytest.mark.slow

@@ -104,7 +104,7 @@ def test_labels_of_a_spreadsheet_with_decimal_commas(tmp_path: Path) -> None:
         ("file,found,width\na.csv,gap,wide\n", "row 2, column width: 'wide' is no width"),
         ("file,found,width\na.csv,gap,-1\n", "row 2, column width: '-1' is no width"),
         ("file,found,date\na.csv,gap,1.3.26\n", "row 2, column date: '1.3.26' is no date"),
-        ("file,found\na.csv,gap\n./a.csv,sound\n", "row 3: a.csv stands in row 2 already"),
+        ("file,found\na.csv,gap\n./a.csv,sound\n", "row 3: a.csv is in row 2 already"),
         ("file,found\n,gap\n", "row 2, column file: names no recording"),
     ],
 )

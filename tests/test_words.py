@@ -102,7 +102,7 @@ BESIDE = {
         "{} % of PV lies outside",
         "{} chosen windows have fewer",
         "{} % of the window's PV",
-        "{} rows stand there more",
+        "{} rows are there more",
         "{} rows say something else",
         "find out which export",
         "check unit and span",

@@ -117,7 +117,7 @@ class FitRecording(_Part):
     t0: str | None
     """Time of its first row; null where its times are plain seconds."""
     repeated: Value
-    """Share of its rows that stand in an earlier recording, and count there."""
+    """Share of its rows that repeat an earlier recording, and count there."""
     left_out: str | None
     """Why it does not count in the joint answer; null where it does."""
     adds: Value
@@ -202,7 +202,7 @@ class Corrected(_Part):
     high: Value
     """Upper end."""
     kp: Value
-    """Size of the process gain that it stands on [PV unit/OP unit]."""
+    """Size of the process gain that it is computed with [PV unit/OP unit]."""
     kp_range: Range | None
     """Range of that gain with any one pair left out; null where it was known."""
     pairs: Count
@@ -228,7 +228,7 @@ class Next(_Part):
 
 
 class Struck(_Part):
-    """Why the crossings' width does not stand beside the fit."""
+    """Why the crossings' width contradicts the fit."""
 
     code: Literal["above", "below", "sound"]
     """Wider or narrower than the fit allows, or a width of a valve that shows no gap."""
@@ -527,7 +527,7 @@ class Repair(_Part):
 
 
 class LoopAnswer(_Part):
-    """The answer for one loop: `answer` is the one, all else is what it stands on."""
+    """The answer for one loop: `answer` is the one answer, all else is its evidence."""
 
     loop: str
     """Name of the loop."""

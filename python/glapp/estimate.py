@@ -67,7 +67,7 @@ def estimate(
     loop : Loop
         Settings that go with samples.
     progress : callable, optional
-        Told how far the reading is.
+        Called with the share that is read.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         From `glapp.recording_from` or `glapp.open_recordings`; a file that holds one loop; a pandas, Polars or Arrow
         table or a dict of arrays. A list gives a list of answers, one for each loop of each file. Or, in its place:
     t, sp, pv, op, position, flags : array[n] or str
-        Beside a file or a table, names of its columns where the guess is wrong; `position=""` leaves a measured
+        With a file or a table, names of its columns where the guess is wrong; `position=""` leaves a measured
         position out. Alone, samples: time [s] or datetime64; setpoint and process value [PV unit], controller output
         [OP unit], the valve's measured position [%];
         sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
@@ -146,7 +146,7 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         Fit the gap from OP and PV as well (`glapp.fit`, a second or more a loop, and a dozen times that for a
         recording of more than half a million rows); without OP the result has no `fit`.
     progress : callable, optional
-        Told the share that is done.
+        Called with the share that is done.
 
     Returns
     -------

@@ -100,7 +100,7 @@ class Trend:
     """Trend of the width from window to window.
 
     - `slope`, `error`: change of the width and its standard error [OP unit/day].
-    - `windows`: Windows with a width that it stands on.
+    - `windows`: Windows with a width that it is based on.
     - `t`, `d`: from when to when [s since the recording's first row], and the line's widths there [OP unit].
     - `changes`: whether it is plain that the width changes: five windows or more, and three standard errors.
     """
@@ -120,7 +120,7 @@ class Fit:
     Attributes
     ----------
     verdict : str
-        *backlash*, *stiction* (sticks and jumps, no gap beside), *both*, *oscillation* (a clean sinusoid, beside which
+        *backlash*, *stiction* (sticks and jumps, without a gap), *both*, *oscillation* (a clean sinusoid, beside which
         no gap shows), *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP did not go through the whole
         of it often enough, or PV's noise hides how much wider), *cannot_tell*.
     reason : str
@@ -285,7 +285,7 @@ def fit(
     loop : Loop
         Settings that go with samples.
     progress : callable, optional
-        Told the share that is done.
+        Called with the share that is done.
 
     Returns
     -------

@@ -71,7 +71,7 @@ def _node(text: str) -> str:
 
 
 Node = Annotated[str, AfterValidator(_node)]
-"""Name of a node of an OPC UA server. With `nsu=` the URI of its namespace is told, which outlives a restart."""
+"""Name of a node of an OPC UA server. With `nsu=` it has the URI of its namespace, which no restart changes."""
 
 
 class Tags(Checked):
@@ -80,8 +80,8 @@ class Tags(Checked):
     - `sp`, `pv`, `op`, `mode`, `low`, `high`, `position`: `low` and `high` are limit flags, `position` what the valve
       says of itself.
     - `u_ff`: the feed-forward that the controller adds to OP, the one node of the loop that may be written.
-    - `u_ff_limit`: greatest |u_FF| that is ever written, > 0 [OP unit]; needed beside `u_ff`.
-    - `u_ff_rate`: its greatest rate, > 0 [OP unit per second]; needed beside `u_ff`.
+    - `u_ff_limit`: greatest |u_FF| that is ever written, > 0 [OP unit]; required with `u_ff`.
+    - `u_ff_rate`: its greatest rate, > 0 [OP unit per second]; required with `u_ff`.
     """
 
     sp: Node | None = None

@@ -1,7 +1,7 @@
 """Loops put together from control modules, as in a control system (thesis chapter 6).
 
 A `Graph` is a few named modules and the wires between them, checked when it is made. It runs in simulation, or sample
-by sample beside a real plant; every parameter and variable of every module can be read and set while it runs, a gain
+by sample next to a real plant; every parameter and variable of every module can be read and set while it runs, a gain
 schedule by `Graph.schedule` and `Graph.set_schedule`. A default is read as what is in force, a parameter that is not
 known as None.
 
@@ -217,10 +217,10 @@ class Flag(enum.IntFlag):
     BAD_SP, BAD_FF
         The setpoint, the feed-forward is bad; the last good one is in effect.
     BAD_LIMITS
-        Limits told backward cross; the controller's own are in effect.
+        Limits reported backward cross; the controller's own are in effect.
     WRONG_SIGN
         The gain has the wrong sign: the output has gone to its limit, and the process value runs away from the setpoint
-        all the same; or, in a detector, the controller beside it goes the other way than the k that it was told says.
+        all the same; or, in a detector, the controller next to it goes the other way than its own k says.
     """
 
     NOT_AUTO = 1
@@ -266,7 +266,7 @@ class Module:
 class Input(Module):
     """A value from outside: a measurement, a setpoint, a load. Not a number is a bad value.
 
-    What it is told backward can be read: `low`, `high`, `flags`, `tracking`.
+    What is reported backward to it can be read: `low`, `high`, `flags`, `tracking`.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ class Noise(Module):
 class Sum(Module):
     """The sum of its inputs `in` and `plus`: noise or a correction on a signal.
 
-    Each is told what the other leaves it.
+    The range that one signal leaves is reported to the other.
     """
 
 
@@ -324,7 +324,7 @@ class Resolution(Module):
 
 @dataclass(frozen=True)
 class Delay(Module):
-    """Communication that takes its time: a value, with its quality, comes so many scans later. It may close a loop.
+    """Communication that takes its time: a value, with its quality, arrives some scans later. It may close a loop.
 
     Parameters
     ----------
@@ -353,7 +353,7 @@ class Backlash(Module):
     d : float
         Total width, ≥ 0 [unit of the input].
     start : float, optional
-        Where its output stands at the beginning; at its first input where not given.
+        Its output at the beginning; its first input where not given.
     """
 
     d: float
@@ -372,7 +372,7 @@ class Friction(Module):
         Slip jump, 0 ≤ j ≤ s. With j = 0 it is a gap of width s.
     model : FrictionModel
     start : float, optional
-        Where the stem stands at the beginning; at its first input where not given.
+        Position of the stem at the beginning; its first input where not given.
     """
 
     s: float
@@ -407,7 +407,7 @@ class RateLimit(Module):
         Whether it reports to the modules before it while it holds the signal back. A valve without a feedback of its
         position does not.
     start : float, optional
-        Where its output stands at the beginning; at its first input where not given.
+        Its output at the beginning; its first input where not given.
     """
 
     rate: float
@@ -417,7 +417,7 @@ class RateLimit(Module):
 
 @dataclass(frozen=True)
 class Filter2P(Module):
-    """Second-order low-pass filter 1/(1 + s·Tf)² (6.5); starts anew after a bad value.
+    """Second-order low-pass filter 1/(1 + s·Tf)² (6.5); starts again after a bad value.
 
     Parameters
     ----------
@@ -531,7 +531,7 @@ class Pid(Module):
     tf : float
         Time constant of its second-order measurement filter, ≥ 0 [s].
     low, high : float
-        Limits of the output; narrower ones that are told backward count.
+        Limits of the output; narrower ones that are reported backward count.
     rate : float
         The fastest that the output moves, > 0 [output per second].
     max_h : float, optional
@@ -637,7 +637,7 @@ class PidAdvanced(_Compensating, Pid):
     detector_tf : float, optional
         Time constant of a filter of the detector's own, ≥ 0 [s], for the process value as measured; `comp_way` and
         `error` see it as they would without. Where not given, the detector sees what the controller sees. Behind a
-        filter longer than Ti/2, be it the controller's, nothing is compensated by the estimate (8.4).
+        filter longer than Ti/2, also the controller's, nothing is compensated by the estimate (8.4).
     n : int
         Length of the filter of detections, odd, 1..31.
     sp_rate : float
@@ -719,7 +719,7 @@ class AutoTuner(Module):
 
 @dataclass(frozen=True)
 class BacklashDetection(_Compensating):
-    """The detector beside a controller (6.4). Connect its output to the controller's `ff`: the flags come back there.
+    """The detector next to a controller (6.4). Connect its output to the controller's `ff`: the flags come back there.
 
     Where a width is given it compensates as soon as `"compensate"` is set to 1. Read `u_ff`, `standing` (0: it
     compensates, else why not), `source` (the `Source` of the width; 0: none), `unfit` (why the estimate is none),
@@ -729,7 +729,7 @@ class BacklashDetection(_Compensating):
     `count` is 0), and `error` (`Flag.WRONG_SIGN`). Connect `pv` before any filter: noise that is filtered off is not
     heard.
 
-    Beside a controller that is no module here (figure 6.3), connect `flags`: the sum of 1 (not in automatic), 2 (bad),
+    Next to a controller that is no module here (figure 6.3), connect `flags`: the sum of 1 (not in automatic), 2 (bad),
     4 and 8 (something in the loop is at its lower, upper limit). `op`, its output, and `u_ff`, the value at its
     feed-forward read back, may stay open; without `op` nothing is compensated. The output of a scan is made of the
     inputs of that scan (`docs/modules.md`).
@@ -752,7 +752,7 @@ class BacklashDetection(_Compensating):
     max_h : float, optional
         A longer time between scans is a gap, > 0 [s]; three scans where not given.
     ff_delay : int
-        Beside a controller that is no module here: how many scans after the one in which it is made `op` holds u_FF,
+        Next to a controller that is no module here: how many scans after the one in which it is made `op` holds u_FF,
         1..32.
     ff_tolerance : float, optional
         How far the u_FF read back may be from what was handed over, ≥ 0 [unit of the output]; a tenth of the width
@@ -920,7 +920,7 @@ class Graph:
     Traceback (most recent call last):
     glapp.errors.InputError: pid, its output, is open: connect it
 
-    Beside a real plant there is nothing but the controller, its measurements and its valve:
+    Next to a real plant there is nothing but the controller, its measurements and its valve:
 
     >>> loop = Graph(
     ...     1.0,

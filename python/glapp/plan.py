@@ -37,13 +37,13 @@ Floats = NDArray[np.float64]
 Found = Literal["gap", "no_gap"]
 
 BEYOND = 1.5
-"""PV is kept within its limits with a process gain so many times its upper limit by the likelihood.
+"""PV is kept within its limits with a process gain this many times its upper limit by the likelihood.
 
 The person stops where PV comes to a limit all the same.
 """
 
 KNOWN = 2.0
-"""The process is known where the upper limit of its gain by the likelihood is at most so many times the lower one.
+"""The process is known where the upper limit of its gain by the likelihood is at most this many times the lower one.
 
 Where a recording does not tell the gap, it often does not tell the process either: gains that it gives are then up to
 17 times too small, lags 7 times too long. What such a loop does in a test cannot be foreseen.
@@ -74,7 +74,7 @@ SETTLED_ROWS = 20
 """Rows of a hold after PV has settled."""
 
 PATTERNS = ((0, 1, 2, 1), *((0, *(1, 2, 1, 0) * n) for n in (1, 2, 4)))
-"""OP by hand [steps from where it stands]: up, up, down, and up, up, down, down so many times."""
+"""OP by hand [steps from its present value]: up, up, down, and up, up, down, down this many times."""
 
 TAIL = 5.0
 """Tail, the one of the step test: PV counts as settled t₁ + 5(t₂ − t₁) after a move."""
@@ -86,7 +86,7 @@ MOST_SETPOINT_STEPS = 10
 """A setpoint is stepped so often at most: five times each way."""
 
 HOURS = (1.0, 3.0, 9.0)
-"""A recording is gone on with for so many times its length."""
+"""A recording is continued for this many times its length."""
 
 HOURS_POWER = 0.8
 """Share of simulations that must show the gap; the shortest recording that does is named."""
@@ -115,7 +115,7 @@ def plan_test(
     process, the valve follows OP with a gap of the width, or without, and w is what is left of the recorded PV, taken
     from a place of the recording that is another one in each simulation. It is the same w with the gap and without:
     that of the two which leaves less of the recording. Gain and times of the process are drawn from within their 95 %
-    limits, anew in each simulation: a process that is not well known makes a promise smaller.
+    limits, separately for each simulation: a process that is not well known makes a promise smaller.
 
     More hours: the loop with its gap is simulated in automatic, with the recorded course of SP backwards and forwards
     in turn, and fitted together with the recording. Told is the shortest of once, three and nine times its length that
@@ -143,7 +143,7 @@ def plan_test(
     kinds : sequence of str
         Kinds of test to work out.
     progress : callable, optional
-        Told the share that is done.
+        Called with the share that is done.
 
     Returns
     -------
@@ -388,7 +388,7 @@ class _Fitted:
         return self.left.piece(n, at, np.random.default_rng(seed))
 
     def process(self, seed: int) -> Plant:
-        """A process as the recording allows it: gain and times drawn from within their limits, anew with each seed."""
+        """A process as the recording allows it: gain and times drawn from within their limits, one draw per seed."""
         random = np.random.default_rng([seed, 2])
         gain, time = (
             math.exp(spread * float(np.clip(random.standard_normal(), -_LIMIT, _LIMIT)))
@@ -416,7 +416,7 @@ def _gains(kp: float, near: Limits, given: float | None) -> tuple[float, float] 
 
 
 _LIMIT = NormalDist().inv_cdf(0.975)
-"""A 95 % limit is so many standard deviations away."""
+"""A 95 % limit is this many standard deviations away."""
 
 MOST_SPREAD = 0.5
 """Standard deviation of the logarithm of what has no upper limit: 95 % within a factor of 2.7 either way."""

@@ -9,7 +9,7 @@ Progress = Callable[[float | None], None]
 
 
 def shares(progress: Progress | None, *parts: float) -> list[Progress | None]:
-    """One progress for tasks of which none can know how long the others take."""
+    """One progress for several tasks, none of which knows how long the others take."""
     if progress is None:
         return [None] * len(parts)
 

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 Severity = Literal["info", "warning", "refuse"]
 
 DATA_GAP_STEPS: float = _glapp.DATA_GAP_STEPS
-"""A step longer than so many ordinary ones is a gap."""
+"""A step longer than this many ordinary ones is a gap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class InspectionSample:
     """The first rows of a recording (at most half a million), as they came.
 
     - `t` (float64[n]): time [s].
-    - `sp` (float64[n] | None): setpoint [PV unit]; None where it is not recorded, and then nothing is told of the
+    - `sp` (float64[n] | None): setpoint [PV unit]; None where it is not recorded, and then nothing is said of the
       controller.
     - `pv` (float64[n]): measurement [PV unit].
     - `op` (float64[n] | None): controller output [OP unit].
@@ -260,7 +260,7 @@ def newest_first(column: str) -> Finding:
 def setting_unused(setting: str, value: str, column: str | None = None) -> Finding:
     """Say that a setting is given which the recording has no use for.
 
-    - `setting`: `sample_time` beside a column of times, or `auto_values` without a column of the mode.
+    - `setting`: `sample_time` in addition to a column of times, or `auto_values` without a column of the mode.
     - `value`: what is given, as a loops.toml has it.
     - `column`: name of the column of times.
 

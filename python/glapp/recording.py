@@ -199,7 +199,7 @@ class Recording(ABC):
 
     @abstractmethod
     def batches(self, rows: int = 65536) -> Iterator[Batch]:
-        """The recording from its first row on, in stretches of at most `rows` rows; each call starts anew.
+        """The recording from its first row on, in stretches of at most `rows` rows; each call starts again.
 
         Raises
         ------

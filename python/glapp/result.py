@@ -181,7 +181,9 @@ class Settings:
 
 @dataclass(frozen=True, slots=True)
 class Corrected:
-    """The width from zero crossings with the known bias of (2.4) taken out, beside it and never in its place.
+    """The width from zero crossings with the known bias of (2.4) taken out.
+
+    It is shown in addition to the estimate, never instead of it.
 
     Between two turns OP travels d and all that PV's way from plateau to plateau asks of the valve, not half of it:
     travel = d + way/Kp. Where Kp is not known, several half-periods of different Δy give d and Kp together.
@@ -194,7 +196,7 @@ class Corrected:
         Its range: of the pairs of half-periods that agree where Kp is known, else with any one pair left out. How well
         they repeat, not an interval of confidence.
     kp : float or None
-        |Kp| [PV unit/OP unit] that it stands on.
+        |Kp| [PV unit/OP unit] that it is computed with.
     kp_range : (float, float) or None
         Range of Kp with any one pair left out; None where it was known.
     pairs : int
@@ -365,7 +367,7 @@ class Answer:
     rank : (int, int, int, float)
         Place of the loop in every list; smaller comes first.
     struck : Struck or None
-        Why the crossings' width does not stand beside the fit; None where it does, or there is none.
+        Why the crossings' width contradicts the fit; None where it does not, or there is none.
     """
 
     verdict: Verdict
@@ -490,7 +492,7 @@ def span_of(loop: Loop) -> float | None:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Result:
-    """The answer for one loop: `answer` is the one, all else is what it stands on.
+    """The answer for one loop: `answer` is the one answer, all else is its evidence.
 
     Attributes
     ----------
@@ -754,7 +756,7 @@ class Result:
         return answer | {"reasons": self.messages} | {part: texts[part] for part in ("so", "do", "why")}
 
     def facts(self) -> dict[str, Any]:
-        """The one answer under the names of its document, and beside it what only its sentences need."""
+        """The one answer under the names of its document, with what only its sentences need."""
         f, rejected, positioner = self.fit, self.ranked_reasons(), self.loop.positioner
         contradicts = f is not None and f.through_pv is not None and f.verdict == "cannot_tell"
         return {

@@ -70,7 +70,7 @@ class Samples(Recording):
 def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None) -> Recording:
     """The recording, one in a file or a table, or one of the signals that were given in its place.
 
-    Beside a file or a table a signal may be the name of its column.
+    With a file or a table a signal may be the name of its column.
 
     Raises InputError where both are given or neither, or the signals cannot be used.
     """

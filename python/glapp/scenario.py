@@ -393,7 +393,7 @@ class Manual(Checked):
 class Compensation(Checked):
     """Compensation of the gap by the module that ships (thesis 2.2, 7.4); `docs/compensation.md`.
 
-    It is a `glapp.modules.BacklashDetection` beside the controller, at whose feed-forward it acts. It is told the
+    It is a `glapp.modules.BacklashDetection` next to the controller, at whose feed-forward it acts. It is told the
     controller's settings, its limits, and the static gain of the plant.
 
     Parameters
@@ -428,7 +428,7 @@ class Compensation(Checked):
     begin : float
         When it is enabled [s].
     k : float, optional
-        Gain that the module is told, ≠ 0; the controller's where not given.
+        Gain that is given to the module, ≠ 0; the controller's where not given.
     delay : int, optional
         After how many scans the controller has the u_FF it is handed, 1..32: the module then stands beside it as beside
         a controller that is not ours, and reads its output. Where not given it is told all, and a scan is what it

@@ -71,7 +71,7 @@ class Label:
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """One answer beside its label.
+    """One answer with its label.
 
     - `why`: in a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
     - `width`: measured dead band [OP unit].
@@ -169,7 +169,7 @@ def _require_unique(labels: Sequence[Label], path: Path) -> None:
         first = seen.setdefault((label.file.resolve(), label.loop), label)
         if first is not label:
             name = label.loop or label.file.name
-            raise InputError(f"{name} stands in row {first.row} already", file=str(path), row=label.row)
+            raise InputError(f"{name} is in row {first.row} already", file=str(path), row=label.row)
 
 
 def judged(label: Label, result: Result) -> Scored:
@@ -278,7 +278,7 @@ EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """Stated probabilities beside how often it was so.
+    """Stated probabilities compared with how often they were right.
 
     - `of`: of a dead band, or of one beyond the acceptable limit.
     - `low`, `high`: probabilities from `low` on and below `high` are counted together; 1 counts in the last.

@@ -104,7 +104,7 @@ class Simulation:
         filter.
     op, position : float64[n]
         Controller output within its limits as it is sent, and the valve position that speed, gap and friction leave; of
-        a `Valve` where its plug stands at the sample.
+        a `Valve` the position of its plug at the sample.
     load : float64[n]
         Load at the process input [unit of op].
     flags : uint8[n]

@@ -123,13 +123,13 @@ class StepTest:
     reason_code : dict | None
         The same as a `code` with its numbers.
     notes : tuple of str
-        What a person should know beside the numbers.
+        What a person should know in addition to the numbers.
     note_codes : tuple of dict
         The same as codes with their numbers.
     asked : Asked | None
         Whether the test has decided the width in question; None where none was asked for.
     travel : StepTest | None
-        The same read off the valve's position, where it was recorded: PV stands for travel, Kp for travel per OP.
+        The same test read from the valve's position, where it was recorded: `pv` is then travel, Kp is travel per OP.
     t0 : datetime | None
         Time of the recording's first row, where it has dates.
     signals : Batch | None

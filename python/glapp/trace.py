@@ -97,7 +97,7 @@ class Thinner:
         odd = self._buckets % 2
         t = np.concatenate([*self._t, np.empty(0)])
         if odd:
-            # The bucket without a partner waits with the other rows; its two extremes stand for all of its rows.
+            # The bucket without a partner waits with the other rows; its two extremes represent all of its rows.
             self._t_rest = np.concatenate((np.full(self._width, t[-1]), self._t_rest))
         self._t = [t[: len(t) - odd : 2]]
         for name in self._low:

@@ -1,4 +1,4 @@
-"""Writing files: beside the old one, and then in its place, so that it is whole or as it was."""
+"""Writing files: next to the old one, and then in its place, so that it is either the new one or the old one."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def make_demo(
     seed: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Write a lake of simulated loops, with the truth about their valves beside it.
+    """Write a lake of simulated loops, with the truth about their valves next to it.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def make_demo(
     seed : int
         Seed of the simulated mill.
     progress : callable, optional
-        Told how many days of how many are written.
+        Called with how many days of how many are written.
 
     Returns
     -------

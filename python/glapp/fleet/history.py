@@ -7,9 +7,9 @@
     row of `look` ──┘          └──→ state of the next day
 
 What it answers, to the bit, is what one pass over all samples answers: signals keep their last value over midnight, and
-so does every number of the detector. Only a change of the settings begins it anew.
+so does every number of the detector. Only a change of the settings starts it again.
 
-Settings that no one told are *pinned*: the first day that shows them tells them for all that follow, so that a later
+Settings that nobody gave are *pinned*: the first day that shows them sets them for all that follow, so that a later
 day cannot change what was heard before. They hold until a day shows others.
 """
 
@@ -60,7 +60,7 @@ CROSSINGS = pa.schema(
         ("origins", pa.string()),
     ]
 )
-"""A row a loop and day from the first that told settings: what was heard since these hold."""
+"""One row per loop and day, from the first day with settings on: what was found since these hold."""
 
 FOLLOWED = CROSSINGS.append(pa.field("state", pa.string()))
 """The columns of `CROSSINGS`, and the state that the next day begins with."""
@@ -93,7 +93,7 @@ def _followed(rows: pa.Table, day: dict[str, Any], loop: Loop, state: str | None
     before: dict[str, Any] = {"held": {}, "pinned": None} if state is None else json.loads(state)
     found, _, _ = signals_of(rows)
     held, samples = before["held"], {name: found[name] for name in (*_HELD, "pv") if name in found}
-    if "mode" in found:  # until a mode is told the loop is taken for automatic, as one that has none
+    if "mode" in found:  # before its first mode a loop counts as automatic, like a loop without modes
         held = {"mode": (1.0, False)} | held
     for name, (value, lost) in held.items():
         samples[name] = _with_last_value(value, lost, samples.get(name))

@@ -3,7 +3,7 @@
 A file is *long* (a row per tag and time: tag, time, value, and quality and unit where there are) or *wide* (a column
 per signal, of one loop or of several). Names of folders such as `day=2026-03-01` or `tag=FIC101.PV` are columns, as
 everywhere where Hive's convention is known; names that begin with `_` or `.` are not looked at. Files may overlap, and
-their rows may stand in any order: what is made of them hangs on the rows alone.
+their rows may be in any order: results depend on the rows alone.
 
 Every file is looked at once (`index_file`): its columns, and of each million rows the first and the last moment and
 the tags. So only what a question can touch is read, a million rows at a time, however large the file's own groups of
@@ -107,7 +107,7 @@ class File:
     """Facts on a file after a look at it.
 
     - `name`: relative to the lake, with `/`.
-    - `size`, `mtime_ns`: by which a changed file is told [B, ns].
+    - `size`, `mtime_ns`: by which a changed file is recognised [B, ns].
     - `long`: whether it has a row per tag and time.
     - `stem`: name of its loop where a wide file's columns have no prefix: that of its folder `loop=...`, else its own.
     - `columns`: its columns, those of its folders included.
@@ -191,7 +191,7 @@ def files_of(lake: Path) -> tuple[list[str], list[DataIssue]]:
     return sorted(found), problems
 
 
-_COPY = "copy it anew from where it came"
+_COPY = "copy it again from its source"
 
 
 def _walked(lake: Path) -> tuple[set[str], list[DataIssue]]:
@@ -243,14 +243,14 @@ def _delta_files(lake: Path, table: str) -> tuple[set[str] | None, list[DataIssu
         more = set(known.protocol().reader_features or ()) & {"deletionVectors", "columnMapping"}
         if more:
             what = f"is a Delta table with {' and '.join(sorted(more))}, which its files alone do not show: left out"
-            todo = "purge its deletion vectors, or write it anew without column mapping"
+            todo = "purge its deletion vectors, or write it again without column mapping"
             return set(), [DataIssue("unreadable", what, todo, file=place)]
         root = (lake / table).resolve()
         paths = [Path(unquote(urlsplit(uri).path) if "://" in uri else uri) for uri in known.file_uris()]
         inside = [path.resolve().relative_to(root).as_posix() for path in paths]
     except Exception as error:  # the library has kinds of its own for a damaged log
         what = f"is a Delta table whose log cannot be read, and is left out: {_line(error)}"
-        return set(), [DataIssue("unreadable", what, "copy the table anew from where it came", file=place)]
+        return set(), [DataIssue("unreadable", what, "copy the table again from its source", file=place)]
     return {f"{table}/{name}" if table else name for name in inside}, []
 
 
@@ -318,7 +318,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
 def _damaged(name: str, group: int, done: int, rows: int, error: Exception) -> DataIssue:
     """Data issue of a group of rows that cannot be read."""
     what = f"row group {group} is damaged, {rows} rows are left out: {_line(error)}"
-    return DataIssue("damaged", what, "copy the file anew from where it came", name, done + 1, rows=rows)
+    return DataIssue("damaged", what, "copy the file again from its source", name, done + 1, rows=rows)
 
 
 def _line(error: Exception) -> str:
@@ -408,7 +408,7 @@ def _naive(path: Path, file: File) -> bool:
 def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
     """Microseconds since 1970 UTC, which of them are a time, and how many the clocks' change makes doubtful.
 
-    These stand in an hour that comes twice, or not at all.
+    These are in an hour that comes twice, or not at all.
     """
     column = plain(column)
     kind = column.type
@@ -557,7 +557,7 @@ def rows_of(
 ) -> tuple[dict[int, pa.Table], list[DataIssue]]:
     """The rows of some loops from `begin` to before `end` [µs since 1970 UTC], a table of `ROWS` a loop.
 
-    What of a file is damaged is left out, told with its place, and the others are read.
+    Damaged parts of a file are left out and reported with their place; the others are read.
     """
     parts: list[_Part] = []
     problems: list[DataIssue] = []
@@ -621,7 +621,7 @@ def _parts(
 def _of_group(
     lake: Path, file: File, i: int, places: Sequence[tuple[int, int]], rows: int, done: int, asked: _Asked
 ) -> Iterator[tuple[_Part | None, list[DataIssue]]]:
-    """The parts and problems of one group of rows, of which those at `places` are wanted."""
+    """The parts and problems of one group of rows; only rows at `places` are wanted."""
     time, tag, value, quality = (file.column(role) for role in ("time", "tag", "value", "quality"))
     columns = [time, quality, *((tag, value, file.unit_column) if file.long else asked.names)]
     stored = list(dict.fromkeys(c for c in columns if c is not None and c not in file.folders))
@@ -635,7 +635,7 @@ def _of_group(
                 try:
                     yield read(table, file, asked, done + at, problems), problems
                 except CellFault as fault:
-                    todo = fault.hint or "copy the file anew from where it came"
+                    todo = fault.hint or "copy the file again from its source"
                     row = done + at + fault.index + 1
                     yield None, [DataIssue("damaged", fault.what, todo, file.name, row, rows=len(table))]
             at = upto
@@ -651,7 +651,7 @@ def _within(
     """Times of the table's rows, and which of them are asked for."""
     t, good, doubtful = _micros(table.column(str(file.column("time"))), file)
     if doubtful:
-        what = f"{doubtful} rows stand in the hour in which the clocks of {file.zone} change, and are left out"
+        what = f"{doubtful} rows are in the hour in which the clocks of {file.zone} change, and are left out"
         problems.append(DataIssue("clock_change", what, "export with times in UTC", file.name, done + 1, rows=doubtful))
     return t, good & (t >= asked.begin) & (t < asked.end)
 
@@ -679,7 +679,7 @@ def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems:
     values = np.full(len(rows), np.nan)
     order = np.argsort(codes, kind="stable")
     for mine in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
-        name = names[codes[mine[0]]]  # what a cell of it means is told by the settings of its loop
+        name = names[codes[mine[0]]]  # the settings of its loop say what its cells mean
         place, role = known.long[name]
         values[mine] = _values(
             cells.take(pa.array(mine)), SIGNALS[role], known.loops[place], file, name, rows[mine] + done, problems

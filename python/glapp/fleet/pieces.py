@@ -67,7 +67,7 @@ def chosen_of(days: pa.Table, plan: Plan) -> dict[tuple[int, int], list[tuple[in
 
 
 def crossings_of(paths: Iterable[Path]) -> pa.Table:
-    """Rows of CROSSINGS, from the first with settings on, without the states beside them."""
+    """Rows of CROSSINGS, from the first with settings on, without their states."""
     heard = together(paths, CROSSINGS, [])
     return heard.filter(pc.and_(pc.is_valid(heard["day"]), pc.is_valid(heard["crossings"])))
 
@@ -143,7 +143,7 @@ def states_of(path: Path) -> Iterable[tuple[str, str]]:
 def judged_key(samples: pa.Table, days: pa.Table, crossings: pa.Table, loop: Loop) -> str:
     """The name of a loop's pieces: the checksum of all that its answer is made of, samples in the order of time.
 
-    It is told by values, not by how they lie in memory: the same on every engine.
+    It depends on values, not on how they lie in memory: the same on every engine.
     """
     settings = loop.model_dump(mode="json", exclude={"file", "files"})
     signals = [hashlib.sha256(samples[name].to_numpy().tobytes()).hexdigest() for name in SAMPLES.names[1:]]

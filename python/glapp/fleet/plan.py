@@ -27,11 +27,11 @@ AT_ONCE = 4_000_000
 """Most rows of a unit, as far as its files show it: some 0.5 GB of memory a process."""
 
 FORM = 4
-"""Form of the pieces: a later one makes all of them anew."""
+"""Form of the pieces: with a later one all of them are made again."""
 
 
 class Stage(Protocol):
-    """Told how far a part of the run is: its name, how many pieces it has, how many are there."""
+    """Called with how far a part of the run is: its name, how many pieces it has, how many are there."""
 
     def __call__(self, name: str, total: int, done: int) -> None:
         """Take the news."""

@@ -47,7 +47,7 @@ class Worn(NamedTuple):
 
 
 def write_report(out: str | Path) -> Path:
-    """Write `report.html` beside the results that it shows.
+    """Write `report.html` next to the results that it shows.
 
     - `out`: the folder of the results.
 

@@ -88,7 +88,7 @@ def read_piece(path: Path, **how: Any) -> tuple[pa.Table, list[DataIssue]]:
 def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any]) -> dict[str, Any]:
     """Write the tables of a run and then, last, the manifest that makes them the results; the tables before go.
 
-    What `about` tells stands in the manifest, and `about["provenance"]` in every table's metadata too.
+    The manifest holds `about`, and every table's metadata `about["provenance"]` too.
     """
     provenance = json.dumps(about["provenance"], sort_keys=True).encode()
     making = out / ".tables"
@@ -167,7 +167,7 @@ def read(out: str | Path, table: str = "loops") -> pa.Table:
     Returns
     -------
     pyarrow.Table
-        Its columns are told in `docs/fleet.md`.
+        Its columns are described in `docs/fleet.md`.
 
     Raises
     ------

@@ -71,7 +71,7 @@ def analyze(
     workers : int, optional
         Processes; by default one a core.
     stage : callable, optional
-        Told the name of each part of the run, how many pieces it has, and how many are there.
+        Called with the name of each part of the run, how many pieces it has, and how many are there.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def _with_refused_loops(loops: pa.Table, plan: Plan, problems: Sequence[DataIssu
 
 
 def _parts_lost(plan: Plan, problems: Sequence[DataIssue]) -> dict[str, list[str]]:
-    """Files of every loop of which something could not be read, once a part that is lost."""
+    """Files of every loop that could not be read in full, once per lost part."""
     of_file: dict[str, int] = {}
     for name, _ in {(one.file, one.row) for one in problems if one.code in LOST}:
         of_file[name] = of_file.get(name, 0) + 1

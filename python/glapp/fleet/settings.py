@@ -24,7 +24,7 @@ NAMES = ("loops.toml", "loops.parquet", "loops.csv")
 def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
     """The loops of a loops.toml, or of a CSV or Parquet table with a row a loop; a loop with a fault is a problem.
 
-    The columns of a table are the keys of a loops.toml with a dot for what stands in a table of its own
+    The columns of a table are the keys of a loops.toml with a dot for keys of an inner table
     (`controller.k`, `positioner.type`, `columns.pv`), spans as two columns (`pv_span.low`, `pv_span.high`) and the name
     as `loop`. An empty cell is a key that is not given.
 
@@ -44,7 +44,7 @@ def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
         if isinstance(error, InputError)
     ]
     problems += [
-        DataIssue("settings", "stands there more than once, and is left out", "leave one", path.name, loop=name)
+        DataIssue("settings", "is there more than once, and is left out", "leave one", path.name, loop=name)
         for name in sorted(twice)
     ]
     problems += [

@@ -6,9 +6,9 @@
     units of a wave ──mapInArrow──→ rows ──groupBy(loop), cogroup(states).applyInArrow(follow)──→ crossings, states
     units with chosen windows ──mapInArrow──→ samples ──cogroup(days by loop).applyInArrow(judge)──→ loops, windows
 
-A wave is so many days that no loop has more than `GROUP` rows in it: a loop too large for one group goes in waves that
-hand on its state. Workers need glapp and the lake under the same path. A unit that is lost with its executor is read
-again by Spark. What a group answers travels as the bytes of an Arrow table, which no conversion touches.
+A wave has as many days as keep every loop within `GROUP` rows: a loop too large for one group goes in waves that hand
+on its state. Workers need glapp and the lake under the same path. A unit that is lost with its executor is read again
+by Spark. The answer of a group travels as the bytes of an Arrow table, which no conversion touches.
 
 The driver writes the pieces that a run on one machine writes, under the same names, wave by wave. So a run that was
 stopped goes on, and a later one looks at what is new, and fits what has another name than before, on either engine.

@@ -55,7 +55,7 @@ def crossings(
         Loop to its files. One after the other their rows are in the order of time, each moment once.
     columns : mapping
         `time` (timestamps, or seconds), `SP`, `PV` and, where it is recorded, `OP` to the name of its column; `{loop}`
-        in a name stands for that of the loop. Values are numbers; one that is missing is a bad value.
+        in a name is replaced by that of the loop. Values are numbers; one that is missing is a bad value.
     loops : mapping
         Loop to its detector: at the beginning, or where files that were read before ended.
     since : datetime, optional

@@ -3,12 +3,12 @@
 ::
 
     rows of a loop and a day ──look──→ a row: quality, law of the controller, windows and what they may tell
-    rows of `look` of a loop ──choose─→ the windows worth fitting, at most so many
+    rows of `look` of a loop ──choose─→ the windows worth fitting, at most `fits`
     rows of a loop and a day ──cut───→ the samples of the windows that were chosen
     these samples ───────────judge──→ a row a window, a row a loop: the joint answer of the valve, its trend, its harm
 
 None of them knows a file, a clock or another loop; the order of the rows that go in does not matter. Crossings are
-followed over days, one after the other, beside them (`glapp.fleet.history`).
+followed separately, one day after the other (`glapp.fleet.history`).
 """
 
 from __future__ import annotations
@@ -391,7 +391,7 @@ def choose(days: pa.Table, fits: int = FITS) -> list[tuple[int, int]]:
     has none, the best of what is left is taken in its place.
 
     - `days`: rows of `DAYS` of one loop, in any order.
-    - `fits`: so many at most.
+    - `fits`: greatest number of windows.
 
     Examples
     --------
@@ -471,7 +471,7 @@ def judge(
             for one, window, its in zip(recordings, fit.recordings, of, strict=True):
                 windows.append(_window(loop, one, window, its))
                 if window.repeated > MOSTLY:
-                    what = f"{100 * window.repeated:.0f} % of the window's PV stands in an earlier one: it counts there"
+                    what = f"{100 * window.repeated:.0f} % of the window's PV repeats an earlier one: it counts there"
                     day = windows[-1]["first"]
                     problems.append(
                         DataIssue(
@@ -734,13 +734,13 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
         "noise",
     ),
 }
-"""Obstacles to an answer, by their codes; `no_op` and `data` beside these."""
+"""Obstacles to an answer, by their codes, in addition to `no_op` and `data`."""
 
 
 def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence[str]) -> str:
     """Change that an answer needs.
 
-    OP is not recorded; the reason that was told; where that is too little evidence, a finding that lasts.
+    OP is not recorded; the reason that was given; where that is too little evidence, a finding that lasts.
     """
     if not any(day["op"] for day in looks):
         return "no_op"
@@ -759,7 +759,7 @@ def _problems(loop: Loop, looks: list[dict[str, Any]], crossings: list[dict[str,
     for day in looks:
         when: dict[str, Any] = {"loop": loop.name, "day": day_name(day["day"])}
         if day["doubled"]:
-            what = f"{day['doubled']} rows stand there more than once, and count once"
+            what = f"{day['doubled']} rows are there more than once, and count once"
             found.append(
                 DataIssue("doubled", what, "nothing; or take out what was exported twice", **when, rows=day["doubled"])
             )

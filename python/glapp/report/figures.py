@@ -166,7 +166,7 @@ def loop_figure(result: Result) -> go.Figure:
             "yanchor": "bottom",
             "itemclick": False,
             "itemdoubleclick": False,
-            "title": {"text": "half-periods", "side": "top"},  # beside them it pushed the last one off the paper
+            "title": {"text": "half-periods", "side": "top"},  # next to them it pushed the last one off the paper
         },
     )
     return figure

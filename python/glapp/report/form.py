@@ -31,7 +31,7 @@ NOMINAL: float = _glapp.NOMINAL_LIMIT
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A step test beside the dead band that is allowed.
+    """A step test compared with the dead band that is allowed.
 
     Attributes
     ----------
@@ -247,7 +247,7 @@ def _picture(test: StepTest) -> str:
 
 
 def _thinned(y: np.ndarray, most: int = 1500) -> np.ndarray:
-    """Rows of the least and the greatest value in each of so many pieces."""
+    """Rows of the least and the greatest value in each of `most` pieces."""
     if len(y) <= 2 * most:
         return np.arange(len(y))
     filled = np.where(np.isfinite(y), y, np.nanmedian(y))

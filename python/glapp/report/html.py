@@ -1,6 +1,6 @@
 """The report of a run: one HTML file that needs nothing else, to read, to print and to hand on.
 
-The text is in the page, from the templates beside this file; the figures are JSON, drawn when they come into view, so
+The text is in the page, from the templates next to this file; the figures are JSON, drawn when they come into view, so
 that a run of hundreds of loops opens at once. A content security policy in the page forbids every request, whatever a
 loop is called.
 """
@@ -63,7 +63,7 @@ def write_report(
     - `title`: heading of the report.
 
     Returns the files written, `path` first. More than one only where a single file would reach `MAX_BYTES`: then `path`
-    is an index, with one file per loop in a folder beside it that is named after it.
+    is an index, with one file per loop in a folder next to it that is named after it.
     """
     order = words.ranked(results)
     drawn = [bar(r) for r in order]
@@ -80,7 +80,7 @@ def write_score(
 ) -> list[Path]:
     """Write the score of labelled valves: the counts, the calibration, and a section for each answer that differs.
 
-    - `scored`: answers beside their labels, from `glapp.score`.
+    - `scored`: answers with their labels, from `glapp.score`.
     - `path`: the HTML file to write. Its folder must exist.
     - `title`: heading of the report.
 

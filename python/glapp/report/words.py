@@ -1,6 +1,6 @@
 """Results in plain words, for the person who plans the maintenance.
 
-The words themselves, and the format of every number, stand in `crates/analysis/src/words`.
+The words themselves, and the format of every number, are in `crates/analysis/src/words`.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def _micros(moment: datetime) -> int:
 
 
 def days(results: Sequence[Result]) -> str:
-    """Say of which days the recordings are; empty where none has dates."""
+    """The days of the recordings, as text; empty where none has dates."""
     ends = [
         _moment(r.t0, float(r.trace.t[at])).date().isoformat()
         for r in results

@@ -72,7 +72,7 @@ WHY_NOT = {
 
 Begin = Annotated[float, Query(description="From when on [s since 1970 UTC].")]
 End = Annotated[float, Query(description="Until when [s since 1970 UTC].")]
-Most = Annotated[int, Query(ge=1, le=100_000, description="No more than so many, the newest.")]
+Most = Annotated[int, Query(ge=1, le=100_000, description="The newest, at most this many.")]
 Name = Annotated[str, InPath(description="Name of the loop.", max_length=200)]
 
 

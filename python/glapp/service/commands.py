@@ -84,7 +84,7 @@ class Commands:
     async def change(self, loop: str, values: Mapping[str, float | None], person: str, role: str) -> dict[str, Any]:
         """Set parameters of a loop's detector or compensation, all of them or none; gives the settings in force then.
 
-        A detector of which a parameter changes begins anew: no estimate comes from detections with two settings.
+        A detector with a changed parameter starts again: no estimate comes from detections with two settings.
 
         Raises InputError for a name that is none, or a value out of its bounds. Raises StoreFull where it cannot be
         logged: then it is not done.

@@ -340,7 +340,7 @@ class Compensator:
     def lost(self, why: str) -> None:
         """The connection is lost: it is off, and the value found afterwards is ramped to 0.
 
-        What was read stays until something newer comes: what has not changed meanwhile is not told again.
+        What was read stays until something newer comes: what has not changed meanwhile is not sent again.
         """
         self.disable(why)
         self._held = {signal: replace(value, time=-math.inf) for signal, value in self._held.items()}

@@ -88,7 +88,7 @@ security = "Basic256Sha256"
     def _address(cls, url: str) -> str:
         """The address, checked."""
         bound = "an address such as opc.tcp://plant:4840"
-        if "@" in url:  # it is not shown: a password may stand in it
+        if "@" in url:  # it is not shown: it may hold a password
             raise InputError(f"has an @, must be {bound}", bound=bound, hint="write user and password_file")
         if re.fullmatch(r"opc\.tcp://[^\s/]+(/\S*)?", url) is None:
             raise InputError(f"is {url!r}, must be {bound}", value=url, bound=bound)

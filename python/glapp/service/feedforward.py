@@ -30,7 +30,7 @@ class FeedForward:
     """Computes and writes u_FF of all loops.
 
     - `loops`: the loops.
-    - `journal`: is told what is enabled, withdrawn and not written.
+    - `journal`: gets what is enabled, withdrawn and not written.
     - `clock`: the time [s since 1970 UTC].
     - `hurries`: whether that is the time of a simulated plant that hurries; u_FF is then computed by its time.
 
@@ -48,7 +48,7 @@ class FeedForward:
 
     @property
     def at_work(self) -> list[WatchedLoop]:
-        """The loops of which something has to be written: enabled, or u_FF in the plant is not 0 yet."""
+        """The loops whose u_FF has to be written: enabled, or u_FF in the plant is not 0 yet."""
         return [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
 
     async def run(self, watched: WatchedLoop, source: Plant) -> None:

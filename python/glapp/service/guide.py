@@ -49,7 +49,7 @@ class Asked:
     """A test that is to be made.
 
     - `width`: width in question [OP unit].
-    - `moves`: how far OP goes from where it stands in manual, one after the other; the first is 0 [OP unit].
+    - `moves`: how far OP goes from its value in manual, one after the other; the first is 0 [OP unit].
     - `hold`: time at each [s].
     - `op_within`, `pv_within`: limits [OP unit, PV unit].
     - `minutes`: longest time from the first move on [min].

@@ -27,7 +27,7 @@ from .store import StoreFull
 __all__ = ["GuidedTests"]
 
 PAUSE = 4.0
-"""Between two looks at the tests lies so many times the time that the last look took."""
+"""The pause between two checks of the tests is this many times as long as the last check."""
 
 
 class GuidedTests:

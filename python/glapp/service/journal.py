@@ -25,7 +25,7 @@ _REPEATED = 60.0
 class Journal:
     """Entries, half-periods, events, states and signals of a monitor, on their way to the disk.
 
-    - `store`: the database. Signals are kept beside it.
+    - `store`: the database. Signals are kept next to it.
     - `loops`: the loops, which may be filled in later.
     - `options`: how much waits in memory, and how long signals are kept.
     - `clock`: the time [s since 1970 UTC].

@@ -124,7 +124,7 @@ class Monitor:
                 if json.loads(kept)["settings"] == json.loads(detector.save())["settings"]:
                     watched.detector = Estimator.load(kept)
                 else:
-                    text = "its settings are not those of the saved detector, which begins anew"
+                    text = "its settings are not those of the saved detector, which starts again"
                     self.journal.add_event(Event(self.begun, given.name, "detector_anew", text))
         last = self.reader.answers(given.name, 1)
         watched.answer = last[0] if last else None
@@ -133,7 +133,7 @@ class Monitor:
     def _usable_settings(self, given: Loop, plant_limits: tuple[float, float] | None) -> dict[str, Any]:
         """Settings by persons, without those that are out of their bounds by now; these are reported and not set again.
 
-        Such a value was saved by a version with other bounds, or beside other settings in the loops.toml.
+        Such a value was saved by a version with other bounds, or under other settings in the loops.toml.
         """
         settings = self.reader.settings(given.name)
         gone, errors = dict[str, Any](), list[str]()

@@ -40,7 +40,7 @@ _ITEMS = 500  # tags in one request
 _SLICE = 3600.0  # of the history in one request [s]
 _VALUES = 25_000  # of the history in one request, as far as the interval tells
 _STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
-_MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been told
+_MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been sent
 _LITTLE = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
 
 _DENIALS = {
@@ -174,7 +174,7 @@ class OpcUa:
     def alive(self, loop: str) -> float | None:
         """Time until which the loop's values are known to hold, by the plant's time stamps [s since 1970 UTC].
 
-        A server that has nothing new says so; what it told last then holds until that moment. None: never heard of.
+        A server that has nothing new says so; its last value then holds until that moment. None: never heard of.
         """
         newest, link = self._newest[loop], self._link
         if newest == -math.inf:
@@ -272,7 +272,7 @@ class OpcUa:
                 setattr(link, name, min(getattr(link, name), most))
 
     def _node(self, path: str, uris: Sequence[str], about: _Tag | None, what: str | None) -> ua.NodeId | None:
-        """The node in this connection; None, and told where `what` names it, where its namespace is not there."""
+        """The node in this connection; None where its namespace is missing, which is reported where `what` names it."""
         head, _, rest = path.partition(";")
         if head.startswith("nsu="):
             uri = head.removeprefix("nsu=")
@@ -312,7 +312,7 @@ class OpcUa:
             results = await session.create_monitored_items(self._items(link, some, filtered=True))
             bare = [h for h, r in zip(some, results, strict=True) if r.StatusCode.value in _NO_FILTER]
             if bare:
-                text = "the server takes no filter: a value that comes again unchanged is not told"
+                text = "the server takes no filter: a value that comes again unchanged is not sent"
                 self._events.often("no_filter", text, many="tags", count=len(bare))
                 again = await session.create_monitored_items(self._items(link, bare, filtered=False))
                 results = [r for r in results if r.StatusCode.value not in _NO_FILTER] + list(again)
@@ -445,7 +445,7 @@ class OpcUa:
         return Value(tag.loop, tag.signal, t, value, not note, note)
 
     def _tell_not_newer(self, tag: _Tag, t: float, value: float) -> None:
-        """Tell of a value that is left out, since it is not newer than the last one."""
+        """Report a value that is left out, since it is not newer than the last one."""
         if t == tag.stamp:
             same = value == tag.value or value != value
             what = "comes twice" if same else "comes twice, with another value; the first one holds"

@@ -42,7 +42,7 @@ class UffNodes:
 
     - `loops`: with the tags of u_FF.
     - `interval`: usual time between two writes [s].
-    - `events`: is told where somebody else writes, and where a node cannot be written.
+    - `events`: gets where somebody else writes, and where a node cannot be written.
     """
 
     def __init__(self, loops: Sequence[Loop], interval: float, events: EventFilter) -> None:
@@ -56,7 +56,7 @@ class UffNodes:
         self._locks = {name: asyncio.Lock() for name in self.nodes}
 
     def disconnected(self) -> None:
-        """The connection is gone: nothing may be written until it is enabled anew."""
+        """The connection is gone: nothing may be written until it is enabled again."""
         self.client = None
         for loop, feed in self.nodes.items():
             if feed.state == "enabled":
@@ -67,7 +67,7 @@ class UffNodes:
     async def write(self, loop: str, u_ff: float) -> None:
         """Write the feed-forward of a loop, and read it back.
 
-        Where it is not enabled, only a value nearer to 0 than what stands there is written, so that what was found
+        Where it is not enabled, only a value nearer to 0 than the present one is written, so that what was found
         after a restart can be ramped out. Towards 0 the rate is free.
 
         Raises WriteRefused: not_named, not_enabled, not_a_number, too_large, too_fast, not_connected, other_writer,

@@ -23,7 +23,7 @@ from .store import Reader, StoreFull
 __all__ = ["DAYS", "LONGEST", "Plans", "loop_of", "planned", "width_in_question"]
 
 DAYS = 7.0
-"""A plan looks back so many days."""
+"""A plan looks back this many days."""
 
 LONGEST = 600.0
 """A plan may take so long [s]."""

@@ -1,6 +1,6 @@
 """A simulated plant that other programs see by OPC UA: loops with noise, disturbances, wear, history and faults.
 
-Every loop is a `glapp.modules.Graph`: controller, gap, process, noise. What stands beside it here is the control
+Every loop is a `glapp.modules.Graph`: controller, gap, process, noise. Around it here is the control
 system: its tags, its history, its feed-forward input with a watchdog, and what can go wrong with them.
 
 Needs the extra `glapp[opcua]`.
@@ -50,7 +50,7 @@ FAULTS = {
     "back": "time stamps are an hour behind what they were",
     "manual": "the controller is in manual",
     "repaired": "the gap is a tenth of what it was",
-    "writer": "somebody else writes u_FF, 1 % above what stands there",
+    "writer": "somebody else writes u_FF, 1 % above the present value",
 }
 """Name of each fault that a loop can have, and its meaning."""
 
@@ -70,7 +70,7 @@ class Kind:
     - `wear`: what is added to it in a day.
     - `noise`: amplitude of the noise of PV.
     - `step`: how far the load is from its middle after a step at most, and ...
-    - `often`: ... so many Ti between two steps, on average.
+    - `often`: ... number of Ti between two steps, on average.
     - `moves`: how far SP is from 50 at most; it moves once in 300 Ti, on average.
     - `swing`: amplitude and period of a sine in the load.
     - `area`, `valve`: for `loops.toml`.
@@ -157,7 +157,7 @@ class SimLoop:
         self.faults: dict[str, float] = {}
 
     def _wait(self, times: float) -> int:
-        """Scans until something happens that comes every so many integral times."""
+        """Scans until an event that comes every `times` integral times on average."""
         return self._scan + 1 + int(self._random.expovariate(1.0 / (times * self.kind.ti)))
 
     def _happen(self, days: float) -> None:
@@ -173,7 +173,7 @@ class SimLoop:
             graph["gap.d"] = (kind.d + kind.wear * (days + self.age)) * (0.1 if "repaired" in self.faults else 1.0)
 
     def record(self, scans: int) -> tuple[NDArray[np.float64], ...]:
-        """SP, PV, OP and position of so many scans, the same as by `scan`; the valve does not wear meanwhile."""
+        """SP, PV, OP and position of `scans` scans, the same as by `scan`; the valve does not wear meanwhile."""
         columns: list[list[NDArray[np.float64]]] = [[], [], [], []]
         end = self._scan + scans
         while self._scan < end:
@@ -231,7 +231,7 @@ class _Users:
 
 
 class _Record:
-    """History of one tag: times and values, ascending, of the last so many seconds."""
+    """History of one tag: times and values, ascending; older ones are forgotten."""
 
     __slots__ = ("times", "values")
 
@@ -311,7 +311,7 @@ _TYPES = {
     Signal.LOW: ua.VariantType.Boolean,
     Signal.HIGH: ua.VariantType.Boolean,
 }
-_STEADY = {Signal.SP, Signal.MODE, Signal.LOW, Signal.HIGH, Signal.U_FF}  # told when they change
+_STEADY = {Signal.SP, Signal.MODE, Signal.LOW, Signal.HIGH, Signal.U_FF}  # sent when they change
 _NAMES = {signal: signal.name for signal in Signal}
 
 
@@ -449,7 +449,7 @@ class SimPlant:
         return "\n".join(lines)
 
     def fault(self, kind: str, loop: str | None = None, seconds: float = math.inf) -> None:
-        """Begin a fault in a loop, or in all, for so many seconds; 0 ends it.
+        """Begin a fault in a loop, or in all, for a number of seconds; 0 ends it.
 
         Raises InputError for a fault or a loop that there is not.
         """
@@ -631,7 +631,7 @@ class SimPlant:
             self._last[key] = (t, value)
             if self._keep > 0:
                 self._records[key].add(t, value, self._keep)
-        if value != found:  # what somebody wrote stands there already, with the time of it
+        if value != found:  # what somebody wrote is there already, with its time
             await self._write(key, t, value)
 
     async def _tell(self, loop: SimLoop, values: Mapping[Signal, float], t: float) -> None:

@@ -51,7 +51,7 @@ class Repaired(_Asked):
 
 
 class Proof:
-    """Plans and guided tests of a monitor, and what works on them beside it.
+    """Plans and guided tests of a monitor, and the threads that work on them.
 
     - `monitor`: whose loops they are of.
     """

@@ -1,7 +1,7 @@
 """Before and after a repair that is noted in the service: answers and recordings on either side.
 
 A repair is noted by a person, with its time. From then on the fits of the loop look at what was recorded after it only.
-Where the widths of single days fall from one day to the next, that is told, and a person may note the repair.
+Where the widths of single days fall from one day to the next, that is reported, and a person may note the repair.
 """
 
 from __future__ import annotations

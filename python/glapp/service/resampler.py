@@ -11,7 +11,7 @@ All by the time of the source, in its order. A sample is made once nothing older
 the newest time that came from anywhere in the loop. What comes, and what becomes of it:
 
 =====================================  =================================================================================
-a value of the time of one there       dropped; told where it is another value
+a value of the time of one there       dropped; reported where it is another value
 late: older than what was released     PV: dropped and told. Others: told, and in effect from the next sample on, where
                                        it is newer than what is in effect; else dropped
 further ahead of our clock than        taken as a bad value of this moment, and told

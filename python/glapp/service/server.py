@@ -36,7 +36,7 @@ NAMESPACE = "urn:glapp:loops"
 """URI of the namespace in which the loops stand."""
 
 DI = "http://opcfoundation.org/UA/DI/"
-"""URI of OPC UA for Devices (OPC 10000-100), of which DeviceHealth and its type are taken."""
+"""URI of OPC UA for Devices (OPC 10000-100), where DeviceHealth and its type are defined."""
 
 _HEALTH_TYPE, _HEALTH_WORDS = 6244, 6450  # DeviceHealthEnumeration and its EnumStrings there
 _APPLICATION = "urn:glapp:watch"

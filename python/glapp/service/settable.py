@@ -236,7 +236,7 @@ def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
 
 
 def _quotient(a: float, b: float) -> float:
-    """The greatest number of which `b` times it is at most `a`."""
+    """The greatest number that, times `b`, is at most `a`."""
     if not b > 0.0:
         return math.inf
     found = a / b

@@ -752,7 +752,7 @@ class Store(Reader):
 
 
 def _private(path: Path) -> None:
-    """Create a missing file, readable by its owner only; SQLite's files beside it are as it is."""
+    """Create a missing file, readable by its owner only; SQLite's files next to it get the same rights."""
     os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
     with suppress(OSError):  # a file system without rights
         path.chmod(0o600)
@@ -798,8 +798,8 @@ def _set_aside(path: Path, now: float) -> Path:
 def backup(folder: Path, file: Path) -> None:
     """Copy the database of a data folder into a file, whether it is written at the time or not.
 
-    The copy is made beside the file and then takes its name: it is whole, or there is none. Signals are files of their
-    own, `folder/signals`, to be copied as files.
+    The copy is made next to the file and then takes its name: either it is complete, or there is none. Signals are
+    files in `folder/signals`, to be copied as files.
 
     - `folder`: the data folder.
     - `file`: the copy; one that is there is replaced.

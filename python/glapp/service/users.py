@@ -21,7 +21,7 @@ from .store import Store
 __all__ = ["Attempt", "Person", "Role", "Tries", "Users", "first_user", "station_key"]
 
 SHORTEST = 10
-"""A password has at least so many characters."""
+"""A password has at least this many characters."""
 
 LOGIN_LASTS = 12 * 3600.0
 """A token is good for so long [s]."""
@@ -334,7 +334,7 @@ class Users:
 class RefusedLogins:
     """Refused logins, counted: the reports on them grow with time, and not with their number.
 
-    The first is told at once, and what came after it when `every` seconds have passed.
+    The first is reported at once, and those after it when `every` seconds have passed.
 
     - `every`: [s]
     """

@@ -28,7 +28,7 @@ class Watchdog:
 
     - `loops`: the loops.
     - `feedforward`: writes u_FF, and switches it off.
-    - `journal`: is told how a test ended, and what is not 0 in the plant.
+    - `journal`: gets how a test ended, and what is not 0 in the plant.
     - `options`: how long a test waits for the plant.
     - `clock`: the time [s since 1970 UTC].
     - `hurries`: whether that is the time of a simulated plant that hurries.

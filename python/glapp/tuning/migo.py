@@ -262,7 +262,7 @@ def _highest(limits: Array) -> tuple[int, float]:
 
 
 _EDGE = 0.05
-"""Relative slope ∂(ln ki)/∂(ln k) beside the top from which on it is an edge."""
+"""Relative slope ∂(ln ki)/∂(ln k) next to the top from which on it is an edge."""
 
 
 def _golden(function: Callable[[float], float], low: float, high: float, steps: int = 16) -> float:

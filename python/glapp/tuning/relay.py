@@ -118,7 +118,7 @@ def relay_experiment(
     d : float
         Total width of a gap before the process [unit of OP], ≥ 0.
     known_d : float
-        What the autotuner is told of it, ≥ 0 and less than 4/3 of the amplitude.
+        The width that is given to the autotuner, ≥ 0 and less than 4/3 of the amplitude.
     h : float, optional
         Sample time [s], > 0; a hundredth of the process' ultimate period where not given.
     wait, longest : float, optional

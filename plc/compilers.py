@@ -1,7 +1,7 @@
 """The library under two compilers of other makers, matiec and STruC++: `python3 plc/compilers.py compare`, and `cost`.
 
 Both are built from `../shared/tools` into `target/compilers`, or taken from the folder that GLAPP_COMPILERS names;
-neither is part of the project. What they make of the library is held to what the core showed in the tests beside it:
+neither is part of the project. What they make of the library is compared with what the core showed in the same tests:
 `plc/check/foreign/driver.c`.
 """
 
@@ -24,7 +24,7 @@ COMPILERS = ("matiec", "strucpp")
 BUILDS = ("LREAL", "REAL")
 CASES = (("LREAL", "as they are"), ("REAL", "as they are"), ("REAL", "of 32 bits"))
 NEEDED = ("autoreconf", "bison", "flex", "make", "node", "npm", "gcc", "g++")
-# Tests that run blocks beside the core, each number held to it.
+# Tests that run blocks and the core, and compare each number.
 BESIDE = (
     "advanced",
     "bounds",
@@ -149,7 +149,7 @@ def self_test(driver: Path) -> list[float]:
 
 
 def compare(work: Path) -> None:
-    """Prints what each compiler gives beside the core."""
+    """Prints what each compiler gives, compared with the core."""
     files = traces(work / "traces")
     for compiler in COMPILERS:
         for build, literals in CASES:

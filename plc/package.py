@@ -1,6 +1,6 @@
 """Packages of the library for the makers' tools: `python3 plc/package.py dist/plc`, the same bytes each time.
 
-One reading of the sources, one writer for each target; the text beside each package stands in `packages/`.
+One reading of the sources, one writer for each target; the text for each package is in `packages/`.
 """
 
 from __future__ import annotations
@@ -545,7 +545,7 @@ def parts(tokens: list[str]) -> list[list[str]]:
 
 
 def cells_name(array: tuple[str, str, str]) -> str:
-    """The block that stands for an array."""
+    """The block that replaces an array."""
     low, high, element = array
     return f"GlappCells{low}To{high}{'' if element.endswith('REAL') else element.title()}"
 
@@ -565,7 +565,7 @@ def cells(array: tuple[str, str, str]) -> Unit:
     return Unit(
         cells_name(array),
         "FUNCTION_BLOCK",
-        f"An array with the indices {low} to {high}: takes Value where Write is TRUE, and gives what stands there.",
+        f"An array with the indices {low} to {high}: takes Value where Write is TRUE, and gives the stored one.",
         "",
         (("VAR_INPUT", inputs), ("VAR_OUTPUT", (Var("Cell", element),)), ("VAR", store)),
         indent("\n".join(lines)),
@@ -733,7 +733,7 @@ def retained(units: list[Unit]) -> set[str]:
 
 
 PIECES = {
-    "detector": ("the width of the gap beside any controller: 10 pages and the example", "GlappDetector", "GlappLoop"),
+    "detector": ("the width of the gap next to any controller: 10 pages and the example", "GlappDetector", "GlappLoop"),
     "compensation": ("compensation by a width that is typed in: 4 pages", "GlappCompensation"),
 }
 
@@ -939,7 +939,7 @@ def archive(path: Path, folders: list[Path], out: Path) -> None:
 
 
 def main(out: Path) -> None:
-    """Writes all packages anew."""
+    """Writes all packages again."""
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
     shutil.copyfile(HERE / "packages" / "README.md", out / "README.md")

@@ -514,7 +514,7 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is no folder"):
         fleet.analyze(tmp_path / "nowhere", tmp_path / "out")
     put(tmp_path / "lake", "notes.parquet", pa.table({"note": ["-"]}))
-    with pytest.raises(InputError, match="lies within the lake"):
+    with pytest.raises(InputError, match="is within the lake"):
         fleet.analyze(tmp_path / "lake", tmp_path / "lake" / "out")
     with pytest.raises(InputError, match="no Parquet file that can be read"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out")
@@ -814,7 +814,7 @@ def test_results_carry_where_they_come_from(lake: Path, results: Path) -> None:
     whole = path.read_bytes()
     try:
         path.write_bytes(whole[:-1])
-        with pytest.raises(InputError, match="not what the manifest tells"):
+        with pytest.raises(InputError, match="not the one that the manifest names"):
             fleet.read(results)
     finally:
         path.write_bytes(whole)

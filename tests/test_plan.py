@@ -230,7 +230,7 @@ def test_the_shortest_of_more_hours_is_told_that_shows_the_gap(monkeypatch, show
 
 def test_more_hours_are_refused_where_they_tell_nothing_new():
     assert "nothing new" in _more_hours(an_hour(a_fit(30.0, "swings")), None).reason
-    assert "need not tell more" in _more_hours(an_hour(a_fit(0.0)), None).reason
+    assert "need not show more" in _more_hours(an_hour(a_fit(0.0)), None).reason
     assert "K and Ti are not known" in _more_hours(an_hour(a_fit(30.0), law=None), None).reason
     assert "more than 10000 rows is not simulated" in _more_hours(an_hour(a_fit(30.0), rows=20_000), None).reason
 

@@ -1,4 +1,4 @@
-"""The gallery: every figure of the thesis computed anew, against docs/gallery."""
+"""The gallery: every figure of the thesis recomputed, against docs/gallery."""
 
 import json
 import re

@@ -301,7 +301,7 @@ class Terms(_Part):
     noise: float
     """Effect of the gap on PV compared with PV's noise."""
     plateau: float
-    """Whether PV stands while OP goes through the gap."""
+    """Whether PV stands still while OP goes through the gap."""
     process: float
     """Part of the valve's effect that a load undoes."""
     rules: float
@@ -353,7 +353,7 @@ class Answer(_Part):
     judge a valve.
     """
     cause: Literal["backlash", "stiction", "both", "dead_band"] | None
-    """Cause; dead_band: play or packing, the data do not tell which; null where none is found or likely."""
+    """Cause; dead_band: play or packing, the data do not show which; null where none is found or likely."""
     width_kind: Literal["interval", "bound", "unsure"] | None
     """Kind of the width; unsure: a dead band is there, and its width is not known well; null where nothing is known."""
     oscillates: bool
@@ -425,7 +425,7 @@ class PlannedTest(_Part):
     reason: str | None
     """Why no such test can be proposed; null where one can."""
     moves: list[float]
-    """OP [`unit`] or SP, one after the other, the first where the loop stood; empty for more hours."""
+    """OP [`unit`] or SP, one after the other, the first where the loop was; empty for more hours."""
     hold: Value
     """Time at each of them [s]."""
     minutes: Value
@@ -542,7 +542,7 @@ class LoopAnswer(_Part):
     reason: str | None
     """Why not more, in a sentence."""
     d_hat: Value
-    """Total width by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it does not stand."""
+    """Total width by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it is contradicted."""
     unit: str
     """Unit of OP."""
     d_hat_percent_span: Value

@@ -53,7 +53,7 @@ def estimate(
 ) -> Result:
     """Estimate the width of the gap with the settings that the recording's loop has, and nothing else.
 
-    The detector runs over the recording once; the data is neither judged nor is anything identified from it
+    The detector runs over the recording once; the data is not judged, and nothing is identified from it
     (`analyze` does both). Where the loop gives no filter time, all of a ladder are tried in the same pass, and the
     smallest that leaves enough accepted half-periods, (N + 1)/2, is taken: a longer filter reads low.
 

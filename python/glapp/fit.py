@@ -145,7 +145,7 @@ class Fit:
     recordings : list of OneOfMany
         Where several recordings of one valve were given, each of them in the order of time, with its own answer.
     best : dict
-        Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
+        All results of the clearest window's fit, as the core gives them, with the time `t` of each cell and the
         `signal` that was fitted: "PV", or "position" where the valve's own settled it. Of PV also what all windows say
         together: `confidence` (*found*, *likely*, *cannot_tell* or *none_seen*), `cause` (*dead_band*, *stiction* or
         *both*), `width_kind` (*interval*, *bound* or *unsure*), `oscillates`, and the `evidence` for that.
@@ -328,7 +328,7 @@ def fit(
 
 
 def _read(recording: Recording, sign: float, progress: Progress | None) -> tuple[list[Batch], Progress | None]:
-    """The recording in memory, or the windows of a longer one; and whom the fit tells how far it is."""
+    """The recording in memory, or the windows of a longer one; and what is called with how far the fit is."""
     beginning = recording.beginning(ROWS)
     windows = history(beginning, sign)
     if windows is None:

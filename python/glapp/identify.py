@@ -4,7 +4,7 @@ A PID controller moves its output by
 
     dOP = K (b dSP - dPV) + K/Ti e dt - K Td d(dPV/dt),      e = SP - PV                            (velocity form)
 
-with PV filtered or not. `docs/identify.md` tells how K, Ti, Td and b follow from a recording, and how sure they are.
+with PV filtered or not. `docs/identify.md` explains how K, Ti, Td and b follow from a recording, and how sure they are.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Identification:
     samples : int
         Steps between consecutive samples that could be used.
     setpoint_weight : float | None
-        b, as given or as found; None where SP moved too little to tell.
+        b, as given or as found; None where SP moved too little to show it.
     note : str
         How the fit was made, for the report.
     usable : bool
@@ -125,7 +125,7 @@ def identified(
     most twice as wide as the narrowest.  The scatter is the sandwich of the robust fit with scores summed by block,
     and Student's t.
 
-    Bias: a recording at step h cannot tell which error the controller integrated within the step.  Where all samples
+    Bias: a recording at step h does not show which error the controller integrated within the step.  Where all samples
     fit to within OP's resolution, the controller ran once a sample, and is taken to have used the current error; else
     it is taken to be much faster.  The interval is wide enough for Ti - h/2 or Ti + h/2, K in proportion.  A filter
     whose lags add up to more than Td hides the derivative: such a controller is taken for a PI with less gain.

@@ -35,7 +35,7 @@ TimeFormat = Literal[
     "matlab",
     "julian",
 ]
-"""Layout of a time column where the data does not tell it: the order of a date, or the unit of its numbers."""
+"""Layout of a time column where the data does not show it: the order of a date, or the unit of its numbers."""
 
 
 class Columns(Checked):

@@ -55,7 +55,7 @@ def analyze_recordings(
 
 
 def _rows(recording: Recording, t: Sequence[float]) -> Batch:
-    """The rows of a recording in which cells at `t` [s] lie."""
+    """The rows of a recording that hold the cells at `t` [s]."""
 
     def within(batch: Batch) -> Batch:
         return batch[slice(np.searchsorted(batch.t, t[0]), np.searchsorted(batch.t, t[-1], side="right"))]

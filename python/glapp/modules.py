@@ -281,7 +281,7 @@ class Input(Module):
 class Output(Module):
     """A value to outside, `value`.
 
-    What the world there tells backward can be set: `low`, `high`, `flags`, `tracking`.
+    What the world there reports backward can be set: `low`, `high`, `flags`, `tracking`.
     """
 
 
@@ -432,7 +432,7 @@ class Filter2P(Module):
 class PhaseLead(Module):
     """Phase-lead compensator (1 + s·lead)/(1 + s·lag), against the limit cycle of a gap (2.2).
 
-    `glapp.nonlinear.phase_lead` designs it. It stands between controller and valve, or before the controller's `pv`.
+    `glapp.nonlinear.phase_lead` designs it. It is between controller and valve, or before the controller's `pv`.
     Static gain 1, so what comes to rest is not moved; a step shows (lead + h)/(lag + h) times as high, be it a
     person's or noise. A graph is refused in which u_FF works in its loop, or an autotuner's relay goes through it. A
     bad value leaves its output where it is.
@@ -617,7 +617,7 @@ class PidAdvanced(_Compensating, Pid):
     taken out, NaN where `corrected_doubt` says why not. `docs/modules.md` explains these and all inner variables.
 
     The autotuner is that of `AutoTuner`: `"pid.tune"` = 1 begins an experiment and 0 ends it, `tune_phase` and
-    `tune_stop` tell where it stands, `tune_ku`, `tune_tu`, `tune_kappa` what it found. Once it is done, `tune_k`,
+    `tune_stop` show how far it is, `tune_ku`, `tune_tu`, `tune_kappa` what it found. Once it is done, `tune_k`,
     `tune_ti` and `tune_td` are the controller that it offers (NaN: none), and `Graph.take_over` puts that in force.
     The Kp that it found, `tune_kp`, is the detector's at once, where `kp` is not given.
 

@@ -1,7 +1,7 @@
 """Describing functions: whether a gap makes a loop oscillate, how fast and how far (thesis 1.1, 1.2, 2.2, 7.4).
 
 A loop is given by its linear part L(s) = P(s)·C(s)·F(s) as a `Plant`; `glapp.tuning.open_loop` makes it, and
-`Tuning.loop` is one. The gap stands between the controller and the process: its input is the controller's output OP,
+`Tuning.loop` is one. The gap is between the controller and the process: its input is the controller's output OP,
 so every amplitude A here is one of OP.
 
 The method is an approximation: only the first harmonic of a signal is followed round the loop. What it misses is shown
@@ -717,7 +717,7 @@ def nyquist_figure(
 
 
 def _checked(loop: Any) -> Plant:
-    """The open loop, of whatever tells one."""
+    """The open loop, of whatever defines one."""
     try:
         plant = loop.loop if isinstance(loop, Tuning) else Plant.of(loop)
     except InputError as error:

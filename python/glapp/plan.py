@@ -45,7 +45,7 @@ The person stops where PV comes to a limit all the same.
 KNOWN = 2.0
 """The process is known where the upper limit of its gain by the likelihood is at most this many times the lower one.
 
-Where a recording does not tell the gap, it often does not tell the process either: gains that it gives are then up to
+Where a recording does not show the gap, it often does not show the process either: gains that it gives are then up to
 17 times too small, lags 7 times too long. What such a loop does in a test cannot be foreseen.
 """
 
@@ -59,7 +59,7 @@ LATE = 60
 """Rows at the end whose median is the loop's present place."""
 
 PILOTS, SIMULATIONS = 8, 64
-"""Tests simulated with the gap and as many without: to look for one, and to tell the power of the one that is found."""
+"""Tests simulated with the gap and as many without: to search for one, and to measure the power of that one."""
 
 FITTED = 8
 """Number of simulations of setpoint steps: a fit takes a second, where a step test takes milliseconds."""
@@ -152,7 +152,7 @@ def plan_test(
     Raises
     ------
     InputError
-        Where OP and PV were not fitted or do not tell the process, a limit is out of its bounds, or nobody knows which
+        Where OP and PV were not fitted or do not show the process, a limit is out of its bounds, or nobody knows which
         width is asked for.
 
     Examples
@@ -206,11 +206,11 @@ def plan_test(
 
 
 TRIED = 3
-"""Recordings of several that are tried, the newest first, until one tells the process."""
+"""Recordings of several that are tried, the newest first, until one shows the process."""
 
 
 def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> Plan:
-    """Plan a test for a loop with one recording or several: from the newest one whose fit tells the process.
+    """Plan a test for a loop with one recording or several: from the newest one whose fit shows the process.
 
     - `recordings`: in the order of time; the test begins where the last one ends.
     - `result`: what `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
@@ -226,7 +226,7 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
             return plan_test(recording, alone, width=width, begins=recordings[-1], **asked)
         except InputError as error:
             refused.append((alone.fit is None or alone.fit.process is None, error))
-    raise min(refused, key=lambda one: one[0])[1]  # what stands against a long recording tells more
+    raise min(refused, key=lambda one: one[0])[1]  # the reason against a long recording says more
 
 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
@@ -269,7 +269,7 @@ def _width(result: Result) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    """The fitted loop, as it stood at the end of its recording; OP and PV are counted from there."""
+    """The fitted loop, as it was at the end of its recording; OP and PV are counted from there."""
 
     name: str
     loop: Loop
@@ -401,7 +401,7 @@ class _Fitted:
         return plant if np.abs(plant.poles).max() * self.h < 3.0 else Plant(num, self.plant.den, self.plant.dead_time)
 
     def swing(self, n: int) -> Limits:
-        """Move of PV by itself from where it stands, within the given number of samples."""
+        """Move of PV by itself from its present value, within the given number of samples."""
         pieces = [self.disturbance(n, 0, seed) for seed in range(SIMULATIONS)]
         return min(float(x.min()) for x in pieces), max(float(x.max()) for x in pieces)
 
@@ -426,7 +426,7 @@ def _gain_spread(near: Limits) -> float:
     """Standard deviation of ln Kp by its 95 % limits by the likelihood.
 
     Of 49 loops of `bench.plan` (half A) whose gain is known well enough to plan, these limits hold the true gain in 46;
-    the wider ones that the fit tells are for the others.
+    the wider ones that the fit gives are for the others.
     """
     least, most = sorted(abs(x) for x in near)
     return math.log(most / least) / (2.0 * _LIMIT) if most > least > 0.0 else 0.0
@@ -808,12 +808,12 @@ def fit_decides(found: Fit, width: float) -> Found | None:
 
 
 def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
-    """The recording gone on with for once, three or nine times its length, the shortest of them that shows the gap."""
+    """The recording continued for once, three or nine times its length, the shortest of them that shows the gap."""
     found = loop.fit
     if found.why in ("swings", "repeats"):
-        return Planned("more_hours", f"more hours of the same tell nothing new: {found.reason}")
+        return Planned("more_hours", f"more hours of the same show nothing new: {found.reason}")
     if not (found.lr_no_gap or 0.0) > 0.0 or found.why not in ("may_be_a_gap", "windows_silent", "families_disagree"):
-        return Planned("more_hours", f"more hours of the same need not tell more: {found.reason}")
+        return Planned("more_hours", f"more hours of the same need not show more: {found.reason}")
     if loop.law is None or not loop.law.k:
         return Planned("more_hours", "the controller's K and Ti are not known: give them, or record SP")
     if len(loop.sp_moves) * (max(1, len(found.windows)) + max(HOURS)) > MOST_ROWS:
@@ -837,7 +837,7 @@ def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
 def _shown(loop: _Fitted, recording: Recording, law: Ideal, times: float) -> float:
     """Share of simulated recordings, longer by a factor, in which the fit finds the gap."""
     n = round(times * len(loop.sp_moves))
-    # Backwards and forwards in turn: SP goes on from where it stands, and moves as often as it did.
+    # Backwards and forwards in turn: SP goes on from its last value, and moves as often as it did.
     sp = np.resize(np.concatenate([loop.sp_moves[::-1], loop.sp_moves]), n)
     shown = 0
     for seed in range(200, 200 + FITTED):

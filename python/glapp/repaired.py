@@ -56,7 +56,7 @@ class Repair:
     """Before and after.
 
     - `noted`: when a person says that the valve was repaired; None where the width was seen to fall and nobody said so.
-    - `width`, `deviation`, `travel`, `reversals`: what lies between; None where it is not known on both sides.
+    - `width`, `deviation`, `travel`, `reversals`: the difference; None where it is not known on both sides.
     """
 
     noted: datetime | None

@@ -236,7 +236,7 @@ class Next:
 
 @dataclass(frozen=True, slots=True)
 class Struck:
-    """Why the crossings' width does not stand: *above* or *below* a limit of the fit, or of a *sound* valve.
+    """Why the crossings' width is contradicted: *above* or *below* a limit of the fit, or of a *sound* valve.
 
     `limit` is the fit's [OP unit].
     """
@@ -320,7 +320,7 @@ class Answer:
         or settings allow no answer), *not_judged* (OP and PV were not fitted; zero crossings alone do not judge a
         valve).
     cause : "backlash", "stiction", "both", "dead_band" or None
-        What makes it; dead_band: play or packing, the data do not tell which.
+        Its cause; dead_band: play or packing, the data do not show which.
     width_kind : "interval", "bound", "unsure" or None
         Whether the width has two limits, is one limit, or is not known well.
     oscillates : bool
@@ -346,7 +346,7 @@ class Answer:
     limit : Limit or None
         What is acceptable; None where nobody said it and the span is not known.
     acceptable : "within", "beyond", "open" or None
-        How the width stands to the limit; open: it may be either. None where either is not known.
+        Where the width is relative to the limit; open: it may be on either side. None where either is not known.
     next : Next
         What to do next.
     urgency : "none", "low", "medium", "high"
@@ -472,7 +472,7 @@ def harm_of(fit: Fit, law: tuple[float | None, float | None], rows: Batch) -> Ha
 
     - `fit`: through PV; its `best` window has the cells, and its `process` what a load at the valve does to PV.
     - `law`: the controller's K [OP unit/PV unit] and Ti [s].
-    - `rows`: the rows in which the cells lie.
+    - `rows`: the rows with the cells.
     """
     best, p = fit.best, fit.process
     if p is None or rows.op is None or best.get("signal") != "PV":

@@ -382,7 +382,7 @@ class Manual(Checked):
     begin, end : float
         From `begin` up to and without `end` [s].
     op : float, optional
-        The output in it; where it stood if not given.
+        The output in it; its last value if not given.
     """
 
     begin: float
@@ -393,7 +393,7 @@ class Manual(Checked):
 class Compensation(Checked):
     """Compensation of the gap by the module that ships (thesis 2.2, 7.4); `docs/compensation.md`.
 
-    It is a `glapp.modules.BacklashDetection` next to the controller, at whose feed-forward it acts. It is told the
+    It is a `glapp.modules.BacklashDetection` next to the controller, at whose feed-forward it acts. It gets the
     controller's settings, its limits, and the static gain of the plant.
 
     Parameters
@@ -430,9 +430,9 @@ class Compensation(Checked):
     k : float, optional
         Gain that is given to the module, ≠ 0; the controller's where not given.
     delay : int, optional
-        After how many scans the controller has the u_FF it is handed, 1..32: the module then stands beside it as beside
-        a controller that is not ours, and reads its output. Where not given it is told all, and a scan is what it
-        takes.
+        Number of scans after which the controller has the u_FF that was made, 1..32. The module then treats it as
+        another maker's controller, and reads its output. Where not given the module knows all of the controller, and
+        the delay is one scan.
     longest : float, optional
         The longest delay with which it may be enabled, as a share of Ti, ≥ 0; the core's bound for its way where not
         given.
@@ -499,8 +499,8 @@ class Scenario(Checked):
         Time constant of the second-order filter [s], 0 for none. Where not given, that of a `Tuning`, else the thesis'
         own (2.1): td/5, and ti/10 for a PI controller.
     filter_in_loop : bool, optional
-        Whether the filter stands before the controller, as in the thesis, or before the detector alone. Where not
-        given, it stands before the controller if `tf` is given.
+        Whether the filter is before the controller, as in the thesis, or before the detector alone. Where not
+        given, it is before the controller if `tf` is given.
     limits : (low, high), optional
         Limits of the output, with anti-windup.
     d : float

@@ -180,7 +180,7 @@ def judged(label: Label, result: Result) -> Scored:
     without a fault is answered wrong where a dead band beyond the acceptable limit is found or likely. What cannot be
     told, or was not analysed, is silent.
 
-    Raises InputError where the width's unit is not that of OP, nor "% of span" with a known span.
+    Raises InputError where the width's unit is neither that of OP nor "% of span" with a known span.
     """
     answer, width = result.answer, _in_op(label, result)
     if label.date is not None and result.t0 is not None and result.t0.date() > label.date:
@@ -209,7 +209,7 @@ def _of_fault(label: Label, answer: Answer, width: float | None) -> tuple[Outcom
         return "wrong", f"the answer says {answer.cause}"
     low, high = answer.low, math.inf if answer.high is None else answer.high
     if width is not None and answer.width_kind != "unsure" and low is not None and not low <= width <= high:
-        return "wrong", "the measured width lies outside of the interval"
+        return "wrong", "the measured width is outside the interval"
     return "right", ""
 
 

@@ -185,7 +185,7 @@ def step_test(
 
     Looked at are the stretches in which the controller was not in automatic.  A test that can be read holds OP, after
     each move until PV has settled, and makes at least two moves in one direction and one back: the first move after
-    the controller was put in manual gives nothing, since where in its gap the valve then stood is not known.
+    the controller was put in manual gives nothing, since it is not known where in its gap the valve then was.
 
     Known bias: a step response with a tail much slower than its beginning settles later than is assumed.  A valve that
     sticks and slips has no one width; its readings scatter, and a note says so.

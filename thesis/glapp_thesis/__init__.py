@@ -1,4 +1,4 @@
-"""The figures of the thesis, computed anew (Haventon & Öberg, TFRT-5826, 2008).
+"""The figures of the thesis, recomputed (Haventon & Öberg, TFRT-5826, 2008).
 
 Every figure and table that has data in the thesis is a function that simulates, and gives one sentence, our numbers
 beside the thesis', the honest difference, and a picture. `docs/gallery` is all of them.

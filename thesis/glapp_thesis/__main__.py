@@ -1,4 +1,4 @@
-"""`python -m glapp_thesis PAGE NUMBERS`: makes the table of docs/thesis.md anew.
+"""`python -m glapp_thesis PAGE NUMBERS`: makes the table of docs/thesis.md again.
 
 From the numbers of the gallery, docs/gallery/numbers.json, and the equations tried here and now. Without names of files
 those two are meant, and it is run at the root of the project.

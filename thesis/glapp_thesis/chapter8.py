@@ -741,7 +741,7 @@ def _usual(scenario: Scenario) -> float | None:
 
 
 def _dead_times(axes: Axes, found: dict[str, DeadTime], usual: dict[str, DeadTime] | None = None) -> None:
-    """Estimates over dead time; `usual` are those of figure 8.7, drawn faintly beside them."""
+    """Estimates over dead time; `usual` are those of figure 8.7, drawn faintly next to them."""
     for (plant, one), colour in zip(found.items(), style.CURVES, strict=False):
         of_gap = {dead_time: seen for dead_time, seen in one.estimate.items() if (seen.usual or 0.0) >= LIKE_NOISE}
         of_noise = [dead_time for dead_time in one.estimate if dead_time not in of_gap]
@@ -1155,7 +1155,7 @@ def _recording(
     manual: float | None = None,
     why: str = "",
 ) -> Shown:
-    """A field test; with the width of its `manual` test the answers of `glapp.analyze` are beside the detector's."""
+    """A field test; with the width of its `manual` test the answers of `glapp.analyze` are next to the detector's."""
     runs = [(signals, detect(one, signals)) for one, signals in each(seeded(scenario))]
     answered = [] if manual is None else answers(site, [signals for signals, _ in runs])
     # Drawn is the first run that has as many detections as the thesis' recording, or else most of them.

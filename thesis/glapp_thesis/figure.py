@@ -1,4 +1,4 @@
-"""A figure of the thesis: one sentence, numbers beside the thesis', and a picture."""
+"""A figure of the thesis: one sentence, numbers next to the thesis', and a picture."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Number:
     - `thesis`: what the thesis says: a number, words such as "over 100", or None where it gives nothing.
     - `ours`: what glapp computes; None where there is nothing to show, such as an estimate without a detection.
     - `tolerance`: relative difference that a run on another machine may have. Simulations give the same bits
-      everywhere; a larger one has its reason beside it.
+      everywhere; a larger one has its reason next to it.
     - `holds`: whether the thesis' words hold, where other numbers than this one decide it.
 
     Examples
@@ -88,13 +88,13 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A figure or table of the thesis, computed anew.
+    """A figure or table of the thesis, recomputed.
 
     - `number`: as in the thesis: "8.1", "Table 8.1".
     - `title`: what it is about, in a few words.
     - `section`: section of the thesis.
     - `sentence`: what is seen, in one sentence.
-    - `numbers`: ours beside the thesis'.
+    - `numbers`: ours next to the thesis'.
     - `difference`: where and why it differs from the thesis, what had to be assumed; "" where there is nothing to say.
     - `draw`: makes the picture.
     - `why`: in a few words why it differs, where a number is not the thesis'; "" where all are.

@@ -15,7 +15,7 @@ from .figure import Number, Shown
 
 __all__ = ["as_html", "as_json", "as_markdown", "recorded", "text"]
 
-TITLE = "The figures of the thesis, computed anew"
+TITLE = "The figures of the thesis, recomputed"
 ABOUT = (
     "O. Haventon and J. Öberg, Testing and implementation of a backlash detection algorithm, Lund University, "
     "TFRT-5826 (2008). Every picture comes from glapp's own simulator and detector; next to each number of the thesis "
@@ -65,7 +65,7 @@ def recorded(shown: Shown, figure: Mapping[str, Any]) -> Shown:
 
 
 def as_markdown(shown: Sequence[Shown]) -> str:
-    """The gallery as a page in Markdown, with the pictures beside it and the numbers of which the thesis has one."""
+    """The gallery as a page in Markdown, with its pictures and the numbers that the thesis has too."""
     parts = [f"# {TITLE}\n", ABOUT + "\n"]
     if differs := _differs(shown):
         rows = [f"| {' | '.join(cells)} |\n" for _, *cells in differs]
@@ -92,7 +92,7 @@ a{color:#1d5b9c}nav a{margin-right:.8rem;white-space:nowrap}"""
 
 
 def as_html(shown: Sequence[Shown]) -> str:
-    """The gallery as one page; it needs the pictures beside it and nothing else."""
+    """The gallery as one page; it needs the pictures next to it and nothing else."""
     say = html.escape
     links = " ".join(f'<a href="#{one.picture[:-4]}">{say(one.number)}</a>' for one in shown)
     parts = [

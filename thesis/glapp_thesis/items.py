@@ -19,7 +19,7 @@ class Item(NamedTuple):
     - `check`: key in `CHECKS`, whose numbers belong to it; "" for none.
     - `figure`: key in `FIGURES`, whose numbers belong to it; "" for none.
     - `refers`: a figure and one of its numbers; () for none.
-    - `why`: why it differs, or is not here; for a figure its own reason stands there.
+    - `why`: why it differs, or is not here; for a figure it is the reason of the figure.
     """
 
     place: str

@@ -117,7 +117,7 @@ def detect(
 def safety_net_loop(**changes: Any) -> Scenario:
     """P3 with the PI controller of section 5.2, a gap of 5 %, steps of setpoint and load at 1 and 100 s.
 
-    Noise, sample time and size of the load step are not in the thesis; these tell its whole story. A load step of 100 %
+    Noise, sample time and size of the load step are not in the thesis; these give all its facts. A load step of 100 %
     gives the detection of over 100 %, noise of ± 0.07 % at h = 0.01 s the change from backlash to noise about 550 s.
     With Tf = Ti/10 as in (2.1) every half-period is less than 2/3 as high as the one before, so that (5.3) would reject
     the true ones too; with 0.15 Ti it rejects what the thesis says.

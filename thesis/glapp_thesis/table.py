@@ -95,7 +95,7 @@ def _shown(shown: str) -> str:
 
 
 def replaced(page: str, figures: Figures) -> str:
-    """The page with its table made anew."""
+    """The page with its table made again."""
     before, rest = page.split(BEGIN)
     _, after = rest.split(END)
     return f"{before}{BEGIN}\n\n{markdown(figures)}\n\n{END}{after}"

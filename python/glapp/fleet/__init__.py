@@ -5,7 +5,7 @@
     glapp fleet make-demo lake
     glapp fleet analyze lake --out results
 
-`docs/fleet.md` tells the layouts of a lake, every column of the results, and how far they can be believed.
+`docs/fleet.md` has the layouts of a lake, every column of the results, and how far they can be believed.
 """
 
 from .demo import make_demo

@@ -92,8 +92,8 @@ class _Loop:
     swing: tuple[float, float]  # amplitude [%] and period [s]
     moves: int  # setpoint changes a day
     sp: float
-    op: float  # where the valve stands without loads [%]
-    known: bool  # whether the settings tell K and Ti
+    op: float  # position of the valve without loads [%]
+    known: bool  # whether the settings have K and Ti
 
     def gap(self, day: int, days: int) -> float:
         """Width of its gap on a day [%]."""
@@ -121,7 +121,7 @@ class _Loop:
             load.append(Sine(amplitude=self.swing[0], period=self.swing[1], t=random.uniform(0, self.swing[1])))
         at = sorted({round(random.uniform(900, _SECONDS)) for _ in range(self.moves)})
         setpoint = [(0.0, self.sp), *((float(t), self.sp + random.uniform(-2.5, 2.5)) for t in at)]
-        # The valve stands near its middle, whatever the setpoint: a load makes up for the rest.
+        # The valve is near its middle, whatever the setpoint: a load makes up for the rest.
         balance = Steps(steps=((0.0, (0.0 if self.integrating else self.sp / self.kp) - self.op),))
         return Scenario(
             name=self.name,
@@ -496,7 +496,7 @@ def _spoil(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[tuple[str,
         yield "contradicting", "", loop.name, day(6)
         yield "quality", relative(path), "", ""
     if (loop := first("historian", 1)) is not None:
-        # A day in another unit that no column tells: 14.5 psi are a bar.
+        # A day in another unit that no column states: 14.5 psi are a bar.
         yield from _in_psi(lake, loop, day(7))
     opc = lake / "opc" / f"day={day(8)}" / "part-0.parquet"
     table = pq.read_table(opc, partitioning=None)
@@ -523,7 +523,7 @@ def _spoil(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[tuple[str,
         data = path.read_bytes()
         path.write_bytes(data[: len(data) // 2])
         yield "unreadable", relative(path), "", ""
-        # The unit that a column tells is not that of the settings.
+        # The unit that a column states is not that of the settings.
         if days > 1:
             path = folder / f"{day(11)}.parquet"
             table = pq.read_table(path, partitioning=None)

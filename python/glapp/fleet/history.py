@@ -3,14 +3,14 @@
 ::
 
     state ──┐
-    rows of a loop and a day ──follow──→ a row: what the detector has heard so far, and with which settings
+    rows of a loop and a day ──follow──→ a row: what the detector has found so far, and with which settings
     row of `look` ──┘          └──→ state of the next day
 
 What it answers, to the bit, is what one pass over all samples answers: signals keep their last value over midnight, and
 so does every number of the detector. Only a change of the settings starts it again.
 
 Settings that nobody gave are *pinned*: the first day that shows them sets them for all that follow, so that a later
-day cannot change what was heard before. They hold until a day shows others.
+day cannot change what was found before. They hold until a day shows others.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _last_value(signal: Signal) -> tuple[float | None, bool]:
 
 
 def _usable(day: dict[str, Any]) -> bool:
-    """Whether a day's samples may be heard: nothing was found that refuses them, and PV is no plain swing."""
+    """Whether a day's samples may be used: nothing was found that refuses them, and PV is no plain swing."""
     if day["unfit_code"] in ("outside_span", "unusable", "fault"):
         return False
     return all(one["severity"] != "refuse" and one["code"] != "sinusoidal" for one in day["quality"] or ())

@@ -111,7 +111,7 @@ class File:
     - `long`: whether it has a row per tag and time.
     - `stem`: name of its loop where a wide file's columns have no prefix: that of its folder `loop=...`, else its own.
     - `columns`: its columns, those of its folders included.
-    - `folders`: columns that its folders tell.
+    - `folders`: columns that its folders name.
     - `groups`: its groups of rows, in their order.
     - `qualities`: the words of its quality column.
     - `digits`: how its texts write numbers.
@@ -302,7 +302,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     for code, what in _LACKING.items():
         if n := without[code]:
             problems.append(DataIssue(code, f"{n} rows have no {what}: they are left out", _REPAIR, name, rows=n))
-    if not any(group.readable for group in groups):  # its columns may still tell which loops are lost
+    if not any(group.readable for group in groups):  # its columns may still show which loops are lost
         return replace(bare, groups=tuple(groups)), problems
     if zone is None and _naive(path, bare):
         what = "its times have no zone, and are taken for UTC"
@@ -527,9 +527,9 @@ def places(
 
 
 def loop_of_path(name: str, files: Iterable[File], known: Places) -> str | None:
-    """The loop whose file this was, as far as its path tells, without a look at the file; None where it does not.
+    """The loop whose file this was, as far as its path shows it, without reading the file; None where it does not.
 
-    A folder tells it, `loop=FIC101` or `tag=FIC101.PV`; or the file stands where others have the names of their loops.
+    A folder names it, `loop=FIC101` or `tag=FIC101.PV`; or other files in its folder have the names of their loops.
     """
     folders = _folders(name)
     if "loop" in folders:
@@ -743,7 +743,7 @@ def _values(
 
 
 def _bad(file: File, cells: pa.Array | None, done: int, problems: list[DataIssue], rows: int) -> NDArray[np.bool_]:
-    """Whether each row is of bad quality, by the file's one of three ways to tell; an unknown word is bad."""
+    """Whether each row is of bad quality, by the one of three ways that the file uses; an unknown word is bad."""
     if cells is None or not len(cells):
         return np.zeros(rows, np.bool_)
     decide = Quality(file.qualities, words_for_bad(()), file.column("quality") or "")

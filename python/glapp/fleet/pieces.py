@@ -41,7 +41,7 @@ __all__ = [
 
 
 def follow_paths(plan: Plan, work: Path) -> list[Path]:
-    """The piece of each unit's crossings: its name tells the unit and all before it."""
+    """The piece of each unit's crossings: its name holds the unit and all before it."""
     keys: list[str] = []
     for unit in plan.units:
         keys.append(digest(unit.key, [keys[i] for i in unit.before]))

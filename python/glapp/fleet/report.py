@@ -1,4 +1,4 @@
-"""The report of a fleet: one page that needs nothing else, read from the top by whoever plans the next stop."""
+"""The report of a fleet: one page that needs nothing else, for the person who plans the next stop."""
 
 from __future__ import annotations
 

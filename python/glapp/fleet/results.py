@@ -172,7 +172,7 @@ def read(out: str | Path, table: str = "loops") -> pa.Table:
     Raises
     ------
     InputError
-        Where there are no results, a table is not that which the manifest tells, or there is none of that name.
+        Where there are no results, a table is not the one in the manifest, or there is none of that name.
 
     Examples
     --------
@@ -194,5 +194,7 @@ def read(out: str | Path, table: str = "loops") -> pa.Table:
     except FileNotFoundError:
         data = pa.allocate_buffer(0)
     if hashlib.sha256(data).hexdigest() != known["tables"][table]["sha256"]:
-        raise InputError("is not what the manifest tells", file=str(path), hint="run glapp fleet analyze once more")
+        raise InputError(
+            "is not the one that the manifest names", file=str(path), hint="run glapp fleet analyze once more"
+        )
     return pq.read_table(pa.BufferReader(data))

@@ -7,7 +7,7 @@
     unit, its look and the state of the unit before ──follow──→ rows of CROSSINGS, and the state of the next
 
 A piece is a file in `RESULTS/work` whose name is the checksum of all that it is made of: version, settings, and name,
-size and time of change of the files; that of a unit's crossings tells those of all units before it too. What is there
+size and time of change of the files; that of a unit's crossings names those of all units before it too. What is there
 already is not made again, so an interrupted run goes on where it was, and a later one makes only what a new or changed
 file touches: its days, and the crossings from the earliest of them on. The tables are the same to the bit either way.
 """
@@ -101,7 +101,7 @@ def analyze(
     names, wrong = files_of(lake)
     if out.resolve().is_relative_to(lake.resolve()) and not out.name.startswith(("_", ".")):
         hint = "name a folder outside the lake: what is in it would be read as part of the lake"
-        raise InputError("lies within the lake", file=str(out), parameter="out", hint=hint)
+        raise InputError("is within the lake", file=str(out), parameter="out", hint=hint)
     tell: Stage = stage if stage is not None else lambda name, total, done: None
     out.mkdir(parents=True, exist_ok=True)
     lock = FolderLock(out / "work")
@@ -157,7 +157,7 @@ def _with_refused_loops(loops: pa.Table, plan: Plan, problems: Sequence[DataIssu
     """The answers with a row of every loop that is known and was not judged, refused with its reason.
 
     Each row gets how many files with its signals, or parts of them, could not be read. A loop that only its files'
-    names tell is one of those that were lost with all their files.
+    names show is one of those that were lost with all their files.
     """
     known = {loop.name: loop for loop in (*plan.given, *plan.places.loops)}
     more: list[DataIssue] = []

@@ -43,7 +43,7 @@ def crossings(
     since: datetime | None = None,
     threads: int | None = None,
 ) -> pa.Table:
-    """Run the detectors of many loops over their Parquet files; they stand behind the last row then, and can go on.
+    """Run the detectors of many loops over their Parquet files; they are then behind the last row, and can go on.
 
     Rows go from the files into the lanes of the processor, eight loops at once on each thread. Of a column a page and
     some thousand rows are in memory, however long the files are, and of half-periods no more than their counts and the
@@ -68,7 +68,7 @@ def crossings(
     Returns
     -------
     pyarrow.Table
-        A row of `CROSSINGS` a loop, in the order of `loops`. Where files cannot be read, `problem` tells why and the
+        One row of `CROSSINGS` per loop, in the order of `loops`. Where files cannot be read, `problem` says why and the
         detector is as it was.
 
     Raises
@@ -105,7 +105,7 @@ def crossings(
         time, sp, pv = (columns[of].replace("{loop}", name) for of in ("time", "SP", "PV"))
         op = columns["OP"].replace("{loop}", name) if "OP" in columns else None
         places.append((list(files[name]), (time, sp, pv, op)))
-    # Eight loops stand side by side; they stay together longest where their files are of about the same size.
+    # Eight loops run side by side; they stay together longest where their files are of about the same size.
     order = sorted(range(len(places)), key=lambda i: sum(map(_size, places[i][0])))
     names, detectors = list(loops), [one._detector for one in loops.values()]
     threads = threads or os.cpu_count() or 1

@@ -2,7 +2,7 @@
 
 ::
 
-    rows of a loop and a day ──look──→ a row: quality, law of the controller, windows and what they may tell
+    rows of a loop and a day ──look──→ a row: quality, law of the controller, windows and what they may show
     rows of `look` of a loop ──choose─→ the windows worth fitting, at most `fits`
     rows of a loop and a day ──cut───→ the samples of the windows that were chosen
     these samples ───────────judge──→ a row a window, a row a loop: the joint answer of the valve, its trend, its harm
@@ -104,7 +104,7 @@ DAYS = pa.schema(
         ("window_score", pa.list_(pa.float64())),
     ]
 )
-"""A row a loop and day; `docs/fleet.md` tells every column."""
+"""One row per loop and day; `docs/fleet.md` describes every column."""
 
 SAMPLES = pa.schema(
     [
@@ -308,7 +308,7 @@ _FLAGS = {"mode": NOT_AUTO, "op_low_flag": AT_LOW, "op_high_flag": AT_HIGH}
 
 
 def look(rows: pa.Table, loop: Loop, day: int, part: int = 0) -> pa.Table:
-    """A row of `DAYS`: what one day of a loop holds, and its windows with what each may tell.
+    """A row of `DAYS`: what one day of a loop holds, and its windows with what each may show.
 
     - `rows`: columns signal, t, value and bad of that loop and day, in any order.
     - `loop`: its settings.
@@ -387,7 +387,7 @@ def _judged(result: Result, step: float, op: bool, sp: bool) -> dict[str, Any]:
 def choose(days: pa.Table, fits: int = FITS) -> list[tuple[int, int]]:
     """The windows of a loop that are worth fitting: first and last moment [µs since 1970 UTC], in the order of time.
 
-    The history is divided into `fits` equal epochs, and of each the window is taken that may tell most; where an epoch
+    The history is divided into `fits` equal epochs, and of each the window is taken that may show most; where an epoch
     has none, the best of what is left is taken in its place.
 
     - `days`: rows of `DAYS` of one loop, in any order.
@@ -449,7 +449,7 @@ def judge(
 
     - `samples`: rows of `SAMPLES`: all windows that were chosen, in any order.
     - `days`: rows of `DAYS` of the loop, in any order.
-    - `crossings`: rows of `glapp.fleet.history.CROSSINGS` of the loop, in any order: the last says what was heard of
+    - `crossings`: rows of `glapp.fleet.history.CROSSINGS` of the loop, in any order: the last says what was found of
       all of them.
     - `loop`: its settings.
     """

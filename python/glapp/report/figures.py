@@ -197,7 +197,7 @@ def simulation_figure(simulation: Simulation) -> go.Figure:
 def step_test_figure(test: StepTest) -> go.Figure:
     """Draw a step test: PV and OP with the held stretches shaded, the settled levels, and each reading in its place.
 
-    A bracket shows how far PV moved from one settled level to the next; below it stands, at OP's move, what was read.
+    A bracket shows how far PV moved from one settled level to the next; below it, at OP's move, is the reading.
     """
     rows = test.signals
     if rows is None or rows.op is None or not len(rows):
@@ -431,7 +431,7 @@ def _time_axis(figure: go.Figure, result: Result | StepTest, rows: int) -> None:
 
 
 def _has_values(trace: Trace, column: str) -> bool:
-    """Tell whether a column of the trace was recorded and holds at least one number."""
+    """Whether a column of the trace was recorded and holds at least one number."""
     band = getattr(trace, column)
     return band is not None and bool(np.isfinite(band.low).any())
 

@@ -294,7 +294,7 @@ def trend_figure(result: Result) -> go.Figure:
         figure.update_xaxes(title_text="time [s]")
     else:
         figure.update_xaxes(type="date", title_text="local time")
-    # All of the recording, also where one window alone tells something.
+    # All of the recording, also where only one window has a result.
     whole = _time(result, np.array([min(w.t_start for w in f.windows), max(w.t_end for w in f.windows)]))
     figure.update_xaxes(nticks=6, tickangle=0, range=whole.tolist())
     figure.update_layout(height=320, margin={"l": 70, "r": 24, "t": 40, "b": 48}, hovermode="closest", showlegend=True)

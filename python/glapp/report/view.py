@@ -109,7 +109,7 @@ class LoopView:
 
     @property
     def repair_text(self) -> str:
-        """Tell that a repair is noted, or that the width fell."""
+        """Say that a repair is noted, or that the width fell."""
         assert self.r.repair is not None  # the template asks for nothing else
         return repaired.text(self.r.repair, self.r.unit)
 

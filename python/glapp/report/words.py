@@ -92,7 +92,7 @@ SURE: tuple[str, ...] = (
     "alone would have sent somebody to the valve in 304 of 1000 of the first; their width read 39 to 74 % too wide in "
     "the middle of the records.",
     "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 31 in "
-    "100 got a width. Several recordings of one valve tell more.",
+    "100 got a width. Several recordings of one valve show more.",
     "Evidence is strong where a model without a gap is as much worse as the fit asks for, very strong where it is more "
     "than twice that, weak where it is half of it or more.",
     "Before work is ordered, confirm with a step test in manual: small steps up, then small steps down, and note how "
@@ -143,12 +143,12 @@ def ranked(results: Sequence[Result]) -> list[Result]:
 
 
 def judged(result: Result) -> bool:
-    """Tell whether something is known of the valve; of the others a list says why not, and what would help."""
+    """Whether something is known of the valve. A list says of the others why not, and what would help."""
     return result.answer.valve in ("gap", "no_gap") or result.answer.confidence in LIKELY
 
 
 def summary(results: Sequence[Result]) -> str:
-    """Tell a run in short: how many loops need what."""
+    """A run in short: how many loops need what."""
     if len(results) == 1:
         return lead(results[0])
     answers = [result.answer for result in results]

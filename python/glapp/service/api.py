@@ -124,7 +124,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
 
     - `monitor`: what it opens to.
     - `users`: who may ask.
-    - `hosts`: names that requests may be addressed to: another one, which a page elsewhere may have made to stand for
+    - `hosts`: names that requests may be addressed to: another one, which a page elsewhere may have made an alias of
       this computer, is refused.
     """
     app = FastAPI(
@@ -445,7 +445,7 @@ def _command_routes(app: FastAPI, api: _Api) -> None:
 
     @app.post("/loops/{name:path}/watchdog-test")
     async def watchdog_test(person: engineer, name: Name) -> dict[str, Any]:
-        """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
+        """Try whether the plant takes u_FF away when its watchdog stands still; events report the result."""
         await api.done(
             person, "drill", name, None, api.monitor.commands.watchdog_test(api.known(name), *_name_and_role(person))
         )
@@ -537,7 +537,7 @@ class _Numbers(Collector):
         found: list[Metric] = [
             _gauge("glapp_up_seconds", "Time since the service began", status["now"] - status["begun"]),
             _gauge("glapp_store_failing", "1 where the store cannot be written", float(bool(status["failing"]))),
-            _gauge("glapp_database_damaged", "1 while a damaged database lies aside", float(bool(status["damaged"]))),
+            _gauge("glapp_database_damaged", "1 while a damaged database is set aside", float(bool(status["damaged"]))),
             _gauge("glapp_entries_waiting", "Entries that wait for the disk", status["waiting"]),
         ]
         of_loops: dict[str, tuple[str, Callable[[dict[str, Any]], Any]]] = {

@@ -196,7 +196,7 @@ class Commands:
     async def watchdog_test(self, loop: str, person: str, role: str) -> None:
         """Begin a watchdog test: a small u_FF is written, the heartbeat stops, and the plant must take u_FF away.
 
-        A loop is only enabled after its test was passed. Events tell how the test ends.
+        A loop is only enabled after its test was passed. Events report how the test ends.
 
         Raises InputError where any loop is compensated, or this one cannot be. Raises StoreFull where it cannot be
         logged: then it is not done.

@@ -42,7 +42,7 @@ class Connection(Checked):
     password_file : path, optional
         File whose first line is the password; where not given, the environment's GLAPP_OPCUA_PASSWORD.
     interval : float
-        How often the server takes samples and tells them, > 0, ≤ 3600 [s].
+        How often the server takes samples and sends them, > 0, ≤ 3600 [s].
     samples : int
         How many values the server keeps of a tag between two messages, 1 to 10 000.
     queue : int

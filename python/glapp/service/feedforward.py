@@ -149,7 +149,7 @@ class FeedForward:
         compensator.enable()
 
     def switch_off(self, watched: WatchedLoop, why: str) -> None:
-        """Let u_FF of a loop that is compensated go to 0, and tell why."""
+        """Let u_FF of a loop that is compensated go to 0, and report why."""
         compensator = watched.compensator
         if compensator is not None and compensator.enabled:
             compensator.disable(why)

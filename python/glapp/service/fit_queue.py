@@ -91,7 +91,7 @@ class FitQueue:
         return row
 
     async def keep_answer(self, name: str, person: str, answer: dict[str, Any]) -> None:
-        """Store the answer of a loop, and tell it.
+        """Store the answer of a loop, and report it.
 
         Raises StoreFull where it cannot be stored.
         """

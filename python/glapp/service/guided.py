@@ -91,7 +91,7 @@ class GuidedTests:
             began = time.monotonic()
             rows = await asyncio.to_thread(self.going_on)
             for row in rows:
-                with suppress(StoreFull, OSError):  # the monitor tells it
+                with suppress(StoreFull, OSError):  # the monitor reports it
                     await self._look(row)
             if rows:  # late in the day there are many files to read: a fifth of one processor, no more
                 await asyncio.sleep(max(self._every, PAUSE * (time.monotonic() - began)))

@@ -86,7 +86,7 @@ class Ingest:
         - `now`: the time [s since 1970 UTC].
         - `position`: gives the number of the entry that is made now.
         """
-        # Losses stand before the values: those are of the new connection.
+        # Losses come before the values, which are of the new connection.
         rows = [(id, LOST, True, now, 0.0) for id in sorted(self._lost, reverse=True)]
         self._lost.clear()
         values, self._values = self._values, []

@@ -66,7 +66,7 @@ class Journal:
         self._events.append(Event(event.time, event.loop, event.kind, event.text + more))
 
     def next_position(self, now: float) -> int:
-        """The number of the next entry, greater than all before; it also tells when that was made [ms]."""
+        """The number of the next entry, greater than all before; it also says when that was made [ms]."""
         self.position = max(self.position + 1, int(now * 1000.0))
         return self.position
 
@@ -191,7 +191,7 @@ class Journal:
 
 
 async def to_the_end(work: Coroutine[Any, Any, None]) -> None:
-    """Do something to its end, even where whoever waits for it is cancelled meanwhile."""
+    """Do something to its end, even where the task that waits for it is cancelled meanwhile."""
     task = asyncio.ensure_future(work)
     try:
         await asyncio.shield(task)

@@ -175,7 +175,7 @@ class Listener(uvicorn.Server):
             task.add_done_callback(self._ended)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        """A listener that hears nobody any more must not seem to listen."""
+        """A listener that accepts nobody any more must not seem to listen."""
         if not task.cancelled() and (error := task.exception()) is not None:
             logging.getLogger("uvicorn.error").error("the listener ends", exc_info=error)
             self.should_exit = True

@@ -1,8 +1,8 @@
 """Values from a plant by OPC UA, and the one kind of node in it that may be written.
 
 `OpcUa` is a `glapp.service.signal.Source`. It subscribes to the tags of the loops with `DeadbandValue` 0, since a dead
-band of the connection hides the very moves that tell a gap; it hands every value on once, in the order of its source's
-time stamps; and it tells in one sentence what was not as it should be. `docs/plant.md` has the table of faults.
+band of the connection hides the very moves that show a gap; it hands every value on once, in the order of its source's
+time stamps; and it says in one sentence what was not as it should be. `docs/plant.md` has the table of faults.
 
 Needs the extra `glapp[opcua]`.
 """
@@ -38,7 +38,7 @@ _DENIED = 300.0  # after a refused password: an account is locked easily
 _KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
 _ITEMS = 500  # tags in one request
 _SLICE = 3600.0  # of the history in one request [s]
-_VALUES = 25_000  # of the history in one request, as far as the interval tells
+_VALUES = 25_000  # of the history in one request, as far as the interval shows
 _STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
 _MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been sent
 _LITTLE = 5.0  # a pass over the history shorter than this leaves little to catch up [s]

@@ -61,12 +61,12 @@ class EventFilter:
         self._rushes: dict[str, _Rush] = {}
 
     def event(self, kind: str, loop: str | None, text: str) -> None:
-        """Tell an event."""
+        """Report an event."""
         if self.tell is not None:
             self.tell(Event(time.time(), loop, kind, text))
 
     def often(self, kind: str, text: str, *, tag: Tag | None = None, many: str = "", count: int = 1) -> None:
-        """Tell at once, and then at most once in `REPEATED` seconds, with how often it happened meanwhile.
+        """Report at once, and then at most once in `REPEATED` seconds, with how often it happened meanwhile.
 
         - `kind`, `text`: of the event; each kind is counted for itself, and each tag.
         - `tag`: what it is about.
@@ -81,7 +81,7 @@ class EventFilter:
             self._say(kind, entry)
 
     def once(self, kind: str, loop: str, text: str) -> None:
-        """Tell an event, together with others of its kind where very many tags have it at once."""
+        """Report an event, together with others of its kind where very many tags have it at once."""
         self._say(kind, _EventCount(loop, text))
 
     def _say(self, kind: str, entry: _EventCount) -> None:

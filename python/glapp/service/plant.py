@@ -37,10 +37,10 @@ from .signal import Signal
 __all__ = ["FAULTS", "NAMESPACE", "Kind", "Security", "SimLoop", "SimPlant", "free_port"]
 
 NAMESPACE = "urn:glapp:plant"
-"""URI of the namespace in which the tags stand."""
+"""URI of the namespace of the tags."""
 
 FAULTS = {
-    "silent": "no value of the loop comes any more, neither live nor into the history",
+    "silent": "no more values of the loop, neither live nor in the history",
     "bad": "PV has the status BadSensorFailure",
     "stuck": "PV stands still with fresh time stamps",
     "future": "PV comes with time stamps an hour ahead",
@@ -490,7 +490,7 @@ class SimPlant:
     async def open(self, *, namespaces: int = 0) -> None:
         """Begin to serve, again after `close`.
 
-        - `namespaces`: how many other namespaces stand before the plant's own: its index moves on by as many.
+        - `namespaces`: how many other namespaces come before the plant's own: its index moves on by as many.
         """
         users = self._security.users
         server = Server(user_manager=_Users(users) if users else None)

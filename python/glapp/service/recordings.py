@@ -7,7 +7,7 @@
 
 A file is written beside and then takes its name, and is never changed: it is whole, or it is not there. The number in
 the name of an open part is that of the last entry (`glapp.service.store.Entry`) in it. A part is put into the files of
-its day when that is over, each file tells the last entry in it, and the part goes when all have it: whatever is cut
+its day when that is over, each file names the last entry in it, and the part goes when all have it: whatever is cut
 short is done again, and no row is there twice.
 """
 

@@ -1,6 +1,6 @@
 """OPC UA server with the monitor's results on each loop, for other programs: nothing of it can be written.
 
-One object a loop, in the folder Loops; `NODES` tells what is in each. A value changes when what it says does, with the
+One object per loop, in the folder Loops; `NODES` says what is in each. A value changes when what it says does, with the
 time from which on it says so: of an answer, when it was given.
 
 Needs the extra `glapp[service]`.
@@ -33,7 +33,7 @@ from .watched import Health
 __all__ = ["DI", "NAMESPACE", "NODES", "AnswerServer", "Node", "node_values"]
 
 NAMESPACE = "urn:glapp:loops"
-"""URI of the namespace in which the loops stand."""
+"""URI of the namespace of the loops."""
 
 DI = "http://opcfoundation.org/UA/DI/"
 """URI of OPC UA for Devices (OPC 10000-100), where DeviceHealth and its type are defined."""

@@ -44,7 +44,7 @@ SETTINGS = (
     "comp_estimate",
     "ff_tolerance",
 )
-"""Settable parameters of a compensation; `BacklashDetection` tells unit, bound and default of each."""
+"""Settable parameters of a compensation; `BacklashDetection` has unit, bound and default of each."""
 
 SHARE = 0.8
 """The share of the width that is compensated where nobody says another (`docs/compensation.md`)."""

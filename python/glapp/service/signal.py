@@ -110,7 +110,7 @@ class Source(Protocol):
         """Time of the last sign of the loop: a value, or a report that none has changed [s since 1970 UTC]."""
 
     async def heartbeat(self) -> None:
-        """Tell the plant's watchdog that this program is alive."""
+        """Show the plant's watchdog that this program is alive."""
 
 
 class Plant(Source, Protocol):

@@ -445,7 +445,7 @@ class Reader:
 
     @property
     def damaged(self) -> str | None:
-        """Fault of the database that was set aside, as long as it lies in the folder."""
+        """Fault of the database that was set aside, as long as it is in the folder."""
         known = dict(self._db.execute("SELECT name, value FROM meta WHERE name LIKE 'damaged%'").fetchall())
         there = "damaged_file" in known and (self.folder / known["damaged_file"]).exists()
         return known["damaged"] if there else None
@@ -473,7 +473,7 @@ class Store(Reader):
 
     A database that is damaged is renamed to `glapp.db.damaged-TIME` with all that belongs to it, and a new one begun:
     nothing is written into it. Damaged is what SQLite finds damaged, an empty file, and what has not the tables of
-    glapp. `found` says so where it was found now, `damaged` as long as the file lies there. Where there is no database
+    glapp. `found` says so where it was found now, `damaged` as long as the file is there. Where there is no database
     though signals are recorded, `found` says that.
 
     - `folder`: the data folder; made where it is missing.

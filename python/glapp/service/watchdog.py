@@ -115,7 +115,7 @@ class Watchdog:
         return self.test_task is not None and not self.test_task.done()
 
     def begin_test(self, watched: WatchedLoop, source: Plant, person: str, role: str) -> None:
-        """Begin the test of a loop for which the plant takes u_FF by now; events and the log tell how it ends."""
+        """Begin the test of a loop for which the plant takes u_FF by now; events and the log report how it ends."""
         watched.watchdog_tested = True
         self.test_task = asyncio.create_task(self._test(watched, source, person, role), name="watchdog test")
 

@@ -29,7 +29,7 @@ _FIELDS = len(Sample._fields)
 class Health(IntEnum):
     """Health of a loop's valve by NAMUR NE 107, in the names and numbers of OPC UA's DeviceHealthEnumeration.
 
-    - `NORMAL`: no dead band was found, or all of it is acceptable; also where no fit could tell.
+    - `NORMAL`: no dead band was found, or all of it is acceptable; also where no fit could decide.
     - `FAILURE`: u_FF in the plant is not 0 though it had to be by now, and the service cannot take it away. A dead band
       alone is no failure: the valve still works.
     - `CHECK_FUNCTION`: the loop cannot be watched now: no value came yet, its connection is lost, or PV is bad. Also
@@ -63,7 +63,7 @@ class WatchedLoop:
     - `lost`: whether nothing came yet, or the connection was lost since.
     - `alive_entered`: the last sign of life that was entered in the journal [s since 1970 UTC].
     - `compensator`: computes u_FF; None where the loop cannot be compensated.
-    - `pv_came`: wakes whoever computes u_FF.
+    - `pv_came`: wakes the thread that computes u_FF.
     - `u_ff_time`: source time of the PV from which u_FF was last computed [s since 1970 UTC].
     - `u_ff_stuck`: whether u_FF in the plant is not 0 though it had to be by now.
     - `watchdog_tested`: whether a watchdog test is under way: its u_FF is for the plant to take away.

@@ -59,13 +59,6 @@ def figure_5_1() -> Shown:
     true, noise = _true(seen), _noise(seen)
     tuning = migo("P3", ms=2.0).controller
 
-    def draw() -> Figure:
-        figure, (top, bottom) = style.panels(2, height=4.6)
-        pv_and_sp(top, signals, seen)
-        _detections(bottom, seen)
-        bottom.set(xlabel="time [s]", ylim=(-5, 150))
-        return figure
-
     return Shown(
         number="5.1",
         title="Detections with Δt > 5Ti alone",
@@ -83,7 +76,7 @@ def figure_5_1() -> Shown:
             Number("detections of noise", "", None, float(noise.sum())),
         ),
         difference=WITHHELD,
-        draw=draw,
+        draw=lambda: _over_time(signals, seen, widths=(-5, 150)),
     )
 
 
@@ -277,13 +270,6 @@ def figure_5_7() -> Shown:
     rows = np.flatnonzero((table.t_end > 102) & (table.t_end < 112) & (table.delta_t > 1))
     ratios = table.previous_delta_y[rows] / table.delta_y[rows]
 
-    def draw() -> Figure:
-        figure, (top, bottom) = style.panels(2, height=4.6)
-        pv_and_sp(top, signals, seen, 95.0, 135.0)
-        _detections(bottom, seen, 95.0, 135.0)
-        bottom.set(xlabel="time [s]", ylim=(-2, 45))
-        return figure
-
     return Shown(
         number="5.7",
         title="The oscillation that the load step leaves",
@@ -295,7 +281,7 @@ def figure_5_7() -> Shown:
             Number("wrong detections, 102 to 112 s", "", None, float(((seen.t > 102) & (seen.t < 112)).sum())),
         ),
         difference="",
-        draw=draw,
+        draw=lambda: _over_time(signals, seen, (95.0, 135.0), widths=(-2, 45)),
     )
 
 
@@ -354,14 +340,6 @@ def figure_5_10() -> Shown:
     seen, after = detect(scenario, signals, WITHOUT_SETPOINT), detect(scenario, signals)
     false = abs(seen.d - 5) > 1
 
-    def draw() -> Figure:
-        figure, (top, bottom) = style.panels(2, height=4.6)
-        pv_and_sp(top, signals, seen)
-        top.set_ylim(80, 125)
-        _detections(bottom, seen)
-        bottom.set(xlabel="time [s]", ylim=(-0.5, 16))
-        return figure
-
     return Shown(
         number="5.10",
         title="A setpoint that moves",
@@ -377,7 +355,7 @@ def figure_5_10() -> Shown:
         difference="The path of the setpoint is not given; here a wave of ± 4 %, chosen to give the thesis' 13 %. "
         "Where it ends, one width of 7.6 % slips through: the oscillation that it leaves decays by less than (5.4) "
         "asks for. The false widths also make (5.1) reject the true ones after them.",
-        draw=draw,
+        draw=lambda: _over_time(signals, seen, widths=(-0.5, 16), pv=(80, 125)),
         why="where the wave ends one oscillation decays slowly enough for (5.4)",
     )
 
@@ -438,13 +416,6 @@ def figure_5_12() -> Shown:
     signals = run(scenario)
     seen, after = detect(scenario, signals, WITHOUT_SETPOINT), detect(scenario, signals)
 
-    def draw() -> Figure:
-        figure, (top, bottom) = style.panels(2, height=4.6)
-        pv_and_sp(top, signals, seen, 500.0, 700.0)
-        _detections(bottom, seen, 500.0, 700.0)
-        bottom.set(xlabel="time [s]", ylim=(-1, 20))
-        return figure
-
     return Shown(
         number="5.12",
         title="PV chases a fast setpoint",
@@ -464,7 +435,7 @@ def figure_5_12() -> Shown:
             Number("detections with (5.5)", "", 0.0, float(len(after.d))),
         ),
         difference="Process, controller and setpoint are not given; here P2 with K = 0.2, Ti = 2 s.",
-        draw=draw,
+        draw=lambda: _over_time(signals, seen, (500.0, 700.0), widths=(-1, 20)),
     )
 
 
@@ -482,14 +453,15 @@ def _first_seconds(
     _, signals = _simulated()
     seen = _seen(*conditions)
 
-    def draw() -> Figure:
-        figure, (above, below) = style.panels(2, height=4.6)
-        pv_and_sp(above, signals, seen, 0.0, 150.0)
-        _detections(below, seen, 0.0, 150.0)
-        below.set(xlabel="time [s]", ylim=(-0.03 * top, top))
-        return figure
-
-    return Shown(number, title, "5.3", sentence, numbers(seen), difference, draw)
+    return Shown(
+        number,
+        title,
+        "5.3",
+        sentence,
+        numbers(seen),
+        difference,
+        draw=lambda: _over_time(signals, seen, (0.0, 150.0), widths=(-0.03 * top, top)),
+    )
 
 
 def _true(seen: Detected) -> npt.NDArray[np.bool_]:
@@ -527,6 +499,24 @@ def _first_noise(seeds: int) -> float:
     return float(np.median(first))
 
 
+def _over_time(
+    signals: Simulation,
+    seen: Detected,
+    between: tuple[float, float] = (0.0, 1000.0),
+    *,
+    widths: tuple[float, float],
+    pv: tuple[float, float] | None = None,
+) -> Figure:
+    """SP and PV above the detections, between two times [s]; `widths` and `pv` are the limits of the two axes [%]."""
+    figure, (top, bottom) = style.panels(2, height=4.6)
+    pv_and_sp(top, signals, seen, *between)
+    if pv is not None:
+        top.set_ylim(*pv)
+    _detections(bottom, seen, *between)
+    bottom.set(xlabel="time [s]", ylim=widths)
+    return figure
+
+
 def pv_and_sp(axes: Axes, signals: Simulation, seen: Detected, begin: float = 0.0, end: float = np.inf) -> None:
     """Setpoint, process value and filtered process value [%]."""
     here = (signals.t >= begin) & (signals.t <= end)
@@ -538,7 +528,7 @@ def pv_and_sp(axes: Axes, signals: Simulation, seen: Detected, begin: float = 0.
     style.legend(axes)
 
 
-def _detections(axes: Axes, seen: Detected, begin: float = 0.0, end: float = 1000.0) -> None:
+def _detections(axes: Axes, seen: Detected, begin: float, end: float) -> None:
     """Detections, right ones and others, and the true width of 5 %."""
     here = (seen.t >= begin) & (seen.t <= end)
     right = abs(seen.d - 5) <= 1

@@ -165,18 +165,18 @@ def _take(history: _glapp.History, samples: dict[str, Signal], pinned: dict[str,
     history.take(t, signals.get("sp", none), signals["pv"], op, flags)
 
 
-def _crossing_columns(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
+def _crossing_columns(found: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
     """State of the crossings so far, in columns."""
     detector = pinned["told"]
-    rejected = dict(heard["reasons"])
-    answer = {"why": heard["why"], "reasons": rejected, "detections": heard["detections"]}
+    rejected = dict(found["reasons"])
+    answer = {"why": found["why"], "reasons": rejected, "detections": found["detections"]}
     answer["controller"] = {"origins": {"kp": detector["kp_origin"]}}
     return {
         "since": pinned["since"],
-        "crossings": heard["crossings"],
-        "crossings_code": None if heard["why"] is None else heard["why"]["code"],
+        "crossings": found["crossings"],
+        "crossings_code": None if found["why"] is None else found["why"]["code"],
         "crossings_reason": why_text(answer, loop, [], None),
-        **{name: heard[name] for name in ("d_hat", "noise_floor", "detections", "half_periods", "tf")},
+        **{name: found[name] for name in ("d_hat", "noise_floor", "detections", "half_periods", "tf")},
         "rejected": json.dumps(rejected, sort_keys=True),
         **{name: detector[name] for name in ("k", "ti", "td", "b", "kp", "h")},
         "origins": pinned["origins"],

@@ -68,8 +68,8 @@ def chosen_of(days: pa.Table, plan: Plan) -> dict[tuple[int, int], list[tuple[in
 
 def crossings_of(paths: Iterable[Path]) -> pa.Table:
     """Rows of CROSSINGS, from the first with settings on, without their states."""
-    heard = together(paths, CROSSINGS, [])
-    return heard.filter(pc.and_(pc.is_valid(heard["day"]), pc.is_valid(heard["crossings"])))
+    rows = together(paths, CROSSINGS, [])
+    return rows.filter(pc.and_(pc.is_valid(rows["day"]), pc.is_valid(rows["crossings"])))
 
 
 def together(paths: Iterable[Path], schema: pa.Schema, problems: list[DataIssue]) -> pa.Table:

@@ -455,7 +455,7 @@ def judge(
     """
     looks = sorted(days.to_pylist(), key=_order)
     followed = crossings.to_pylist()
-    heard = max((day for day in followed if day["crossings_code"] != "fault"), key=_order, default=None)
+    crossed = max((day for day in followed if day["crossings_code"] != "fault"), key=_order, default=None)
     problems = _problems(loop, looks, followed)
     fit: Fit | None = None
     windows: list[dict[str, Any]] = []
@@ -484,7 +484,7 @@ def judge(
         return refused(loop, "fault", str(fault), looks), WINDOWS.empty_table(), problems
     if fit is None:
         fit = _not_fitted(looks, loop)
-    row = _row(_loop_row(loop, looks, heard, fit, windows), LOOPS)
+    row = _row(_loop_row(loop, looks, crossed, fit, windows), LOOPS)
     return row, pa.Table.from_pylist(windows, schema=WINDOWS), problems
 
 
@@ -496,9 +496,8 @@ def refused(loop: Loop, code: str, reason: str, looks: Sequence[dict[str, Any]] 
     >>> refused(Loop(name="FIC1"), "no_rows", "none of its rows can be used").select(["loop", "valve"]).to_pylist()
     [{'loop': 'FIC1', 'valve': 'refused'}]
     """
-    heard = {name: None for name in ("d_hat", "k", "ti", "td", "tf")} | {"detections": 0, "rejected": "{}"}
-    heard |= {"crossings": "refused", "crossings_code": code, "crossings_reason": reason}
-    return _row(_loop_row(loop, list(looks), heard, None, []) | {"hindrance": "data"}, LOOPS)
+    crossed = _WITHOUT_CROSSINGS | {"crossings": "refused", "crossings_code": code, "crossings_reason": reason}
+    return _row(_loop_row(loop, list(looks), crossed, None, []) | {"hindrance": "data"}, LOOPS)
 
 
 def _order(row: dict[str, Any]) -> tuple[int, int]:
@@ -568,50 +567,61 @@ def _window(loop: Loop, recording: Samples, fitted: Any, day: dict[str, Any]) ->
     }
 
 
-def _loop_row(
-    loop: Loop,
-    looks: list[dict[str, Any]],
-    heard: dict[str, Any] | None,
-    fit: Fit | None,
-    windows: list[dict[str, Any]],
-) -> dict[str, Any]:
-    """A row of `LOOPS`."""
-    if heard is None:  # its detector never had settings or a day that could be used: the last day says why
-        last = looks[-1]
-        heard = {name: None for name in ("d_hat", "k", "ti", "td", "tf")} | {"detections": 0, "rejected": "{}"}
-        heard |= {name: last[name] for name in ("crossings", "crossings_code", "crossings_reason")}
-        if heard["crossings"] == "refused":
-            heard["crossings_code"] = heard["crossings_code"] or last["unfit_code"]
-            heard["crossings_reason"] = heard["crossings_reason"] or last["unfit_reason"]
-    rejected = json.loads(heard["rejected"])
-    result = Result(
+_WITHOUT_CROSSINGS: dict[str, Any] = {name: None for name in ("d_hat", "k", "ti", "td", "tf")}
+_WITHOUT_CROSSINGS |= {"detections": 0, "rejected": "{}"}
+
+
+def _why_without_crossings(last: dict[str, Any]) -> dict[str, Any]:
+    """What a detector says that never had settings or a day that could be used: what the last day says of it."""
+    crossed = _WITHOUT_CROSSINGS | {name: last[name] for name in ("crossings", "crossings_code", "crossings_reason")}
+    if crossed["crossings"] == "refused":
+        crossed["crossings_code"] = crossed["crossings_code"] or last["unfit_code"]
+        crossed["crossings_reason"] = crossed["crossings_reason"] or last["unfit_reason"]
+    return crossed
+
+
+def _result(loop: Loop, crossed: dict[str, Any], fit: Fit | None, windows: list[dict[str, Any]]) -> Result:
+    """The result of a loop, from the crossings of its last day and the joint fit, as the sentences need it."""
+    rejected = json.loads(crossed["rejected"])
+    return Result(
         name=loop.name,
         source="lake",
         loop=loop,
         t0=None,
-        crossings=heard["crossings"],
-        why=heard["crossings_code"],
-        reason=heard["crossings_reason"],
-        d_hat=heard["d_hat"],
+        crossings=crossed["crossings"],
+        why=crossed["crossings_code"],
+        reason=crossed["crossings_reason"],
+        d_hat=crossed["d_hat"],
         unit=loop.op_label,
         d_hat_percent_span=None,
         repeatability=None,
         noise_floor=None,
-        detections=heard["detections"],
+        detections=crossed["detections"],
         half_periods=HalfPeriods.empty(),
         reasons=rejected,
         answer=decide(
-            crossings=heard["crossings"],
-            d_hat=heard["d_hat"],
-            detections=heard["detections"],
+            crossings=crossed["crossings"],
+            d_hat=crossed["d_hat"],
+            detections=crossed["detections"],
             reasons=rejected,
             fit=fit,
             loop=loop,
             harm=[Harm(w["pv_share"], w["op_share"]) for w in windows],
         ),
-        settings=Settings(heard["k"], heard["ti"], heard["td"], None, heard["tf"], None, loop.n, None, {}, {}),
+        settings=Settings(crossed["k"], crossed["ti"], crossed["td"], None, crossed["tf"], None, loop.n, None, {}, {}),
         fit=fit,
     )
+
+
+def _loop_row(
+    loop: Loop,
+    looks: list[dict[str, Any]],
+    crossed: dict[str, Any] | None,
+    fit: Fit | None,
+    windows: list[dict[str, Any]],
+) -> dict[str, Any]:
+    """A row of `LOOPS`; `crossed` is the last row of `CROSSINGS`, None where there is none."""
+    result = _result(loop, crossed or _why_without_crossings(looks[-1]), fit, windows)
     answer = result.answer
     harm = answer.harm or Harm(None, None)
     trend = None if fit is None else fit.trend

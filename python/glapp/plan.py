@@ -315,50 +315,17 @@ class _Fitted:
         pv_within: Limits | None,
         begins: Recording,
     ) -> _Fitted:
-        found = result.fit
-        if found is not None and found.through_pv is not None:
-            found = found.through_pv
-        if found is None or found.process is None:
-            reason = result.reason if found is None else found.reason
-            raise InputError(f"OP and PV were not fitted: {reason}", file=result.source, loop=result.name)
-        best, process = found.best, found.process
-        where: dict[str, Any] = {"file": result.source, "loop": result.name}
-        if process.integrating != (recording.loop.process.type == "integrating"):
-            kinds = ("integrating", "self-regulating")
-            fitted, stated = kinds if process.integrating else kinds[::-1]
-            raise InputError(
-                f"the fit takes the process for {fitted}, and its settings say {stated}",
-                **where,
-                hint=f'write process = {{ type = "{fitted}" }} in a loops.toml if that is so',
-            )
-        gains = _gains(process.kp[0], best["kp_near"], recording.loop.kp())
-        if gains is None:
-            raise InputError(
-                f"the process gain is too uncertain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
-                f"{recording.loop.pv_unit or 'PV unit'} per {_op_unit(result.unit)}",
-                **where,
-                hint="record the loop while OP or the setpoint is stepped once or twice",
-            )
-        h, loop = float(best["h"]), recording.loop
+        loop = recording.loop
+        found, process, gains = _known_process(result, loop)
+        best = found.best
+        h = float(best["h"])
         op, pv, sp = _rows(recording, best["t_start"], best["t_end"], h)
         plant, strong = (_plant(gain, best, h) for gain in gains)
         settling = _settling(plant)
-        given = recording.loop.kp() is not None
         skip = min(len(pv) // 4, int(settling / h))
         either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
         left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
-        within = {"op": op_within, "pv": pv_within}
-        stands = _last_values(begins)
-        for name, x in (("op", op), ("pv", pv)):
-            low, high = within[name] or (float(np.nanmin(x)), float(np.nanmax(x)))
-            within[name] = low, high
-            if not low < high:
-                bound = "the first below the second"
-                raise InputError(f"is {low:g} to {high:g}, must be {bound}", parameter=f"{name}_within", bound=bound)
-            if not low <= stands[name] <= high:
-                raise InputError(
-                    f"is {low:g} to {high:g}, and the recording ends at {stands[name]:.4g}", parameter=f"{name}_within"
-                )
+        last = _last_values(begins)
         s = result.settings
         known = s.k is not None and s.ti is not None
         return cls(
@@ -369,18 +336,18 @@ class _Fitted:
             h=h,
             plant=plant,
             strong=strong,
-            gain_spread=0.0 if given else _gain_spread(best["kp_near"]),
+            gain_spread=0.0 if loop.kp() is not None else _gain_spread(best["kp_near"]),
             time_spread=_time_spread(process, best["lag_near"][1]),
             integrating=process.integrating,
             settling=settling,
             left=left,
-            op=stands["op"],
-            pv=stands["pv"],
-            sp=stands["sp"],
+            op=last["op"],
+            pv=last["pv"],
+            sp=last["sp"],
             sp_moves=sp - sp[-1],
             law=Ideal(s.k, s.ti, s.td or 0.0, 1.0 if s.b is None else s.b) if known else None,  # type: ignore[arg-type]
-            op_within=within["op"],  # type: ignore[arg-type]
-            pv_within=within["pv"],  # type: ignore[arg-type]
+            op_within=_room("op", op_within, op, last["op"]),
+            pv_within=_room("pv", pv_within, pv, last["pv"]),
         )
 
     def disturbance(self, n: int, at: int, seed: int) -> Floats:
@@ -404,6 +371,49 @@ class _Fitted:
         """Move of PV by itself from its present value, within the given number of samples."""
         pieces = [self.disturbance(n, 0, seed) for seed in range(SIMULATIONS)]
         return min(float(x.min()) for x in pieces), max(float(x.max()) for x in pieces)
+
+
+def _known_process(result: Result, loop: Loop) -> tuple[Fit, Process, tuple[float, float]]:
+    """The fit of OP and PV, its process, and the two gains of `_gains`.
+
+    Raises InputError where there is no fit, where it contradicts the settings, and where the gain is too uncertain.
+    """
+    found = result.fit
+    if found is not None and found.through_pv is not None:
+        found = found.through_pv
+    if found is None or found.process is None:
+        reason = result.reason if found is None else found.reason
+        raise InputError(f"OP and PV were not fitted: {reason}", file=result.source, loop=result.name)
+    process = found.process
+    where: dict[str, Any] = {"file": result.source, "loop": result.name}
+    if process.integrating != (loop.process.type == "integrating"):
+        kinds = ("integrating", "self-regulating")
+        fitted, stated = kinds if process.integrating else kinds[::-1]
+        raise InputError(
+            f"the fit takes the process for {fitted}, and its settings say {stated}",
+            **where,
+            hint=f'write process = {{ type = "{fitted}" }} in a loops.toml if that is so',
+        )
+    gains = _gains(process.kp[0], found.best["kp_near"], loop.kp())
+    if gains is None:
+        raise InputError(
+            f"the process gain is too uncertain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
+            f"{loop.pv_unit or 'PV unit'} per {_op_unit(result.unit)}",
+            **where,
+            hint="record the loop while OP or the setpoint is stepped once or twice",
+        )
+    return found, process, gains
+
+
+def _room(name: str, within: Limits | None, x: Floats, last: float) -> Limits:
+    """Limits of a signal in the test: those given, else its range in the recording, which ends at `last`."""
+    low, high = within or (float(np.nanmin(x)), float(np.nanmax(x)))
+    if not low < high:
+        bound = "the first below the second"
+        raise InputError(f"is {low:g} to {high:g}, must be {bound}", parameter=f"{name}_within", bound=bound)
+    if not low <= last <= high:
+        raise InputError(f"is {low:g} to {high:g}, and the recording ends at {last:.4g}", parameter=f"{name}_within")
+    return low, high
 
 
 def _gains(kp: float, near: Limits, given: float | None) -> tuple[float, float] | None:
@@ -448,8 +458,8 @@ def _last_values(recording: Recording) -> dict[str, float]:
             values = getattr(batch, name)
             if values is not None:
                 kept[:] = [np.concatenate([*kept, values[np.isfinite(values)][-LATE:]])[-LATE:]]
-    stands = {name: float(np.median(kept[0])) for name, kept in last.items() if kept and kept[0].size}
-    return {"sp": stands["pv"]} | stands
+    values = {name: float(np.median(kept[0])) for name, kept in last.items() if kept and kept[0].size}
+    return {"sp": values["pv"]} | values
 
 
 def _rows(recording: Recording, start: float, end: float, h: float) -> tuple[Floats, Floats, Floats]:
@@ -648,8 +658,8 @@ def _scenario(
 ) -> Scenario:
     """OP by hand, after a hold at which the valve was left anywhere in its gap; without a seed nothing disturbs PV."""
     before = 0 if seed is None else 2
-    stands = 0.0 if seed is None else float(np.random.default_rng([seed, 1]).uniform(-1.0, 1.0)) * loop.width
-    held = [*([stands, 0.0] if before else []), *levels]
+    place = 0.0 if seed is None else float(np.random.default_rng([seed, 1]).uniform(-1.0, 1.0)) * loop.width
+    held = [*([place, 0.0] if before else []), *levels]
     t_end = hold * len(held)
     noise: Any = ()
     if seed is not None:

@@ -107,44 +107,8 @@ def loop_figure(result: Result) -> go.Figure:
     if has_halves:
         figure.add_trace(_shading(result, low, high), row=1, col=1)
         for code in present:
-            figure.add_trace(
-                go.Scatter(
-                    x=[None],
-                    y=[None],
-                    mode="markers",
-                    marker={"symbol": "square", "size": 13, "color": REASON_COLOURS[code], "opacity": SHADE + 0.2},
-                    name=f"{_label(code)} ({result.reasons.get(words.NAMES[code], result.detections)})",
-                    legend="legend2",
-                    hoverinfo="skip",
-                ),
-                row=1,
-                col=1,
-            )
-    zigzag = _zigzag_time(result, trace)
-    unit = {"pv": _plain(pv_unit), "op": _plain(op_unit)}
-    lines: list[tuple[str, str, str, dict[str, Any]]] = [
-        ("pv", "PV", "pv", {"color": RAW, "width": 1}),
-        ("sp", "SP", "pv", {"color": INK, "width": 1.3, "dash": "6px,3px"}),
-        ("pv_filtered", "PV filtered", "pv", {"color": SIGNAL, "width": 1.6}),
-        ("position", "valve position", "op", {"color": POSITION, "width": 2.2}),  # under OP: often the same line
-        ("op", "OP", "op", {"color": OUTPUT, "width": 1.2}),
-    ]
-    for column, name, panel, style in lines:
-        if _has_values(trace, column):
-            band = _band(trace, column)
-            whole = np.array_equal(*band, equal_nan=True)  # nothing was thinned
-            figure.add_trace(
-                go.Scatter(
-                    x=zigzag[::2] if whole else zigzag,
-                    y=band[0].astype(np.float32) if whole else _interleave(*band),
-                    mode="lines",
-                    line=style,
-                    name=name,
-                    hovertemplate=f"{name} %{{y:.5~g}} {unit[panel]}<br>%{{x}}<extra></extra>",
-                ),
-                row=row[panel],
-                col=1,
-            )
+            figure.add_trace(_reason_key(result, code), row=1, col=1)
+    _signals(figure, result, trace, row, {"pv": _plain(pv_unit), "op": _plain(op_unit)})
     figure.update_yaxes(title_text=f"SP, PV [{_plain(pv_unit)}]", range=[low, high], row=1, col=1)
     if has_op:
         figure.update_yaxes(title_text=f"OP [{_plain(op_unit)}]", row=row["op"], col=1)
@@ -170,6 +134,50 @@ def loop_figure(result: Result) -> go.Figure:
         },
     )
     return figure
+
+
+_LINES: list[tuple[str, str, str, dict[str, Any]]] = [
+    ("pv", "PV", "pv", {"color": RAW, "width": 1}),
+    ("sp", "SP", "pv", {"color": INK, "width": 1.3, "dash": "6px,3px"}),
+    ("pv_filtered", "PV filtered", "pv", {"color": SIGNAL, "width": 1.6}),
+    ("position", "valve position", "op", {"color": POSITION, "width": 2.2}),  # under OP: often the same line
+    ("op", "OP", "op", {"color": OUTPUT, "width": 1.2}),
+]
+"""Column of the trace, name, panel and style of each line of `loop_figure`, in the order in which they are drawn."""
+
+
+def _signals(figure: go.Figure, result: Result, trace: Trace, row: dict[str, int], unit: dict[str, str]) -> None:
+    """Add the recorded signals; `row` and `unit` are those of each panel."""
+    zigzag = _zigzag_time(result, trace)
+    for column, name, panel, style in _LINES:
+        if _has_values(trace, column):
+            band = _band(trace, column)
+            whole = np.array_equal(*band, equal_nan=True)  # nothing was thinned
+            figure.add_trace(
+                go.Scatter(
+                    x=zigzag[::2] if whole else zigzag,
+                    y=band[0].astype(np.float32) if whole else _interleave(*band),
+                    mode="lines",
+                    line=style,
+                    name=name,
+                    hovertemplate=f"{name} %{{y:.5~g}} {unit[panel]}<br>%{{x}}<extra></extra>",
+                ),
+                row=row[panel],
+                col=1,
+            )
+
+
+def _reason_key(result: Result, code: int) -> go.Scatter:
+    """Entry of the legend for the half-periods of one reason, with their number."""
+    return go.Scatter(
+        x=[None],
+        y=[None],
+        mode="markers",
+        marker={"symbol": "square", "size": 13, "color": REASON_COLOURS[code], "opacity": SHADE + 0.2},
+        name=f"{_label(code)} ({result.reasons.get(words.NAMES[code], result.detections)})",
+        legend="legend2",
+        hoverinfo="skip",
+    )
 
 
 def simulation_figure(simulation: Simulation) -> go.Figure:
@@ -611,9 +619,13 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
         row=row,
         col=1,
     )
+    _answer_levels(figure, result, row, [time[0], float(np.maximum(end, time[-1])[0])])
+
+
+def _answer_levels(figure: go.Figure, result: Result, row: int, ends: list[Any]) -> None:
+    """Add what the detections are compared with, between two times: the interval of the answer, the acceptable."""
     answer = result.answer
     if answer.low is not None and answer.high is not None:
-        ends = [time[0], float(np.maximum(end, time[-1])[0])]
         figure.add_trace(
             go.Scatter(
                 x=[*ends, *reversed(ends)],
@@ -628,12 +640,12 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
             row=row,
             col=1,
         )
-    limit = None if answer.limit is None else answer.limit.width
-    if limit is not None:
+    if answer.limit is not None and answer.limit.width is not None:
+        unit = _plain(words.op_unit(result.unit))
         figure.add_trace(
             go.Scatter(
-                x=[time[0], float(np.maximum(end, time[-1])[0])],
-                y=[limit] * 2,
+                x=ends,
+                y=[answer.limit.width] * 2,
                 mode="lines",
                 line={"color": TOO_WIDE, "width": 1.2, "dash": "6px,4px"},
                 name="acceptable",

@@ -88,7 +88,7 @@ BESIDE = {
         "A sound valve in",
         "Silence proves nothing",
         "On 1104 simulated",
-        "A width stands between",
+        "A width has two limits",
         " On 4800 more",
         "Where there was no gap",
         "It is silent rather than",

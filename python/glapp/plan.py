@@ -39,7 +39,7 @@ Found = Literal["gap", "no_gap"]
 BEYOND = 1.5
 """PV is kept within its limits with a process gain this many times its upper limit by the likelihood.
 
-The person stops where PV comes to a limit all the same.
+Even so, the person stops when PV reaches a limit.
 """
 
 KNOWN = 2.0

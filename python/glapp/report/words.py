@@ -66,15 +66,15 @@ METHODS: dict[str, tuple[str, ...]] = {
         "that explain it nearly as well.",
         "It needs OP, and an OP that turns round and crosses the gap. It asks neither for settings of the controller "
         "nor for a loop that oscillates.",
-        "A load that swings as evenly as a gap would make it, or PV that was filtered or compressed on its way to the "
-        "recording, is what misleads it most easily.",
+        "A load that swings as evenly as a gap would make it misleads it most easily, and so does PV that was filtered "
+        "or compressed on its way to the recording.",
     ),
     "Zero crossings: what a PLC would show": (
         "The width is worked out from how long and how far PV stays on one side of SP while the controller integrates. "
         "It needs no OP, and it runs in a PLC. It is the answer where nothing could be fitted; where the fit "
         "contradicts it, ignore it.",
         "Load changes while the loop waits make it read too high. Half-periods that do not cross the whole gap make it "
-        "read too low. The scatter of the detections shows how well they repeat, and neither of these errors.",
+        "read too low. The scatter of the detections shows how well they repeat, but neither of these errors.",
         "A sound valve in noise or under a changing load also gives a number, in simulations up to about 2 % of span. "
         "A width far below what is acceptable is no evidence of a gap.",
         "Silence proves nothing: a loop that rests at its setpoint gives no half-periods, whatever its valve is like.",
@@ -86,15 +86,15 @@ SURE_OF_LIMITS = "On 1104 simulated recordings of known truth 93 to 96 of 100 su
 
 #: How sure the answers are, counted on the benches of docs/truth.md.
 SURE: tuple[str, ...] = (
-    "A width stands between two limits, as in 2.40 (2.15 to 3.11): a 95 % interval. " + SURE_OF_LIMITS + " On 4800 "
+    "A width has two limits, as in 2.40 (2.15 to 3.11): a 95 % interval. " + SURE_OF_LIMITS + " On 4800 "
     "more, with loads and recorders that look like a gap, 911 of 925 did.",
     "Where there was no gap, the fit saw one in 4 of 1000 of the first and in 14 of 2400 of the second. Zero crossings "
     "alone would have sent somebody to the valve in 304 of 1000 of the first; their width read 39 to 74 % too wide in "
-    "the middle of the records.",
+    "the median.",
     "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 31 in "
     "100 got a width. Several recordings of one valve show more.",
-    "Evidence is strong where a model without a gap is as much worse as the fit asks for, very strong where it is more "
-    "than twice that, weak where it is half of it or more.",
+    "Evidence is strong where a model without a gap is worse by as much as the fit requires, very strong where by more "
+    "than twice as much, and weak where by half as much or more.",
     "Before work is ordered, confirm with a step test in manual: small steps up, then small steps down, and note how "
     "far OP travels before PV moves. Stiction and backlash look alike in most recordings.",
 )

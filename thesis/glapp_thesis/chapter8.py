@@ -491,7 +491,7 @@ def figure_8_3() -> Shown:
                 for name, swing in swings.items()
             ),
         ),
-        difference="The thesis gives no numbers. Shown without noise, so that the curves can be told apart.",
+        difference="The thesis gives no numbers. Shown without noise, so that the curves can be distinguished.",
         draw=draw,
     )
 
@@ -666,7 +666,7 @@ def figure_8_6() -> Shown:
         difference="The thesis has the block diagram and calls a useful estimate impossible. Where the inner loop is "
         "faster than the outer one it passes its setpoint on, and the outer loop reads the gap, a little too wide, "
         "in units of the inner process value. glapp refuses the outer loop all the same: from its signals alone the "
-        "gap before the outer process cannot be told from one in the inner loop's valve.",
+        "gap before the outer process cannot be distinguished from one in the inner loop's valve.",
         draw=draw,
         why="where the inner loop is fast the outer one does read the gap, a little too wide; `glapp.analyze` refuses "
         "an "

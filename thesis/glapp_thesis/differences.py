@@ -31,7 +31,7 @@ DIFFERENCES = (
     Difference(
         "7.2.3", "no value of Kp makes the estimate of a 5 % gap too high", "7.5", "P3: highest of all seeds and gains"
     ),
-    Difference("7.4", "four equally long half-periods tell of over-compensation", "7.11", "false warnings, Ms 1.4"),
+    Difference("7.4", "four equally long half-periods warn of over-compensation", "7.11", "false warnings, Ms 1.4"),
     Difference(
         "7.5",
         "the derivative part is below 10 % of Δu, and of either sign",

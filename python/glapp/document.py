@@ -150,7 +150,7 @@ class FitAnswer(_Part):
     verdict: Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
     """Kind of dead band, if there is one."""
     jump: Value
-    """Slip jump J [`unit`]; 0 for mere backlash."""
+    """Slip jump J [`unit`]; 0 for backlash alone."""
     lr_no_gap: Value
     """Likelihood ratio -2·Δln L of no gap against the best width."""
     lr_needed: Value
@@ -271,7 +271,7 @@ class Trend(_Part):
     d: Range | None
     """The line's widths there [`unit`]."""
     days_to_limit: Value
-    """Days from the last width until it reaches the acceptable limit; null where it does not plainly grow so."""
+    """Days from the last width until it reaches the acceptable limit; null where it does not clearly grow."""
 
 
 class StepTestWidth(_Part):

@@ -141,9 +141,9 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
     loop : Loop
         Settings that go with samples.
     trust : bool
-        Go on with an identification that is not good enough (R² below 0.9).
+        Use an identification although it is not good enough (R² below 0.9).
     fit : bool
-        Fit the gap from OP and PV as well (`glapp.fit`, a second or more a loop, and a dozen times that for a
+        Fit the gap from OP and PV as well (`glapp.fit`, a second or more per loop, and a dozen times that for a
         recording of more than half a million rows); without OP the result has no `fit`.
     progress : callable, optional
         Called with the share that is done.

@@ -102,7 +102,7 @@ class Trend:
     - `slope`, `error`: change of the width and its standard error [OP unit/day].
     - `windows`: Windows with a width that it is based on.
     - `t`, `d`: from when to when [s since the recording's first row], and the line's widths there [OP unit].
-    - `changes`: whether it is plain that the width changes: five windows or more, and three standard errors.
+    - `changes`: whether the width clearly changes: five windows or more, and three standard errors.
     """
 
     slope: float
@@ -120,9 +120,9 @@ class Fit:
     Attributes
     ----------
     verdict : str
-        *backlash*, *stiction* (sticks and jumps, without a gap), *both*, *oscillation* (a clean sinusoid, beside which
-        no gap shows), *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP did not go through the whole
-        of it often enough, or PV's noise hides how much wider), *cannot_tell*.
+        *backlash*, *stiction* (sticks and jumps, without a gap), *both*, *oscillation* (a clean sinusoid
+        without a visible gap), *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP crossed the whole
+        of it too seldom, or PV's noise hides how much wider), *cannot_tell*.
     reason : str
         One sentence with the evidence.
     d : float or None
@@ -134,11 +134,11 @@ class Fit:
     lr_no_gap, lr_needed : float or None
         Likelihood ratio −2·Δln L of no gap against the best width, and what it must exceed.
     jump : float
-        Slip jump J [`unit`]; 0 for mere backlash.
+        Slip jump J [`unit`]; 0 for backlash alone.
     process : Process or None
         The process.
     trend : Trend or None
-        Change of the width in time, from three windows or more. Where it is plain that the width changes, verdict, d
+        Change of the width in time, from three windows or more. Where the width clearly changes, verdict, d
         and limits are those of the newest window that gave a width; else they are those of all windows together.
     windows : list of Window
         The windows of the recording that were fitted; of several recordings, those of the one that shows best.
@@ -150,7 +150,7 @@ class Fit:
         together: `confidence` (*found*, *likely*, *cannot_tell* or *none_seen*), `cause` (*dead_band*, *stiction* or
         *both*), `width_kind` (*interval*, *bound* or *unsure*), `oscillates`, and the `evidence` for that.
     why : str
-        What decided, in a word that stays the same; `reason` is its sentence.
+        Code of what decided, which stays the same; `reason` is its sentence.
     through_pv : Fit or None
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
@@ -269,16 +269,16 @@ def fit(
 
     The answer is the likelihood as a function of the width d, for several families of process and disturbance; the
     interval holds those of all that predict PV about as well as the best. The mode does not matter: any move of OP
-    tells. The setpoint may be missing; one that moves tells that no load makes OP swing. A process gain of known sign
+    is used. The setpoint may be missing; one that moves shows that no load makes OP swing. A process gain of known sign
     (from `loop.process.kp` or the controller's action) helps. Where the valve's position is recorded it is fitted by
-    itself, and if it tells, it settles the answer.
+    itself, and if it shows a result, that is the answer.
 
     Parameters
     ----------
     recording : Recording or list of Recording
         From `glapp.recording_from` or `glapp.open_recordings`, of any length. Of more than half a million rows a
-        dozen windows are fitted at most, spread over the whole length, each the most telling of its epoch. Several are
-        of one valve: they get one answer, with the width that they share. Or, in its place:
+        dozen windows are fitted at most, spread over the whole length, each the most informative of its part. Several
+        are of one valve: they get one answer, with the width that they share. Or, in its place:
     t, sp, pv, op, position, flags : array[n]
         Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit], position
         of the valve [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.

@@ -284,12 +284,12 @@ class Harm:
 class Moves:
     """Trend of the width.
 
-    - `code`: whether a change is plain: five widths or more, and three standard errors.
-    - `widths`, `widths_needed`: widths that it rests on, and that a change must rest on.
-    - `per_day`, `low`, `high`, `least_plain`: change of the width with its 95 % limits; a change so fast would be plain
-      [OP unit/day].
+    - `code`: whether a change is clear: five widths or more, and three standard errors.
+    - `widths`, `widths_needed`: widths that it is based on, and that a change needs.
+    - `per_day`, `low`, `high`, `least_plain`: change of the width with its 95 % limits, and the least change that
+      would be clear [OP unit/day].
     - `t`, `d`: first and last of the widths [s], and the line's widths there [OP unit].
-    - `days_to_limit`: days from the last width on until it has grown to what is acceptable.
+    - `days_to_limit`: days from the last width on until it reaches what is acceptable.
     """
 
     code: Literal["grows", "shrinks", "steady", "too_few"]
@@ -313,7 +313,7 @@ class Answer:
     verdict : str
         The fit's, or where nothing was fitted that of the crossings.
     valve : "gap", "no_gap", "unknown", "refused"
-        What that means of the valve.
+        What that means for the valve.
     confidence : str
         How sure it is that there is a dead band: *found*, *likely*, *cannot_tell*, *likely_sound* (one wider than is
         acceptable is improbable), *none_seen* (above `high`), *sound* (none wider than is acceptable), *refused* (data
@@ -324,10 +324,10 @@ class Answer:
     width_kind : "interval", "bound", "unsure" or None
         Whether the width has two limits, is one limit, or is not known well.
     oscillates : bool
-        Whether the loop swings in a clean sinusoid, which no dead band makes.
+        Whether the loop oscillates as a clean sinusoid, which no dead band causes.
     width : float or None
-        The width that lists rank by: the most likely one, or the bound where that is all; None where no gap was found
-        [`Result.unit`].
+        The width that lists rank by: the most likely one, or the bound where only that is known; None where no gap
+        was found [`Result.unit`].
     width_percent_span : float or None
         The same [% of OP span], None where the span is not known.
     low, high, low_percent_span, high_percent_span : float or None
@@ -340,17 +340,17 @@ class Answer:
     terms : dict or None
         What each kind of evidence adds to the log-odds of a dead band; above 0 it speaks for one.
     log_bayes_factor : float or None
-        ln of how many times likelier the evidence is with a dead band than without.
+        ln of how many times more probable the evidence is with a dead band than without.
     prior : float or None
         Share of valves with a dead band that `p_gap` starts from: `Loop.dead_band_prior`, or 0.25.
     limit : Limit or None
-        What is acceptable; None where nobody said it and the span is not known.
+        What is acceptable; None where nobody gave it and the span is not known.
     acceptable : "within", "beyond", "open" or None
         Where the width is relative to the limit; open: it may be on either side. None where either is not known.
     next : Next
         What to do next.
     urgency : "none", "low", "medium", "high"
-        How soon; by a limit that nobody gave at most medium.
+        How soon; at most medium where nobody gave a limit.
     health : "NORMAL", "MAINTENANCE_REQUIRED"
         Health of the valve by NAMUR NE 107.
     trend : Moves or None
@@ -360,10 +360,10 @@ class Answer:
     harm : Harm or None
         What the gap does to the loop.
     compensable : float or None
-        The width that a compensation may trust [`Result.unit`]: the lower limit, with the verdict backlash alone; 0 of
-        a valve that shows no gap. None: only a person may type one.
+        The width that a compensation may trust [`Result.unit`]: the lower limit, only with the verdict backlash; 0 for
+        a valve that shows no gap. None: a person must type one.
     score : float or None
-        What loops of one urgency are ranked by: how many times wider than the limit the gap surely is, times its harm.
+        What loops of one urgency are ranked by: the lower limit of the gap over what is acceptable, times its harm.
     rank : (int, int, int, float)
         Place of the loop in every list; smaller comes first.
     struck : Struck or None

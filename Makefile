@@ -58,8 +58,8 @@ test: $(VENV)/.installed
 	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m "not verify"
 
 # Each part is named as it begins, and with its time as it ends. While one waits for the network another compiles. What runs by the
-# clock leaves the processor idle most of the time and comes first to it. The page is made before the tests that look at it; the
-# checked crates, which nothing waits for, take what the others leave.
+# clock leaves the processor idle most of the time and comes first to it; all other parts share it evenly. The page is made before the
+# tests that look at it.
 VERIFIED := rust-checked interop site page clock bare others
 verify: setup $(VENV)/.docs
 	@+$(MAKE) --no-print-directory --jobs=4 $(VERIFIED:%=timed-%)
@@ -78,7 +78,7 @@ others:
 
 timed-clock: timed-interop
 timed-others: timed-interop timed-site timed-page
-NICE = $(if $(filter clock others,$*),,nice $(if $(filter rust-checked,$*),-n 19))
+NICE = $(if $(filter clock,$*),,nice)
 $(VERIFIED:%=timed-%): timed-%:
 	@+printf '\n== %s\n' '$*'; began=$$(date +%s); $(NICE) $(MAKE) --no-print-directory $* && \
 		printf '== %s took %d s\n' '$*' $$(($$(date +%s) - began))

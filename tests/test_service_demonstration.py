@@ -12,6 +12,7 @@ import pytest
 
 pytest.importorskip("asyncua")
 
+from glapp.planned import OPEN
 from glapp.reading.settings import parse_settings
 from glapp.service import demonstration
 from glapp.service.monitor import Monitor
@@ -134,6 +135,9 @@ def test_the_page_has_the_widths_that_the_window_shows(begun: tuple[Path, list[S
         assert rows[name].width in table[name]
     [slope] = re.findall(r"[+−][\d.]+", rows["TIC103"].trend)[:1]
     assert f"{slope} % a month" in table["TIC103"]
+    [offered] = re.findall(r"is offered for (.*)\.\n", PAGE.read_text())
+    assert offered.split(" and ") == [name for name, confidence in WHAT.items() if confidence in OPEN]
+    assert not {"likely", "likely_sound"} & set(WHAT.values()) and "None of them is *Likely a gap*" in PAGE.read_text()
 
 
 def test_the_service_goes_on_from_what_is_there(begun: tuple[Path, list[SimLoop]]) -> None:

@@ -19,6 +19,9 @@ from glapp.service.store import Reader
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
 
 
+CHART = "getElement(Number(document.querySelector('.chart').id.slice(1))).chart"
+
+
 def unfolded(page: Any) -> None:
     """Unfold the zero crossings, which are folded where there is an answer."""
     page.locator("summary", has_text="Zero crossings").click()
@@ -170,12 +173,35 @@ def test_values_that_come_fast_are_drawn_together_and_none_is_left_out(browser: 
 
 @pytest.mark.verify
 def test_a_page_that_is_open_before_the_first_samples(browser: Any, window: Window) -> None:
-    """Regression: the page had drawn nothing, and never showed a half-period under way."""
+    """Regressions: it never showed a half-period under way, and said over the signals that no value came."""
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC1")
     page.get_by_text("No PV has come since the service began.").wait_for()
+    told = f"{CHART}.getOption().graphic?.[0].elements[0].style.text"
+    page.wait_for_function(f"{told} === 'No value of FIC1 came in the last 15 min.'")
     window.say("samples")
     under_way(page)
+    page.wait_for_function(f"{told} === ''")
+    assert page.wrong == []
+
+
+@pytest.mark.verify
+def test_axes_end_at_the_span_or_at_the_signal(browser: Any, window: Window) -> None:
+    """Regressions: an OP at its limit had an axis to 102 %, and an axis that was fitted kept its 5 % of span."""
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC0")
+    under_way(page)
+
+    def reach(*op: float) -> list[float]:
+        data = [[1000 * k, value] for k, value in enumerate(op)]
+        page.evaluate(f"(data) => {CHART}.setOption({{ series: [{{}}, {{}}, {{ data }}, {{ data }}] }})", data)
+        return page.evaluate(f"() => {CHART}.getModel().getComponent('yAxis', 1).axis.scale.getExtent()")
+
+    assert reach(100, 100) == [95, 100] and reach(0, 0) == [0, 5] and reach(60, 60) == [57.5, 62.5]
+    assert reach(20, 90) == [20, 90] and reach(101, 101) == [95, 101] and reach(-2, 40) == [-2, 40]
+    page.get_by_role("button", name="fit to signals").click()
+    page.wait_for_function(f"Math.abs({CHART}.getOption().series[2].data[0][0]) > 1e9")  # drawn anew
+    assert reach(100, 100) == [99.9, 100] and reach(60, 61) == [60, 61]
     assert page.wrong == []
 
 

@@ -12,7 +12,7 @@ from ..palette import FONT
 from ..report.words import NAMES, REASONS, number
 from ..step_test import StepTest
 
-__all__ = ["PART", "VALVE", "detections", "effect", "lab", "live", "nothing", "phase", "shades", "step_test"]
+__all__ = ["FITTED", "PART", "VALVE", "detections", "effect", "lab", "live", "nothing", "phase", "shades", "step_test"]
 
 VALVE = "valve (model)"
 """OP after a gap of the width that was found."""
@@ -125,16 +125,21 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
 PART = 0.05
 """Smallest range of an axis as a share of the span."""
 
+FITTED = 0.001
+"""The same of an axis that is fitted to the signals."""
 
-def _reach(span: tuple[float, float] | None) -> dict[str, Any]:
-    """Limits of an axis: all of the data, and at least `PART` of a span where one is given."""
+
+def _reach(span: tuple[float, float] | None, part: float) -> dict[str, Any]:
+    """Limits of an axis: all of the data, and at least `part` of a span where one is given, but nothing beyond both."""
     if span is None:
         return {"scale": True}
-    half = PART * (span[1] - span[0]) / 2.0
+    low, high = span
+    least = part * (high - low)
+    begin = f"Math.max({low!r}, Math.min({high - least!r}, (v.min + v.max - {least!r}) / 2))"
     return {
         "scale": True,
-        ":min": f"v => Math.min(v.min, (v.min + v.max) / 2 - {half!r})",
-        ":max": f"v => Math.max(v.max, (v.min + v.max) / 2 + {half!r})",
+        ":min": f"v => Math.min(v.min, {begin})",
+        ":max": f"v => Math.max(v.max, {begin} + {least!r})",
         "label": {"showMinLabel": False, "showMaxLabel": False},
     }
 
@@ -150,9 +155,11 @@ def _longest(times: Sequence[float]) -> float:
 
 
 def nothing(options: dict[str, Any], why: str, *, dark: bool) -> dict[str, Any]:
-    """A picture in which there is nothing to see, and why."""
+    """A picture in which there is nothing to see, and why; with an empty reason an earlier one is taken away."""
     style = {"text": why, "fill": _tone(dark)["muted"], "fontSize": 14, "width": 520, "overflow": "break"}
-    return {**options, "graphic": {"type": "text", "left": "center", "top": "middle", "style": style, "silent": True}}
+    # By its id the library knows it again: what a chart has is merged, and a text left out would stay.
+    told = {"id": "why", "type": "text", "left": "center", "top": "middle", "style": style, "silent": True}
+    return {**options, "graphic": told}
 
 
 def live(
@@ -164,6 +171,7 @@ def live(
     dark: bool,
     valve: Sequence[float | None] | None = None,
     spans: tuple[tuple[float, float] | None, tuple[float, float] | None] = (None, None),
+    part: float = PART,
 ) -> dict[str, Any]:
     """SP and PV above, OP and the valve below; the half-periods are shaded behind PV.
 
@@ -172,8 +180,8 @@ def live(
     - `pv_unit`, `op_unit`: for the axes.
     - `dark`: on a dark page.
     - `valve`: where the valve is by the model, at the times of the values; None without a width.
-    - `spans`: spans of PV and OP where the axes go by them; where not they go by the signals, and noise may fill the
-      picture.
+    - `spans`: spans of PV and OP where they are known; an axis ends there, unless a signal goes further.
+    - `part`: smallest range of an axis as a share of its span.
     """
     tone = _tone(dark)
     longest = _longest(values["time"])
@@ -221,9 +229,9 @@ def live(
                 gridIndex=0,
                 name=f"SP, PV [{pv_unit}]" if pv_unit else "SP, PV",
                 splitNumber=4,
-                **_reach(spans[0]),
+                **_reach(spans[0], part),
             ),
-            _axis(tone, type="value", gridIndex=1, name=f"OP [{op_unit}]", splitNumber=3, **_reach(spans[1])),
+            _axis(tone, type="value", gridIndex=1, name=f"OP [{op_unit}]", splitNumber=3, **_reach(spans[1], part)),
         ],
         "series": series,
     }

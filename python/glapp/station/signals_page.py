@@ -111,9 +111,9 @@ class SignalCards:
                     ui.toggle(scales, value=True, on_change=self._scale).props("no-caps dense unelevated")
                 ui.toggle(WINDOWS, value=self.loop.window, on_change=self._window).props("no-caps dense unelevated")
             nothing = {k: list[Any]() for k in ("time", "SP", "PV", "OP")}
-            self.chart = ui.echart(
-                charts.live(nothing, [], self.loop.pv_unit, self.loop.op_unit, dark=self.loop.dark)
-            ).classes("chart")
+            empty = charts.live(nothing, [], self.loop.pv_unit, self.loop.op_unit, dark=self.loop.dark)
+            why = f"Waiting for the signals of {self.loop.name}."
+            self.chart = ui.echart(charts.nothing(empty, why, dark=self.loop.dark)).classes("chart")
             self.chart.props('role="img" aria-label="SP, PV, OP and the valve over time"')
             self.drawn_as = ui.label().classes("small muted")
 
@@ -137,13 +137,18 @@ class SignalCards:
         width = self.loop.width
         self.valve = DrawnValve(width) if width else None
         valve = None if self.valve is None else [self.valve.after(op) for op in values["OP"]]
-        spans = self._spans() if self.by_span else (None, None)
         options = charts.live(
-            values, halves, self.loop.pv_unit, self.loop.op_unit, dark=self.loop.dark, valve=valve, spans=spans
+            values,
+            halves,
+            self.loop.pv_unit,
+            self.loop.op_unit,
+            dark=self.loop.dark,
+            valve=valve,
+            spans=self._spans(),
+            part=charts.PART if self.by_span else charts.FITTED,
         )
-        if not self.drawn:
-            why = f"No value of {self.loop.name} came in the last {WINDOWS[self.loop.window]}."
-            options = charts.nothing(options, why, dark=self.loop.dark)
+        why = "" if self.drawn else f"No value of {self.loop.name} came in the last {WINDOWS[self.loop.window]}."
+        options = charts.nothing(options, why, dark=self.loop.dark)
         self.drawn_as.set_text(
             f"The valve stays while OP crosses its gap of {quantity(width, self.loop.op_unit)}." if width else ""
         )
@@ -229,7 +234,7 @@ class SignalCards:
         self.fresh.classes(add="late") if silent or not pv["good"] else self.fresh.classes(remove="late")
         if pv["time"] > self.last + BRIDGED and self.drawn:
             await self.draw()
-        if pv["time"] > self.last:
+        if pv["time"] > self.last and self.drawn:  # else it is drawn with those before it
             self.last = pv["time"]
             row = [1000.0 * pv["time"], *(self._number(values, key) for key in ("sp", "pv", "op"))]
             if self.valve is not None:

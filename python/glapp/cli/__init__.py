@@ -46,7 +46,12 @@ app.command(
         "glapp analyze plant.csv --op CO --pb 180 --ti 0.5 --ti-unit min --pv-span 0 50 --op-span 0 100",
     )
 )(analyze)
-app.command(epilog=examples("glapp init plant.csv -o loops.toml", "glapp init plant.csv --op CO"))(init)
+app.command(
+    epilog=examples(
+        "glapp init plant.csv -o loops.toml",
+        "glapp init plant.csv --op CO --pb 180 --ti 0.5 --ti-unit min --pv-span 0 50 --op-span 0 100",
+    )
+)(init)
 app.command(epilog=examples("glapp identify plant.csv", "glapp identify loops.toml --loop FIC101"))(identify)
 app.command(
     epilog=examples(
@@ -103,7 +108,7 @@ def _version(asked: bool) -> None:
 @app.callback(
     help=f"""\
 Find out from recordings of control loops whether their valves have a dead band, and how wide it is. A recording is a \
-CSV, Parquet or Arrow file with time, PV, OP and, better, SP and mode; what is known about the loops (spans, \
+CSV, Excel, OpenDocument, Parquet or Arrow file with time, PV, OP and, better, SP and mode; what is known about the loops (spans, \
 controller) can stand in a loops.toml.
 
 [bold]Try it[/bold]

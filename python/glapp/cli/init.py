@@ -12,17 +12,17 @@ from ..errors import InputError
 from ..reading.init import refuse_without_numbers, settings_of
 from ..recording import Recording
 from .inputs import Refused, open_files
-from .options import Options, with_columns
+from .options import Options, with_options
 from .outputs import check_output, save
 from .screen import CommandError, err, say_error
 
 __all__ = ["init"]
 
 
-@with_columns
+@with_options
 def init(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILES", help="Recordings: CSV, Excel, JSON, Parquet or Arrow.")
+        list[Path], typer.Argument(metavar="FILES", help="Recordings: CSV, Excel, OpenDocument, JSON, Parquet or Arrow.")
     ],
     options: Options,
     output: Annotated[
@@ -30,7 +30,7 @@ def init(
     ] = None,
     force: Annotated[bool, typer.Option("--force", metavar="", help="Overwrite the file if it exists.")] = False,
 ) -> None:
-    """Write a first settings file for the loops of recordings, to be completed by hand."""
+    """Write a first settings file for the loops of recordings, with what the options say, to be completed by hand."""
     if toml := next((file for file in files if file.suffix.lower() == ".toml"), None):
         raise CommandError(f"init takes recordings, and {toml} holds settings")
     if output is not None:
@@ -54,7 +54,11 @@ def init(
             typer.echo(text, nl=False)
         else:
             save(output, text)
-            err.print(f"Wrote {output}. Fill in spans and controller, then:", soft_wrap=True)
+            loops = [recording.loop for recording in recordings]
+            spans = all(loop.pv_span is not None and loop.op_span is not None for loop in loops)
+            controllers = all(loop.controller is not None for loop in loops)
+            left = " and ".join([*([] if spans else ["spans"]), *([] if controllers else ["controller"])])
+            err.print(f"Wrote {output}. {f'Fill in {left}, then' if left else 'Next'}:", soft_wrap=True)
             err.print(f"  glapp analyze {shlex.quote(str(output))} --report report.html", soft_wrap=True)
     for error in faults:
         say_error(error)

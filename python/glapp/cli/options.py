@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, get_args, get_type_hints
 
@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..loop import Loop, Process
 from .screen import CommandError
 
-__all__ = ["Options", "with_columns", "with_options"]
+__all__ = ["Options", "with_options"]
 
 _COLUMNS = ("time", "sp", "pv", "op", "mode", "quality")
 _CONTROLLER = ("form", "k", "pb", "gain_unit", "ti", "ti_unit", "td", "td_unit", "action", "setpoint_weight")
@@ -50,7 +50,7 @@ def _word(model: type[Controller] | type[Process] | type[Loop], key: str, text: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """The options that `analyze`, `identify` and `explain` share; a key that is None was not given."""
+    """The options of every command that reads recordings; a key that is None was not given."""
 
     loop: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only this loop of the files; may be repeated.")
@@ -121,15 +121,14 @@ class Options:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
-def with_options(command: Callable[..., None], only: Sequence[str] | None = None) -> Callable[..., None]:
-    """Give a command that takes `options` the fields of `Options`, or only some, as options of its own."""
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that takes `options` the fields of `Options` as options of its own."""
     hints = get_type_hints(Options, include_extras=True)
     shared = [
         inspect.Parameter(
             field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
         )
         for field in dataclasses.fields(Options)
-        if only is None or field.name in only
     ]
     signature = inspect.signature(command, eval_str=True)
     own = [parameter for parameter in signature.parameters.values() if parameter.name != "options"]
@@ -143,8 +142,3 @@ def with_options(command: Callable[..., None], only: Sequence[str] | None = None
     run.__signature__ = signature.replace(parameters=[*keyword_only, *shared])  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in [*own, *shared]}
     return run
-
-
-def with_columns(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options that say how a recording is read."""
-    return with_options(command, (*_COLUMNS, "sample_time", "time_format", "time_zone"))

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..escape import one_line
 from ..recording import MARKED, Recording, without_value
-from .settings import _key, _value
+from .settings import _key, _value, block
 
 __all__ = ["refuse_without_numbers", "settings_of"]
 
@@ -24,10 +24,14 @@ _LOOP = """
 file = {file}
 {seen}{columns}
 # The ranges of the instruments, from the control system: never the range of the data.
-# pv_span = [0, 0]  # FILL IN, in {pv_unit}
+{pv_span}
 {pv_unit_line}
-# op_span = [0, 100]  # FILL IN if OP is not in %
+{op_span}
 
+{controller}
+{process}"""
+
+_CONTROLLER = """\
 # [loops.{key}.controller]  # as the control system shows it
 # form = "ideal"  # or "series", "parallel"
 # k = 0.0  # FILL IN; or pb = ... for a proportional band in %
@@ -37,12 +41,17 @@ file = {file}
 # td = 0.0
 # td_unit = "s"  # or "min"
 # action = "reverse"  # or "direct": OP rises with PV
+"""
 
+_PROCESS = """\
 # [loops.{key}.process]
 # type = "self-regulating"  # or "integrating"
 # kp = 1.0                  # static gain of the process; without it, and with both spans, 1.5 %/% is assumed
 # kp_unit = "%/%"           # or "PV/OP"
 """
+
+_GIVEN = ("sample_time", "time_format", "time_zone", "repaired", "tf", "n")
+"""Keys that are written where they were given."""
 
 
 def refuse_without_numbers(recording: Recording) -> None:
@@ -66,7 +75,8 @@ def refuse_without_numbers(recording: Recording) -> None:
 def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:
     """Text of a loops.toml of recordings that are open, from one file or several; it can be parsed as it is.
 
-    Columns, units and the time between rows come from the files. Spans and controller are comments to fill in.
+    Columns, units and the time between rows come from the files. Spans, controller and process are as they were given,
+    and else comments to fill in.
 
     - `directory`: place of the loops.toml; the text names the recordings relative to it, unless their paths are
       absolute.
@@ -86,21 +96,33 @@ def _loop(file: Path, recording: Recording) -> str:
     left_out = {key: "" for key in _COLUMN_KEYS.values() if getattr(recording.loop.columns, key) == ""}
     named = {_COLUMN_KEYS[role]: name for role, name in columns.items()} | left_out
     listed = ", ".join(f"{key} = {_value(name)}" for key, name in named.items())
-    step = _step(recording)
+    step, loop, key = _step(recording), recording.loop, _key(recording.name)
     seen = [] if step is None else [f"# One row every {step:g} s at the beginning of the recording."]
-    for key in ("sample_time", "time_format"):
-        if (value := getattr(recording.loop, key)) is not None:
-            seen.append(f"{key} = {_value(value)}")
+    seen += [f"{one} = {_value(getattr(loop, one))}" for one in _GIVEN if one in loop.model_fields_set]
     if recording.t0 is not None and recording.zone is None:
         seen.append('# time_zone = "Europe/Stockholm"  # zone of the times in the file')
     pv_unit = recording.units.get("PV")
+    pv_span = f"# pv_span = [0, 0]  # FILL IN, in {one_line(pv_unit or 'PV unit')}"
+    op_span = "# op_span = [0, 100]  # FILL IN if OP is not in %"
+    controller, process = _CONTROLLER.format(key=key), _PROCESS.format(key=key)
+    if loop.pv_span is not None:
+        pv_span = f"pv_span = {_value(loop.pv_span)}"
+    if loop.op_span is not None:
+        op_span = f"op_span = {_value(loop.op_span)}"
+    if loop.controller is not None:
+        controller = block(f"loops.{key}.controller", loop.controller, "controller.")
+    if loop.process.kp is not None:
+        process = block(f"loops.{key}.process", loop.process)
     return _LOOP.format(
-        key=_key(recording.name),
+        key=key,
         file=_value(file),
         seen="".join(line + "\n" for line in seen),
         columns=f"columns = {{ {listed} }}\n",
-        pv_unit=one_line(pv_unit) if pv_unit else "PV's unit",
+        pv_span=pv_span,
         pv_unit_line=f"pv_unit = {_value(pv_unit)}" if pv_unit else '# pv_unit = "m3/h"',
+        op_span=op_span,
+        controller=controller,
+        process=process,
     )
 
 

@@ -195,14 +195,20 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     if (what) throw new InputError(what.replace("{files}", counted), { hint });
   }
 
+  /** The same, and one of LibreOffice, which only the package reads. */
+  function checkWorkbook(names) {
+    checkArchive(names);
+    if (names.includes("content.xml")) throw new InputError("is an OpenDocument workbook", { hint: "save it as .xlsx or CSV" });
+  }
+
   /** The sheets of a workbook that hold a table. */
   function ofWorkbook(bytes) {
     let held;
     try {
-      held = Sheets.open(bytes, checkArchive);
+      held = Sheets.open(bytes, checkWorkbook);
     } catch (fault) {
       if (fault instanceof InputError) throw fault;
-      throw new InputError(`is not a readable Excel workbook: ${fault.message}`);
+      throw new InputError(`is not a readable workbook: ${fault.message}`);
     }
     const made = [];
     let wrong = null;

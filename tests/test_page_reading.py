@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bench import makers
-from exports import FORMS
+from exports import FORMS, open_document, typed
 
 from glapp.errors import InputError
 from glapp.loop import Loop
@@ -237,6 +237,8 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     for i, (name, text) in enumerate((READ | STRUCTURED | REFUSED | DAMAGED | OPEN).items()):
         files[name] = folder / f"{i}.csv"
         files[name].write_bytes(text if isinstance(text, bytes) else text.encode())
+    files["OpenDocument"] = folder / "valve.ods"
+    files["OpenDocument"].write_bytes(open_document("Trend", typed()))
     for name in UNUSED:
         files[f"{name}, with a sample time"] = files[name]
         answers[f"{name}, with a sample time"] = {"sample_time": 2}
@@ -273,6 +275,11 @@ def test_what_follows_an_open_quote_is_not_lost_in_its_cell(read: dict[str, dict
 def test_the_first_rows_are_shown_beside_the_choice_of_columns(read: dict[str, dict[str, Any]]) -> None:
     assert read["decimal comma"]["rows"] == [["0", "50", "50,0", "40,5"], ["1", "50", "50,125", "40,25"]]
     assert all(len(row) == len(one["rows"][0]) for one in read.values() if "rows" in one for row in one["rows"])
+
+
+@pytest.mark.slow
+def test_a_workbook_that_only_the_package_reads_is_called_that(read: dict[str, dict[str, Any]]) -> None:
+    assert read["OpenDocument"]["wrong"] == "is an OpenDocument workbook: save it as .xlsx or CSV"
 
 
 @pytest.mark.parametrize("name", [*READ, *STRUCTURED, *FORMS, *UNAIDED])

@@ -536,7 +536,7 @@ NO_TABLES = {
 
 @pytest.mark.parametrize("case", NO_TABLES)
 def test_a_file_that_is_no_table_is_called_what_it_is(tmp_path, case):
-    """A PDF was "only one column", and a zip archive "not a readable Excel workbook"."""
+    """A PDF was "only one column", and a zip archive "not a readable workbook"."""
     data, line = NO_TABLES[case]
     (tmp_path / "x.csv").write_bytes(data)
     with pytest.raises(InputError) as caught:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exports import FORMS, PV, guide, typed, workbook
+from exports import FORMS, PV, guide, open_document, typed, workbook
 
 from glapp import analyze, estimate, simulate
 from glapp.errors import InputError
@@ -43,6 +43,17 @@ def test_every_form_is_read_right(tmp_path, name):
     assert [finding.code for finding in recording.found] == ([] if want.finding is None else [want.finding])
 
 
+def test_a_workbook_of_libreoffice_is_read_right(tmp_path):
+    path = tmp_path / "valve.ods"
+    path.write_bytes(open_document("Trend", [["Time", "SP", "PV", "OP"], *typed()[1:]]))
+    [recording] = open_recordings(path)
+    got, want = joined(list(recording.batches())), FORMS["excel"][1]()
+    assert recording.name == "valve" and recording.t0 == want.t0
+    np.testing.assert_allclose(got.t, want.t, atol=1e-6)
+    for signal in ("sp", "pv", "op"):
+        np.testing.assert_array_equal(getattr(got, signal), getattr(want, signal))
+
+
 def as_workbook(tmp_path, *sheets):
     path = tmp_path / "plant.xlsx"
     path.write_bytes(workbook(*sheets))
@@ -75,7 +86,7 @@ def test_a_fault_in_a_workbook_has_excels_row(tmp_path):
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        (b"PK\x03\x04" + bytes(100), "is not a readable Excel workbook"),
+        (b"PK\x03\x04" + bytes(100), "is not a readable workbook"),
         (b"\xd0\xcf\x11\xe0" + bytes(100), "is an old or a locked Office file; save it as .xlsx or CSV, unlocked"),
         (workbook(("Trend", [])), "has no sheet with a table"),
         (workbook(("Trend", [["t", "SP", "PV"]])), "has a header but no rows"),

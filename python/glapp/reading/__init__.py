@@ -39,7 +39,7 @@ __all__ = ["first_rows", "open_each", "open_recordings", "recording_from"]
 def open_recordings(
     path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
 ) -> list[Recording]:
-    r"""Open a CSV, Excel, JSON, HTML, Parquet, Arrow IPC or Feather file and say which loops it holds.
+    r"""Open a CSV, Excel, OpenDocument, JSON, HTML, Parquet, Arrow IPC or Feather file and say which loops it holds.
 
     A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...).
     A *long* file has a row per tag and time: `glapp.reading.long` says how its tags are joined. What is a bit of both,

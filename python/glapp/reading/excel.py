@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx), by python-calamine: each sheet that holds a table is a source.
+"""Workbooks of Excel (.xlsx) and LibreOffice (.ods), by python-calamine: each sheet that holds a table is a source.
 
 python-calamine takes memory for every cell from the first to the last that is filled, whatever lies between: one cell
 in the last corner of a sheet asks for half a terabyte. So what is packed is looked through first, a MiB at a time:
@@ -47,7 +47,7 @@ def sheets(path: str, label: str) -> list[Source]:
     except ImportError:
         hint = "pip install 'glapp[excel]', or save the sheet as CSV"
         raise InputError(
-            "is an Excel workbook, and python-calamine, which reads it, is not installed", file=label, hint=hint
+            "is a workbook, and python-calamine, which reads it, is not installed", file=label, hint=hint
         ) from None
     return apart.call(label, _sheets, str(Path(path).absolute()), label)
 
@@ -74,7 +74,7 @@ def _sheets(path: str, label: str) -> list[Source]:
     except (InputError, MemoryError, KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a panic of the library is no Exception
-        raise InputError(f"is not a readable Excel workbook: {error}", file=label) from None
+        raise InputError(f"is not a readable workbook: {error}", file=label) from None
     readable = [source for source in made if _has_signals(source)] or made
     if not readable:
         raise fault or InputError("has no sheet with a table", file=label)

@@ -11,7 +11,7 @@ __all__ = ["ENDINGS", "check_file", "name_of"]
 
 _TEXT = frozenset((".csv", ".tsv", ".tab", ".txt", ".asc", ".prn", ".dat", ".data", ".log"))
 _STRUCTURED = frozenset((".json", ".jsonl", ".ndjson", ".html", ".htm", ".xls", ".xml"))
-_TABLES = frozenset((".xlsx", ".xlsm", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
+_TABLES = frozenset((".xlsx", ".xlsm", ".ods", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
 _COMPRESSED = frozenset((".gz", ".bz2", ".zst", ".lz4"))
 ENDINGS = tuple(sorted(_TEXT | _STRUCTURED | _TABLES | _COMPRESSED))
 """Endings of the files that are read."""

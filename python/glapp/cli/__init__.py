@@ -108,8 +108,8 @@ def _version(asked: bool) -> None:
 @app.callback(
     help=f"""\
 Find out from recordings of control loops whether their valves have a dead band, and how wide it is. A recording is a \
-CSV, Excel, OpenDocument, Parquet or Arrow file with time, PV, OP and, better, SP and mode; what is known about the loops (spans, \
-controller) can stand in a loops.toml.
+CSV, Excel, OpenDocument, Parquet or Arrow file with time, PV, OP and, better, SP and mode; what is known about the \
+loops (spans, controller) can stand in a loops.toml.
 
 [bold]Try it[/bold]
 

@@ -22,7 +22,8 @@ __all__ = ["init"]
 @with_options
 def init(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILES", help="Recordings: CSV, Excel, OpenDocument, JSON, Parquet or Arrow.")
+        list[Path],
+        typer.Argument(metavar="FILES", help="Recordings: CSV, Excel, OpenDocument, JSON, Parquet or Arrow."),
     ],
     options: Options,
     output: Annotated[

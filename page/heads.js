@@ -42,6 +42,9 @@ const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
     });
   }
 
+  /** Whether two columns have the same name. */
+  const repeat = (names) => new Set(names.filter(Boolean)).size < names.filter(Boolean).length;
+
   const areUnits = (cells) => {
     const filled = filledOf(cells).map((cell) => folded(bare(cell)));
     return filled.filter((cell) => UNITS.has(cell)).length * 2 >= filled.length;
@@ -76,7 +79,10 @@ const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
     let units = names.map((name) => understand(name).unit);
     const below = lines.filter((i) => i > named);
     if (below.length && saysValue(rows[below[0]].cells)) names = under(names, rows[below.shift()].cells);
-    else if (lines.includes(named - 1) && saysValue(rows[named].cells)) names = under(rows[named - 1].cells.map(tidy), rows[named].cells);
+    else if (lines.includes(named - 1)) {
+      const whole = under(rows[named - 1].cells.map(tidy), rows[named].cells);
+      if (saysValue(rows[named].cells) || (repeat(names) && !repeat(whole))) names = whole;
+    }
     const of_units = below.filter((i) => areUnits(rows[i].cells));
     const unit_rows = of_units.length ? of_units : below.filter((i) => areShort(rows[i].cells));
     if (unit_rows.length) units = rows[unit_rows.at(-1)].cells.map((cell) => bare(cell) || null);

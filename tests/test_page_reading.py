@@ -79,6 +79,12 @@ READ: dict[str, str | bytes] = {
     "a spreadsheet's days": "\n".join(["Date,SP,PV,OP", *rows([f"{45_000 + k / 86_400:.9f}" for k in range(24)])]),
     "minutes by a unit": "\n".join(["time [min],SP,PV,OP", *rows([f"{k / 10}" for k in range(24)])]),
     "a title and a row of units": "\n".join(["Export of unit 3", "t,SP,PV [bar],OP", "s,bar,bar,%", *rows(SECONDS)]),
+    "tags above signals that repeat": "\n".join(
+        [",F1,F1,F1,T7", "t,SP,PV,OP,PV", "s,bar,bar,%,degC", *(f"{row},9" for row in rows(SECONDS))]
+    ),
+    "a title above a name that repeats": "\n".join(
+        ["Export of,unit 3,,,,", "t,SP,PV,OP,Remark,Remark", *(f"{row},a,b" for row in rows(SECONDS))]
+    ),
     "the newest row first": "\n".join(["time,SP,PV,OP", *reversed(rows(ISO)), ",,,"]),
     "the newest row first, in seconds": "\n".join(["t,SP,PV,OP", *reversed(rows(SECONDS))]),
     "the newest row first, but for one": "\n".join(["t,SP,PV,OP", *reversed(rows(SECONDS)), "30,50,40,41"]),

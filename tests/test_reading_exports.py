@@ -54,6 +54,27 @@ def test_a_workbook_of_libreoffice_is_read_right(tmp_path):
         np.testing.assert_array_equal(getattr(got, signal), getattr(want, signal))
 
 
+@pytest.mark.parametrize(
+    "head", [",F1,F1,F1,F2,F2,F2\nt,SP,PV,OP,SP,PV,OP", "Unit 3\nt,F1,,,F2,,\n,SP,PV,OP,SP,PV,OP\ns,bar,bar,%,m,m,%"]
+)
+def test_tags_above_signals_that_repeat_are_loops(tmp_path, head):
+    """Two columns were called SP, and the file was refused."""
+    path = tmp_path / "plant.csv"
+    path.write_text("\n".join([head, *(f"{k},1,{k % 3},3,4,{k % 5},6" for k in range(30))]))
+    found = {one.name: joined(list(one.batches())) for one in open_recordings(path)}
+    assert {name: (rows.sp[0], rows.pv.max(), rows.op[0]) for name, rows in found.items()} == {
+        "F1": (1, 2, 3),
+        "F2": (4, 4, 6),
+    }
+
+
+def test_a_name_that_stays_double_under_its_tags_is_refused(tmp_path):
+    path = tmp_path / "plant.csv"
+    path.write_text("\n".join([",F1,F1,F1,F1", "t,SP,PV,OP,PV", *(f"{k},1,{k % 3},3,4" for k in range(30))]))
+    with pytest.raises(InputError, match="2 columns are called 'PV'"):
+        open_recordings(path)
+
+
 def as_workbook(tmp_path, *sheets):
     path = tmp_path / "plant.xlsx"
     path.write_bytes(workbook(*sheets))

@@ -1,8 +1,8 @@
 """Beginning and end of a table in a text: titles, names of columns, units, first row, and the lines below the last.
 
 Above the rows stand titles and what an export tells of itself. Of the lines of words alone just above the rows the one
-with the most names that are understood has the names. A line of tags above a line that says "time" and "value" goes
-with it. A column without a name in that line may be called a time in another. Below the rows stand remarks, totals and
+with the most names that are understood has the names. A line of tags goes with the line below it where that says "time"
+and "value", or repeats itself, as SP, PV and OP of several loops do. A column without a name in that line may be called a time in another. Below the rows stand remarks, totals and
 empty lines.
 """
 
@@ -96,8 +96,10 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
     below = [i for i in lines if i > named]
     if below and _says_value(rows[below[0]][1]):
         names = _under(names, rows[below.pop(0)][1])
-    elif named - 1 in lines and _says_value(rows[named][1]):
-        names = _under([" ".join(cell.split()) for cell in rows[named - 1][1]], rows[named][1])
+    elif named - 1 in lines:
+        whole = _under([" ".join(cell.split()) for cell in rows[named - 1][1]], rows[named][1])
+        if _says_value(rows[named][1]) or (_repeat(names) and not _repeat(whole)):
+            names = whole
     unit_rows = [i for i in below if _are_units(rows[i][1])] or [i for i in below if _are_short(rows[i][1])]
     if unit_rows:
         units = [cell.strip(" []()") or None for cell in rows[unit_rows[-1]][1]]
@@ -193,6 +195,12 @@ def _under(above: Sequence[str], below: Sequence[str]) -> list[str]:
             continue
         names.append(tag if understand(word).role == "value" else f"{tag} {word}".strip())
     return names
+
+
+def _repeat(names: Sequence[str]) -> bool:
+    """Whether two columns have the same name."""
+    filled = [name for name in names if name]
+    return len(set(filled)) < len(filled)
 
 
 def _filled_count(cells: Sequence[str]) -> int:

@@ -2,8 +2,8 @@
 
 Above the rows stand titles and what an export tells of itself. Of the lines of words alone just above the rows the one
 with the most names that are understood has the names. A line of tags goes with the line below it where that says "time"
-and "value", or repeats itself, as SP, PV and OP of several loops do. A column without a name in that line may be called a time in another. Below the rows stand remarks, totals and
-empty lines.
+and "value", or repeats itself, as SP, PV and OP of several loops do. A column without a name in that line may be called
+a time in another. Below the rows stand remarks, totals and empty lines.
 """
 
 from __future__ import annotations

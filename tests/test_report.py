@@ -612,7 +612,9 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     assert last - first == pytest.approx(2.1 * day * (1 if worn.t0 is None else 1000))
     write_report([result], file := tmp_path / "trend.html")
     text = " ".join(parsed(file).text)
-    assert "8 windows of the recording" in text and ", up from 2 in 4 d" in text
+    assert "8 windows of the recording" in text and ", up from 2 in 4 d" in text and "line is the trend" in text
+    write_report([replace(result, fit=replace(fit, trend=None, change=None))], file)
+    assert "8 windows of the recording" in (text := " ".join(parsed(file).text)) and "line is the trend" not in text
     assert "up from" not in words.lead(replace(result, fit=replace(fit, change=None)))
 
 
@@ -620,6 +622,21 @@ def test_a_loop_that_was_refused_has_no_picture_of_pv_over_op(worn: Result) -> N
     """A PV that never answered lay level in it, and the note said that a gap makes PV level."""
     assert set(LoopView("a", replace(refused(), trace=worn.trace)).drawn) == {"time"}
     assert "phase" in LoopView("a", worn).drawn
+
+
+def test_a_default_is_not_called_given(worn: Result) -> None:
+    """TD of 0 s, b of 1 and N of 9 stood as if somebody had given them, TD and b with "given" beside them."""
+    notes = {"k": "given", "ti": "given", "td": "given", "b": "given"}
+    result = replace(worn, loop=a_loop(), settings=settings(notes=notes))
+    rows = {label: (given, where) for label, given, _, where in LoopView("FIC101", result).settings}
+    assert rows["Derivative time TD"] == rows["Setpoint weight b"] == ("–", "default")
+    assert (rows["Detections needed N"], rows["Action"]) == (("–", ""), ("–", ""))
+    assert (rows["Form"][0], rows["Integral time TI"]) == ("series", ("0.5 min", "given"))
+    controller = {"k": 1, "gain_unit": "OP/PV", "ti": 9, "td": 0, "setpoint_weight": 1, "action": "reverse"}
+    result = replace(result, loop=a_loop(controller=controller, n=9))
+    rows = {label: (given, where) for label, given, _, where in LoopView("FIC101", result).settings}
+    assert (rows["Derivative time TD"], rows["Setpoint weight b"]) == (("0 s", "given"), ("1", "given"))
+    assert (rows["Detections needed N"][0], rows["Action"][0]) == ("9", "reverse")
 
 
 def test_comparisons_agree_with_the_mask(worn: Result) -> None:

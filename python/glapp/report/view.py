@@ -216,7 +216,9 @@ class LoopView:
         c, process, op = loop.controller, loop.process, words.op_unit(r.unit)
         form = gain = integral = derivative = action = weight = "–"
         others: list[tuple[str, str]] = []
+        typed, notes = loop.model_fields_set, dict(s.notes)
         if c is not None:
+            typed = typed | c.model_fields_set
             form, action, weight = c.form, c.action, words.number(c.setpoint_weight)
             per = f" {c.gain_unit}" if c.gain_unit else ""
             if c.form == "parallel":
@@ -232,6 +234,12 @@ class LoopView:
                 ("Output dead band of the controller", words.quantity(c.output_dead_band, op)),
                 ("PV filter of the control system", words.quantity(c.pv_filter, "s")),
             ]
+            # What is a default was not given, and is not called so.
+            form, action = (form if "form" in typed else "–"), (action if "action" in typed else "–")
+            if not typed & {"td", "kd"}:
+                derivative, notes["td"] = "–", "default"
+            if "setpoint_weight" not in typed:
+                weight, notes["b"] = "–", "default"
         acting = "–" if s.k is None else "direct (K below 0)" if s.k < 0 else "reverse (K above 0)"
         given_kp = words.quantity(process.kp, process.kp_unit or "")
         used_kp = "not used" if s.kp is None else words.quantity(s.kp, f"{self._pv_unit} per {op}")
@@ -246,12 +254,12 @@ class LoopView:
             ("Process gain Kp", "integrating" if process.type == "integrating" else given_kp, used_kp, "kp"),
             ("OP travel Δu", "", "", "delta_u"),
             ("Longest step between samples", "", words.quantity(s.max_h, "s"), ""),
-            ("Detections needed N", str(loop.n), str(s.n), "n"),
+            ("Detections needed N", str(loop.n) if "n" in typed else "–", str(s.n), "n"),
             ("PV span", _span(loop.pv_span, self._pv_unit), "", ""),
             ("OP span", _span(loop.op_span, op), "", ""),
             *((label, value, "", "") for label, value in others if value[0] != "0"),
         ]
-        return [(label, given, used, s.notes.get(note, "")) for label, given, used, note in rows]
+        return [(label, given, used, notes.get(note, "")) for label, given, used, note in rows]
 
     @property
     def identification(self) -> TableRows:

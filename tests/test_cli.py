@@ -655,6 +655,9 @@ def test_init_writes_what_it_is_told_of_the_controller_as_its_maker_writes_it(ru
     assert "Fill in spans, then:" in run("init", "plant.csv", "--k", 1, "--ti", 9, "-o", "some.toml")[2]
     assert run("init", "plant.csv", "--pb", 250, "--ti", 2)[0] == 2
     assert "--ti: is required" in run("init", "plant.csv", "--k", 1)[2]
+    write("other.csv", rows())
+    code, _, err = run("init", "plant.csv", "other.csv", "--k", 1, "--ti", 9)
+    assert code == 2 and "glapp init FILES -o loops.toml begins one" in err  # it sent whoever typed init to init FILE
 
 
 @pytest.mark.slow

@@ -64,7 +64,8 @@ def open_files(
         raise CommandError("settings on the command line do not go with a loops.toml; write them into it")
     if settings.keys() - {"columns"} and len(files) > 1:
         raise CommandError(
-            "settings on the command line are for one recording; for several, write a loops.toml (glapp init FILE)"
+            "settings on the command line are for one recording; for several, write them into a loops.toml: "
+            "glapp init FILES -o loops.toml begins one"
         )
     opened: list[Recording | Valve | Refused] = []
     for file in files:

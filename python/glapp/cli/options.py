@@ -61,7 +61,7 @@ class Options:
     op: Annotated[str | None, _column("OP")] = None
     mode: Annotated[str | None, _column("the controller's mode")] = None
     quality: Annotated[str | None, _column("the quality; '' for none")] = None
-    k: Annotated[float | None, _setting("Gain K of the controller.")] = None
+    k: Annotated[float | None, _setting("Gain K of the controller, > 0; its sign is --action.")] = None
     pb: Annotated[float | None, _setting("Proportional band in %, instead of K.")] = None
     gain_unit: Annotated[str | None, _word(Controller, "gain_unit", "Unit of K, where the spans differ in width.")] = (
         None

@@ -33,7 +33,7 @@ file = {file}
 
 _CONTROLLER = """\
 # [loops.{key}.controller]  # as the control system shows it
-# form = "ideal"  # or "series", "parallel"
+# form = "ideal"  # or "series"; "parallel" has kp, ki, kd in place of k, ti, td
 # k = 0.0  # FILL IN; or pb = ... for a proportional band in %
 # gain_unit = "%/%"  # or "OP/PV": OP units per PV unit
 # ti = 0.0  # FILL IN

@@ -101,6 +101,9 @@ READ: dict[str, str | bytes] = {
     "a mode": "\n".join(
         ["t,SP,PV,OP,MODE", *(f"{row},{'MAN' if k < 5 else 'AUTO'}" for k, row in enumerate(rows(SECONDS)))]
     ),
+    "a mode that is called A/M": "\n".join(
+        ["t,SP,PV,OP,A/M", *(f"{row},{'Handbetrieb' if k < 5 else 'A'}" for k, row in enumerate(rows(SECONDS)))]
+    ),
     "qualities of OPC DA": "\n".join(
         ["t,SP,PV,OP,Quality", *(f"{row},{0 if k == 7 else 192}" for k, row in enumerate(rows(SECONDS)))]
     ),

@@ -556,6 +556,17 @@ def test_a_page_with_a_table_and_a_login_beside_it_is_read(tmp_path):
     assert read(write(tmp_path, page))[1]["pv"].tolist() == [k % 3 for k in range(9)]
 
 
+@pytest.mark.parametrize(
+    ("name", "auto", "manual"),
+    [("A/M", "A", "M"), ("Auto", "TRUE", "FALSE"), ("Betriebsart", "Automatikbetrieb", "Handbetrieb")],
+)
+def test_a_mode_by_other_names(tmp_path, name, auto, manual):
+    """A column A/M or Auto was passed over, so that rows in manual counted; 'Handbetrieb' was an error."""
+    path = write(tmp_path, "\n".join([f"t,SP,PV,{name}", *(f"{k},1,2,{manual if k < 3 else auto}" for k in range(9))]))
+    recording, got = read(path)
+    assert recording.columns["MODE"] == name and got["flags"].tolist() == [NOT_AUTO] * 3 + [0] * 6
+
+
 def test_wrong_column_is_told_with_the_nearest_one(tmp_path):
     path = write(tmp_path, GOOD)
     with pytest.raises(InputError, match=r"columns\.pv: no column 'PVX' for PV, did you mean 'PV'\? There are: t, SP"):

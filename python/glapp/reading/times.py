@@ -539,7 +539,10 @@ def _day_first(texts: Sequence[str]) -> bool:
 def _hint(text: str) -> str | None:
     """Advice for a time that cannot be read; None where there is none."""
     if re.search(r"\d [A-Z]{3,5}$", text):
-        return "a zone's letters are not unique: write an offset such as +01:00, or leave it out and give time_zone"
+        return (
+            "a zone's letters are not unique: write an offset such as +01:00, or leave them out and name the zone "
+            "(--time-zone, time_zone)"
+        )
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?([.,]\d+)?", text):
         return (
             "the date is missing: put date and time in one column, or say how far rows are apart: "

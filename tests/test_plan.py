@@ -342,6 +342,8 @@ def test_the_report_shows_what_would_decide(tmp_path):
     [
         (("--plan", "--no-fit"), "--plan works on the fit"),
         (("--op-within", "40", "60"), "add --plan"),
+        (("--plan", "--op-within", "65", "45"), "--op-within: 65 45: LOW must be below HIGH"),
+        (("--plan", "--minutes", "0"), "--minutes: 0: must be > 0"),
     ],
 )
 def test_analyze_refuses_limits_without_a_plan(tmp_path, words, told):

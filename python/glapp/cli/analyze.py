@@ -79,6 +79,11 @@ def analyze(
         raise CommandError("--plan works on the fit, and --no-fit leaves it out")
     if not plan and (op_within is not None or pv_within is not None):
         raise CommandError("--op-within and --pv-within are limits of a planned test: add --plan")
+    for option, within in (("--op-within", op_within), ("--pv-within", pv_within)):
+        if within is not None and not within[0] < within[1]:
+            raise CommandError(f"{option}: {within[0]:g} {within[1]:g}: LOW must be below HIGH")
+    if not minutes > 0:
+        raise CommandError(f"--minutes: {minutes:g}: must be > 0")
     if table is not None and not to_output:
         check_output("--csv", table, read_by(files), TABLE)
     if report is not None:

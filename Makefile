@@ -58,8 +58,7 @@ test: $(VENV)/.installed
 	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m "not verify"
 
 # Each part is named as it begins, and with its time as it ends. While one waits for the network another compiles. What runs by the
-# clock leaves the processor idle most of the time and comes first to it; all other parts share it evenly. The page is made before the
-# tests that look at it.
+# clock leaves the processor idle most of the time and comes first to it; then the page, for which the other tests wait.
 VERIFIED := rust-checked interop site page clock bare others
 verify: setup $(VENV)/.docs
 	@+$(MAKE) --no-print-directory --jobs=4 $(VERIFIED:%=timed-%)
@@ -78,7 +77,7 @@ others:
 
 timed-clock: timed-interop
 timed-others: timed-interop timed-site timed-page
-NICE = $(if $(filter clock,$*),,nice)
+NICE = $(if $(filter clock,$*),,nice $(if $(filter page,$*),-n 5))
 $(VERIFIED:%=timed-%): timed-%:
 	@+printf '\n== %s\n' '$*'; began=$$(date +%s); $(NICE) $(MAKE) --no-print-directory $* && \
 		printf '== %s took %d s\n' '$*' $$(($$(date +%s) - began))

@@ -18,12 +18,13 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
+from typing import get_args
 
 from rich.progress import track
 
 from ..page import write
 from .answers import Line, ask, done, read
-from .design import CYCLES, ROWS, SEEDS, NoSuchLoopError, half, names
+from .design import CYCLES, ROWS, SEEDS, Half, NoSuchLoopError, half, names
 from .score import tables
 
 OUT = Path(__file__).parents[2] / "out" / "ordinary.jsonl"
@@ -45,7 +46,7 @@ def tasks(rows: list[str], which: str, numbers: int, seed: int, several: bool) -
                 sound = name.split("/")[1] in ("none", "driven")
                 if several and (row in CYCLES or sound):
                     continue
-                if which in ("D", "E", "F") and not sound and number % 8 not in WITH_FAULT:
+                if which > "C" and not sound and number % 8 not in WITH_FAULT:
                     continue
                 yield from ((name, count) for count in (SEVERAL if several else (1,)))
 
@@ -54,7 +55,7 @@ def main() -> None:
     """Ask, or score."""
     parser = argparse.ArgumentParser(prog="python -m bench.ordinary", description=__doc__.split("\n\n")[0])
     parser.add_argument("--rows", help=f"some of: {', '.join(ROWS)}; all where not given, separated by commas")
-    parser.add_argument("--half", choices=("A", "B", "AB", "C", "D", "E", "F"), default="A")
+    parser.add_argument("--half", choices=("AB", *get_args(Half)), default="A")
     parser.add_argument("--numbers", type=int, default=20, help="so many numbers of each row and half")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--several", action="store_true", help=f"{SEVERAL} days of one valve together, with a gap")

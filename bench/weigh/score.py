@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple, Self
@@ -117,10 +118,10 @@ def counts(data: Data) -> str:
     """Numbers of records of each kind."""
     sources = sorted({s.name.split(" ")[0] for s in data.samples})
     fits = ", ".join(sorted({s.fit for s in data.samples}))
-    of = {part: sum(s.half == part for s in data.samples) for part in sorted(set(data.group(lambda s: s.half)))}
+    of = sorted(Counter(s.half for s in data.samples).items())
     return (
         f"{len(data.samples)} records of {', '.join(sources)}, {int(data.gap.sum())} with a gap. Of these "
-        f"{', '.join(f'{n} of part {part}' for part, n in of.items())}. Fit {fits}."
+        f"{', '.join(f'{n} of part {part}' for part, n in of)}. Fit {fits}."
     )
 
 

@@ -191,7 +191,7 @@ struct Checkpoint {
 
 impl Whitened {
     /// Empty again, its room kept.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         (self.count, self.gains_kept) = (0, 0);
         self.runs.clear();
         self.stretches.clear();
@@ -199,7 +199,7 @@ impl Whitened {
     }
 
     /// Ready for another answer of the same models.
-    pub fn forget_answer(&mut self) {
+    pub(crate) fn forget_answer(&mut self) {
         (self.sums.yv, self.sums.vv) = (Lanes::all(0.0), Lanes::all(0.0));
     }
 
@@ -346,8 +346,8 @@ impl<S: Simd, const R: usize> Adding<S, R> {
     }
 }
 
-/// [`Models::whiten`] of a stretch, a function of its own: inlined, it would be compiled again for each of those that call it, and
-/// a browser compiles one function of all passes so that they take a quarter longer.
+/// [`Models::whiten`] of a stretch, a function of its own: a browser compiles one function of all passes so that they take a quarter
+/// longer.
 struct Whitening<'w, S: Simd, const R: usize, const N: usize, const MORE: usize> {
     models: &'w Models<S, R, N, MORE>,
     y: &'w [f64],

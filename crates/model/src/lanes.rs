@@ -140,15 +140,18 @@ operators! {
 
 /// Work on eight lanes, written for any registers.
 pub trait Work {
+    /// What it gives.
+    type Output;
+
     /// Does it, the lanes in `R` registers.
-    fn run<S: Simd, const R: usize>(self, simd: S);
+    fn run<S: Simd, const R: usize>(self, simd: S) -> Self::Output;
 }
 
 /// Does the work with the widest registers of this machine.
 ///
 /// Each instruction set is named with its number of registers. A choice by `S::F64_LANES` in generic code compiles all numbers of
 /// registers for all sets, which takes the compiler several times as long.
-pub fn widest(work: impl Work) {
+pub fn widest<W: Work>(work: W) -> W::Output {
     match Arch::new() {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(simd) => Simd::vectorize(simd, InRegisters::<_, 1>(work)),
@@ -163,7 +166,7 @@ pub fn widest(work: impl Work) {
 }
 
 /// Work where only the first so many `lanes` count: in no more registers than they fill, but for the narrowest.
-pub fn wide_enough(lanes: usize, work: impl Work) {
+pub fn wide_enough<W: Work>(lanes: usize, work: W) -> W::Output {
     match (Arch::new(), lanes) {
         #[cfg(target_arch = "x86_64")]
         (Arch::V3(simd), ..=4) => Simd::vectorize(simd, InRegisters::<_, 1>(work)),
@@ -183,10 +186,10 @@ pub fn wide_enough(lanes: usize, work: impl Work) {
 struct InRegisters<W, const R: usize>(W);
 
 impl<W: Work, const R: usize> WithSimd for InRegisters<W, R> {
-    type Output = ();
+    type Output = W::Output;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        self.0.run::<S, R>(simd);
+    fn with_simd<S: Simd>(self, simd: S) -> W::Output {
+        self.0.run::<S, R>(simd)
     }
 }

@@ -316,7 +316,7 @@ impl Structure {
     ///
     /// - `lanes`: so many of the models count; the others may be left out.
     /// - `stretches`: of each its PV, the changes of its load and its positions.
-    /// - `white`: takes the innovations, their sums, and the gains for [`Self::answer`]; cleared before.
+    /// - `white`: takes the innovations, their sums, and the gains for [`Self::answer`].
     pub fn whiten<'a>(
         self,
         lanes: usize,
@@ -324,6 +324,7 @@ impl Structure {
         stretches: &mut dyn Iterator<Item = (&'a [f64], &'a [LoadChange], Delayed<'a>)>,
         white: &mut Whitened,
     ) {
+        white.clear();
         wide_enough(lanes, Whiten { structure: self, thetas, stretches, white });
     }
 
@@ -331,33 +332,31 @@ impl Structure {
     ///
     /// - `lanes`: so many of the models count.
     /// - `stretches`: of each its cells and its positions.
-    /// - `white`: of the same models; PV's innovations stay, the answer was forgotten before.
+    /// - `white`: of the same models; PV's innovations stay.
     pub fn answer<'a>(
         self,
         lanes: usize,
         stretches: &mut dyn Iterator<Item = (usize, Delayed<'a>)>,
         white: &mut Whitened,
     ) {
+        white.forget_answer();
         wide_enough(lanes, Answer::<false> { structure: self, first: 0, stretches, white });
     }
 
     /// Sums of the answers of the first model to eight sets of positions in one stretch, with the gains that [`Self::whiten`] has left.
     pub fn answers_of_first(self, stretch: usize, cells: usize, v: Delayed, white: &mut Whitened) {
+        white.forget_answer();
         widest(Answer::<true> { structure: self, first: stretch, stretches: &mut once((cells, v)), white });
     }
 
     /// Totals of a stretch with other changes of a load that steps or bends; see [`Sides`](crate::kalman::Sides).
     pub fn elsewhere(self, asked: Asked) -> Totals {
-        let mut totals = Totals::default();
-        wide_enough(asked.tried.len(), Elsewhere { structure: self, asked, totals: &mut totals });
-        totals
+        wide_enough(asked.tried.len(), Elsewhere { structure: self, asked })
     }
 
     /// Changes of a load that steps or bends, by a bank of filters.
     pub fn bank(self, sought: &Sought) -> Found {
-        let mut found = Found::default();
-        widest(Bank { structure: self, sought, found: &mut found });
-        found
+        widest(Bank { structure: self, sought })
     }
 
     /// States of the process.
@@ -367,10 +366,13 @@ impl Structure {
 
     /// PV of the process from rest, with gain 1, without load and noise, at the positions `v`.
     pub fn response(self, theta: &Theta, v: &[f64]) -> Vec<f64> {
-        let mut response = Vec::new();
         // One model alone: a register of one number is wide enough.
-        FromRest { structure: self, theta, v, response: &mut response }.run::<Scalar, 1>(Scalar::new());
-        response
+        macro_rules! with {
+            ($states:literal, $more:expr) => {
+                self.models::<Scalar, 1, $states, { $more }>(Scalar::new(), &[*theta; LANES]).response(v)
+            };
+        }
+        by_states!(self, with)
     }
 }
 
@@ -399,6 +401,8 @@ struct Whiten<'w, 'a> {
 }
 
 impl Work for Whiten<'_, '_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let Self { structure, thetas, stretches, white } = self;
@@ -426,6 +430,8 @@ struct Answer<'w, 'a, const ONE: bool> {
 }
 
 impl<const ONE: bool> Work for Answer<'_, '_, ONE> {
+    type Output = ();
+
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let Self { structure, first, stretches, white } = self;
@@ -445,19 +451,20 @@ impl<const ONE: bool> Work for Answer<'_, '_, ONE> {
 struct Elsewhere<'s, 't> {
     structure: Structure,
     asked: Asked<'s, 't>,
-    totals: &'s mut Totals,
 }
 
 impl Work for Elsewhere<'_, '_> {
+    type Output = Totals;
+
     #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { structure, asked, totals } = self;
+    fn run<S: Simd, const R: usize>(self, simd: S) -> Totals {
+        let Self { structure, asked } = self;
         macro_rules! with {
             ($states:literal, $more:expr) => {
-                *totals = structure.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
+                structure.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
             };
         }
-        by_marked_states!(structure, with);
+        by_marked_states!(structure, with)
     }
 }
 
@@ -465,40 +472,20 @@ impl Work for Elsewhere<'_, '_> {
 pub(crate) struct Bank<'s, 'b> {
     pub(crate) structure: Structure,
     pub(crate) sought: &'s Sought<'b>,
-    pub(crate) found: &'s mut Found,
 }
 
 impl Work for Bank<'_, '_> {
+    type Output = Found;
+
     #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { structure, sought, found } = self;
+    fn run<S: Simd, const R: usize>(self, simd: S) -> Found {
+        let Self { structure, sought } = self;
         macro_rules! with {
             ($states:literal, $more:expr) => {
-                *found = structure.models::<S, R, $states, { $more }>(simd, &[*sought.theta; LANES]).bank(sought)
+                structure.models::<S, R, $states, { $more }>(simd, &[*sought.theta; LANES]).bank(sought)
             };
         }
-        by_marked_states!(structure, with);
-    }
-}
-
-/// See [`Structure::response`].
-struct FromRest<'s> {
-    structure: Structure,
-    theta: &'s Theta,
-    v: &'s [f64],
-    response: &'s mut Vec<f64>,
-}
-
-impl Work for FromRest<'_> {
-    #[inline(always)]
-    fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { structure, theta, v, response } = self;
-        macro_rules! with {
-            ($states:literal, $more:expr) => {
-                *response = structure.models::<S, R, $states, { $more }>(simd, &[*theta; LANES]).response(v)
-            };
-        }
-        by_states!(structure, with);
+        by_marked_states!(structure, with)
     }
 }
 

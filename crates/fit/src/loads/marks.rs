@@ -275,6 +275,8 @@ struct Statistic<'s> {
 }
 
 impl Work for Statistic<'_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let Self { left, answer, statistic, end } = self;

@@ -118,6 +118,8 @@ struct Residuals<'r> {
 }
 
 impl Work for Residuals<'_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let Self { white, rows, wanted, found } = self;

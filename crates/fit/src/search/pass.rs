@@ -81,25 +81,60 @@ thread_local! {
     static WORKSPACE: RefCell<Workspace> = RefCell::default();
 }
 
-/// A pass over a record: eight sets of parameters at once, of which the first `lanes` count.
-struct Pass<'r, 's> {
-    search: &'s Search<'s>,
-    workspace: &'r mut Workspace,
-    thetas: &'s [Theta; LANES],
-    lanes: usize,
-    /// The positions for a lane in a stretch.
-    positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-    wanted: Wanted,
-    /// [`BEGUN`] or [`DESCENDED`].
-    place: usize,
-}
+impl Search<'_> {
+    /// Innovations of eight sets of parameters at once, of which the first `lanes` count, all with the same positions;
+    /// `then` takes what it needs of them.
+    pub(super) fn innovations<T>(
+        &self,
+        thetas: &[Theta; LANES],
+        lanes: usize,
+        positions: &Positions,
+        wanted: Wanted,
+        then: impl FnOnce(&Innovations) -> T,
+    ) -> T {
+        self.pass(thetas, lanes, &|_, i| &positions[i], wanted, BEGUN, |workspace| then(&workspace.found))
+    }
 
-impl Pass<'_, '_> {
-    fn run(self) {
-        let Self { search, workspace, thetas, lanes, positions, wanted, place } = self;
-        let Search { record, structure, .. } = search;
+    /// Delay of the answer [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from
+    /// the first step on. OP never acts on the PV of its own step: it is the controller's answer to that PV, and would
+    /// explain it all too well.
+    pub(crate) fn delay(&self, theta: &Theta) -> f64 {
+        let cell = self.record.cell as f64;
+        theta[self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell)
+    }
+
+    /// A pass over a record: eight sets of parameters at once, of which the first `lanes` count; `then` takes what it needs of the results.
+    ///
+    /// - `positions`: those for a lane in a stretch.
+    /// - `place`: [`BEGUN`] or [`DESCENDED`].
+    pub(super) fn pass<'s, T>(
+        &'s self,
+        thetas: &'s [Theta; LANES],
+        lanes: usize,
+        positions: &'s dyn Fn(usize, usize) -> &'s [f64],
+        wanted: Wanted,
+        place: usize,
+        then: impl FnOnce(&Workspace) -> T,
+    ) -> T {
+        WORKSPACE.with_borrow_mut(|workspace| {
+            self.fill(workspace, thetas, lanes, positions, wanted, place);
+            then(workspace)
+        })
+    }
+
+    /// Leaves the results of a [`Self::pass`] in the workspace.
+    fn fill<'s>(
+        &self,
+        workspace: &mut Workspace,
+        thetas: &[Theta; LANES],
+        lanes: usize,
+        positions: &'s dyn Fn(usize, usize) -> &'s [f64],
+        wanted: Wanted,
+        place: usize,
+    ) {
+        let Search { record, structure, .. } = self;
         let stretches = 0..record.stretches.len();
-        let delay = Lanes::each(|l| search.delay(&thetas[l]));
+        let delay = Lanes::each(|l| self.delay(&thetas[l]));
         // Most lanes differ in something else.
         let same = |i: usize| (1..LANES).all(|l| std::ptr::eq(positions(l, i), positions(0, i)));
         let together = delay.iter().all(|d| d.floor() == delay[0].floor()) && stretches.clone().all(same);
@@ -133,63 +168,22 @@ impl Pass<'_, '_> {
                 Delayed::Each(v)
             }
         });
-        let held = workspace.place_of(search, thetas, lanes);
+        let held = workspace.place_of(self, thetas, lanes);
         workspace.last = held.unwrap_or(place);
         let Kept { white, known } = &mut workspace.kept[workspace.last];
         if held.is_some() {
-            white.forget_answer();
             let mut inputs = delayed.zip(&record.stretches).map(|(v, s)| (s.y.len(), v));
             structure.answer(lanes, &mut inputs, white);
         } else {
             workspace.changes.clear();
             workspace.changes.extend(record.stretches.iter().map(|stretch| LoadChange::alike(&stretch.changes)));
             *known = None;
-            white.clear();
             let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
             let mut inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
             structure.whiten(lanes, thetas, &mut inputs, white);
-            *known = Some(Known::new(search, thetas, lanes));
+            *known = Some(Known::new(self, thetas, lanes));
         }
-        search.gain_and_residuals(lanes, white, &mut workspace.found, wanted);
-    }
-}
-
-impl Search<'_> {
-    /// Innovations of eight sets of parameters at once, of which the first `lanes` count, all with the same positions;
-    /// `then` takes what it needs of them.
-    pub(super) fn innovations<T>(
-        &self,
-        thetas: &[Theta; LANES],
-        lanes: usize,
-        positions: &Positions,
-        wanted: Wanted,
-        then: impl FnOnce(&Innovations) -> T,
-    ) -> T {
-        self.pass(thetas, lanes, &|_, i| &positions[i], wanted, BEGUN, |workspace| then(&workspace.found))
-    }
-
-    /// Delay of the answer [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from
-    /// the first step on. OP never acts on the PV of its own step: it is the controller's answer to that PV, and would
-    /// explain it all too well.
-    pub(crate) fn delay(&self, theta: &Theta) -> f64 {
-        let cell = self.record.cell as f64;
-        theta[self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell)
-    }
-
-    /// Runs a [`Pass`]; `then` takes what it needs of its results.
-    pub(super) fn pass<'s, T>(
-        &'s self,
-        thetas: &'s [Theta; LANES],
-        lanes: usize,
-        positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-        wanted: Wanted,
-        place: usize,
-        then: impl FnOnce(&Workspace) -> T,
-    ) -> T {
-        WORKSPACE.with_borrow_mut(|workspace| {
-            Pass { search: self, workspace, thetas, lanes, positions, wanted, place }.run();
-            then(workspace)
-        })
+        self.gain_and_residuals(lanes, white, &mut workspace.found, wanted);
     }
 
     /// Sums over the beginning of one stretch, each lane with its own positions.
@@ -203,7 +197,6 @@ impl Search<'_> {
         });
         WORKSPACE.with_borrow_mut(|workspace| {
             let white = &mut workspace.kept[held].white;
-            white.forget_answer();
             let v = Delayed::Late { positions, delay: self.delay(&point.theta) };
             self.structure.answers_of_first(stretch, positions.len(), v, white);
             white.sums

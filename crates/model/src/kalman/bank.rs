@@ -355,9 +355,7 @@ mod tests {
         let (noise, sums) = (4e-5, [1e-3, 1e-3, 1e-3]);
         let variance = 1e4;
         let sought = Sought { theta: &theta, y: &y, v: &v, variance, noise, sign: 1.0, sums, prices: &prices, apart };
-        let mut found = Found::default();
-        Bank { structure, sought: &sought, found: &mut found }.run::<S, R>(simd);
-        found
+        Bank { structure, sought: &sought }.run::<S, R>(simd)
     }
 
     #[test]

@@ -3,8 +3,8 @@
 Every answer goes, with all its evidence, to one line of a file as soon as it is there; what the file has is not asked
 again. `--score FILE` counts the lines of files that are there and fits nothing.
 
-Part A is for choosing rules. Part F (`--half F`, its seed is set) is asked and scored once, when they are chosen; parts
-B to E judged before it.
+Part A is for choosing rules. Part G (`--half G`, its seed is set) is asked and scored once, when they are chosen; parts
+B to F judged before it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SEVERAL = (1, 2, 4, 8)
 """Numbers of days of one valve that are asked about together with `--several`."""
 
 WITH_FAULT = (0, 6)
-"""Of eight numbers of parts D to F these have all their twins, one of them in and one out of what the fit models; the
+"""Of eight numbers of parts D to G these have all their twins, one of them in and one out of what the fit models; the
 others only those without a gap or friction."""
 
 

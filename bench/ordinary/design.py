@@ -2,8 +2,8 @@
 
 "steps/gap/17/1" is number 17 of the row of steps with seed 1, its valve with a gap; "steps/none/17/1" is the same loop
 without. Even numbers are part A, on which rules may be chosen; odd ones are part B, which judged until it had been
-looked at three times. Parts C to F have a seed of their own each (`SEEDS`): parts C, D and E judged once each, and
-part F judges now. Numbers 2 and 3 of any four lie outside of what the fit models: a positioner, a bent valve curve, a
+looked at three times. Parts C to G have a seed of their own each (`SEEDS`): parts C to F judged once each, and part G
+judges now. Numbers 2 and 3 of any four lie outside of what the fit models: a positioner, a bent valve curve, a
 filter in the sensor or a fractional lag.
 
 "steps/gap/17/1/3" is that loop on another day: the same dynamics, controller, valve and kind of load, other random
@@ -40,7 +40,7 @@ from ..truth.design import log_uniform
 from ..truth.records import compressed
 
 Floats = npt.NDArray[np.float64]
-Half = Literal["A", "B", "C", "D", "E", "F"]
+Half = Literal["A", "B", "C", "D", "E", "F", "G"]
 Fault = Literal["none", "gap", "friction", "both", "driven"]
 """Fault: none; a clearance; friction of the stem; both; none, but a load of the period and swing that the gap, or the
 friction, of the same number makes by itself.
@@ -52,6 +52,7 @@ FAULTS: dict[str, tuple[Fault, ...]] = {
     "drift": ("none", "gap"),
     "steps": ("none", "gap"),
     "bends": ("none", "gap"),
+    "corners": ("none", "gap"),
     "sine": ("none", "gap"),
     "saw": ("none", "gap"),
     "square": ("none", "gap"),
@@ -69,7 +70,8 @@ FAULTS: dict[str, tuple[Fault, ...]] = {
 }
 """Every row with what is wrong in its records; all of one number are twins that share all but that.
 
-*drift, steps, bends*: loads that drift, step, or bend each 25 to 200 samples. *sine, saw, square*: a neighbour's cycle.
+*drift, steps, bends*: loads that drift, step, or bend each 25 to 200 samples. *corners*: bends that keep their time to a
+fifth: each 25, 50, 100 or 200 samples. *sine, saw, square*: a neighbour's cycle.
 *cascade*: an inner loop. *manual*: with periods in MAN. *exceptions*, *swinging door*: how the historian keeps its
 values. *historian*: a row each 10 to 60 s. *friction*: a stem that sticks. *gap cycle*: the thesis' own symptom, PI
 with Ti below the lag; *perstorp*: 8.5.2. *friction cycle*: a sticking valve, moved by the integral action.
@@ -93,11 +95,11 @@ ATTEMPTS = 60
 ALIKE = 0.5
 """A lasting cycle is like itself a period later by this correlation."""
 
-SEEDS: dict[Half, int] = {"C": 90417, "D": 31126, "E": 5639, "F": 72944}
+SEEDS: dict[Half, int] = {"C": 90417, "D": 31126, "E": 5639, "F": 72944, "G": 18453}
 """Seeds of the parts that judge or have judged."""
 
 JUDGE: Half = "F"
-"""Part that judges now."""
+"""Part that judges the weights; no line was learned from it."""
 
 LEAST_ROWS = 8
 """A cycle has at least so many rows a period."""
@@ -778,10 +780,25 @@ def _moves(random: Random, t_end: float, apart: float, size: float, rest: float 
 
 def _bends(scene: Scene) -> Load:
     """Straight lines between corners that are 25 to 200 recorded samples apart."""
-    random, at, values = scene.random, [0.0], [0.0]
+    return _lines(scene, lambda: log_uniform(scene.random, 25.0, 200.0))
+
+
+CORNERS = (25, 50, 100, 200)
+"""Recorded samples from one corner to the next in the row *corners*, to a fifth."""
+
+
+def _corners(scene: Scene) -> Load:
+    """Straight lines between corners that are so many samples apart."""
+    apart = scene.random.choice(CORNERS)
+    return _lines(scene, lambda: apart * scene.random.uniform(0.8, 1.2))
+
+
+def _lines(scene: Scene, apart: Callable[[], float]) -> Load:
+    """Straight lines between random values, `apart` recorded samples from one to the next."""
+    at, values = [0.0], [0.0]
     while at[-1] < scene.t_end:
-        at.append(at[-1] + log_uniform(random, 25.0, 200.0) * scene.each)
-        values.append(random.uniform(-0.5, 0.5) * scene.size)
+        at.append(at[-1] + apart() * scene.each)
+        values.append(scene.random.uniform(-0.5, 0.5) * scene.size)
     return np.interp(scene.t, at, values), np.array(at[1:-1])
 
 
@@ -826,6 +843,7 @@ LOADS: dict[str, Callable[[Scene], Load]] = {
     "drift": _drift,
     "steps": _steps,
     "bends": _bends,
+    "corners": _corners,
     "sine": lambda scene: _neighbour(scene, "sine"),
     "saw": lambda scene: _neighbour(scene, "saw"),
     "square": lambda scene: _neighbour(scene, "square"),

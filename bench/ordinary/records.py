@@ -57,7 +57,7 @@ class Truth:
     fault : Fault
     number, seed : int
     half : str
-        "A" to "F".
+        "A" to "G".
     service, kind : str
         As in `design.Drawn`.
     outside : list of str

@@ -40,7 +40,7 @@ HIDDEN = 1.0
 LOADS = {
     **dict.fromkeys(("drift", "walk", "day", "manual"), "drift"),
     **dict.fromkeys(("steps", "levels", "setpoint", "standing"), "steps"),
-    **dict.fromkeys(("bends", "ramps", "random ramps", "slow ramps"), "bends"),
+    **dict.fromkeys(("bends", "corners", "ramps", "random ramps", "slow ramps"), "bends"),
     **dict.fromkeys(("sine", "limit"), "sine"),
     **dict.fromkeys(("saw", "triangle fast", "triangle slow", "irregular cycle"), "saw"),
     **dict.fromkeys(("square", "squares through a lag"), "square"),

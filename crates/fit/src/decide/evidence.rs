@@ -105,10 +105,21 @@ impl Evidence {
         self.high.is_none() || !self.traversed || self.noisy()
     }
 
-    /// Likelihood ratio of no gap that a found gap must exceed: more for an even swing. Some loads that swing, triangles above
+    /// Likelihood ratio of no gap that any gap must exceed: more for an even swing. Some loads that swing, triangles above
     /// all, look like a gap whose cycle is the loop's own.
-    pub(crate) fn needed(&self) -> f64 {
+    pub(super) fn asked(&self) -> f64 {
         self.lr_needed.max(if self.even_swing { LR_IF_EVEN_SWING } else { 0.0 })
+    }
+
+    /// The ratio that a found gap must exceed: a clear one unless its lower limit is near. A load that bends looks like a gap of another width
+    /// each time, a gap has one width.
+    pub(crate) fn needed(&self) -> f64 {
+        self.asked().max(self.least_ratio())
+    }
+
+    /// The least ratio with which a gap is told, by how sharp its width is.
+    pub(super) fn least_ratio(&self) -> f64 {
+        if self.low_is_near() { LR_MIN } else { LR_IF_CLEAR }
     }
 
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
@@ -249,8 +260,10 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
         return (Confidence::CannotTell, "no_answer");
     }
     if e.lr_no_gap <= e.needed() {
-        let none = if e.low <= 0.0 && !e.dissent { e.none(SOUND_BELOW * e.range) } else { None };
+        let vague = e.lr_no_gap > e.asked();
+        let none = if e.low <= 0.0 && !e.dissent && !vague { e.none(SOUND_BELOW * e.range) } else { None };
         let why = match () {
+            _ if vague => e.veto().unwrap_or("may_be_a_gap"),
             _ if e.periodic_load => "repeats",
             _ if e.even_swing => "swings",
             _ => "may_be_a_gap",

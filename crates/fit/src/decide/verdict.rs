@@ -11,13 +11,13 @@ impl Evidence {
         judge(self)
     }
 
-    /// Whether the weighed evidence may make a gap likely that the rules do not find: the ratio exceeds what any gap needs, the valve moves in
-    /// the model, OP goes through the width both ways, and PV is not stored as lines that bend as much. Where a load that swings would look
+    /// Whether the weighed evidence may make a gap likely that the rules do not find: the ratio exceeds what a gap of so sharp a width needs, the valve moves
+    /// in the model, OP goes through the width both ways, and PV is not stored as lines that bend as much. Where a load that swings would look
     /// like the gap, its width is known, and an even swing asks for more.
     fn may_be_likely(&self) -> bool {
         let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
         let sided = !self.swings() || self.width_kind() != WidthKind::Unsure;
-        let asked = if self.even_swing { LR_IF_EVEN_SWING } else { LR_MIN };
+        let asked = if self.even_swing { LR_IF_EVEN_SWING } else { self.least_ratio() };
         self.lr_no_gap > asked && self.low > 0.0 && shows && sided
     }
 
@@ -32,7 +32,7 @@ impl Evidence {
     /// which what the model lacks brings a little in every window.
     pub(crate) fn shows_alone(&self) -> bool {
         let shows = judge(self).0.tells() || self.crossed_twice() && self.veto().is_none() && !self.swings();
-        shows && (self.cycles() || self.lr_no_gap > LR_MIN.max(WINDOW_SHOWS * self.needed()))
+        shows && (self.cycles() || self.lr_no_gap > LR_MIN.max(WINDOW_SHOWS * self.asked()))
     }
 
     /// Cause of a gap, by the slip jump.
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(said(&of(LR_MIN)), (Confidence::CannotTell, None));
         // A record that looks like a gap for another reason is not likely either.
         assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
-        assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(said(&Evidence { low: 0.1, ..of(101.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
     }
 
     #[test]
@@ -178,6 +178,18 @@ mod tests {
             assert!(!hidden.is_plain());
             assert_eq!(said(&hidden), (Confidence::CannotTell, None));
         }
+    }
+
+    #[test]
+    fn a_width_that_is_not_sharp_asks_for_a_clear_ratio() {
+        let vague = Evidence { low: NEAR_LOW - 0.01, lr_no_gap: LR_IF_CLEAR, ..plain() };
+        assert_eq!((said(&vague), judge(&vague).1), ((Confidence::CannotTell, None), "may_be_a_gap"));
+        assert_eq!((vague.needed(), vague.asked()), (LR_IF_CLEAR, LR_MIN));
+        assert_eq!(said(&Evidence { lr_no_gap: LR_IF_CLEAR + 1.0, ..vague.clone() }).0, Confidence::Found);
+        assert_eq!(said(&Evidence { low: NEAR_LOW + 0.01, lr_no_gap: 16.0, ..vague.clone() }).0, Confidence::Found);
+        // Such a ratio shows no sound valve either, and what hides the gap is said where that is known.
+        assert_eq!(said(&Evidence { low: 0.0, ..vague.clone() }).0, Confidence::CannotTell);
+        assert_eq!(judge(&Evidence { one_way: true, ..vague }).1, "once");
     }
 
     #[test]

@@ -70,8 +70,8 @@ FAULTS: dict[str, tuple[Fault, ...]] = {
 }
 """Every row with what is wrong in its records; all of one number are twins that share all but that.
 
-*drift, steps, bends*: loads that drift, step, or bend each 25 to 200 samples. *corners*: bends that keep their time to a
-fifth: each 25, 50, 100 or 200 samples. *sine, saw, square*: a neighbour's cycle.
+*drift, steps, bends*: loads that drift, step, or bend each 25 to 200 samples. *corners*: bends that keep their time
+to a fifth: each 25, 50, 100 or 200 samples. *sine, saw, square*: a neighbour's cycle.
 *cascade*: an inner loop. *manual*: with periods in MAN. *exceptions*, *swinging door*: how the historian keeps its
 values. *historian*: a row each 10 to 60 s. *friction*: a stem that sticks. *gap cycle*: the thesis' own symptom, PI
 with Ti below the lag; *perstorp*: 8.5.2. *friction cycle*: a sticking valve, moved by the integral action.

@@ -149,13 +149,10 @@ const Names = (data) => {
       const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix ? [i] : []));
       let found = role === "time" ? meanings.flatMap((m, i) => (m.role === "time" ? [i] : [])) : fits(loop);
       if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
-      if (found.length > 1 && new Set(found.map((i) => names[i])).size === 1) {
-        const what = `${found.length} ${kind}s are called '${names[found[0]]}', and it is not clear which of them is ${data.columns.labels[role]}`;
-        throw new InputError(what, { hint: "choose one below" });
-      }
       if (found.length > 1) {
-        const both = found.map((i) => `'${names[i]}'`).join(" and ");
-        throw new InputError(`the ${kind}s ${both} could both be ${data.columns.labels[role]}`, { hint: "choose one below" });
+        const name = (i) => (names.filter((other) => other === names[i]).length > 1 ? `${names[i]} (${kind} ${i + 1})` : names[i]);
+        const both = found.map((i) => `'${name(i)}'`).join(" and ");
+        throw new InputError(`the ${kind}s ${both} could ${found.length === 2 ? "both" : "all"} be ${data.columns.labels[role]}`, { hint: "choose one below" });
       }
       if (found.length) chosen[role] = found[0];
     }

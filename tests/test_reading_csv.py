@@ -367,9 +367,7 @@ def test_a_quality_beside_each_signal(tmp_path):
     assert got["flags"].tolist() == [0, BAD, 0]
     # One before all signals and one behind: it is open whose they are.
     path = write(tmp_path, "Quality,t,F1.SP,F1.PV,Quality\nGood,0,1,2,Good\nGood,1,1,2,Good\n")
-    with pytest.raises(
-        InputError, match="2 columns are called 'Quality', and it is not clear which of them is quality"
-    ):
+    with pytest.raises(InputError, match=r"'Quality \(column 1\)' and 'Quality \(column 5\)' could both be quality"):
         open_recordings(path)
 
 
@@ -425,7 +423,7 @@ WRONG = {
     ),
     "two PV": (
         "t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n",
-        ": 2 columns are called 'PV', and it is not clear which of them is PV; give them different names in the file",
+        ": the columns 'PV (column 3)' and 'PV (column 4)' could both be PV; name the right one: --pv 'PV (column 3)', or",
     ),
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
     "ambiguous day": (
@@ -453,7 +451,7 @@ WRONG = {
     ),
     "unknown mode": (
         "t,SP,PV,MODE\n0,1,2,AUTO\n1,1,2,TURBO\n",
-        ", row 3, column MODE: 'TURBO' is not a mode that glapp knows; write",
+        ", row 3, column MODE: 'TURBO' is not a mode that glapp knows; say which words mean automatic, as --auto-values AUTO",
     ),
     "unknown quality": ("t,SP,PV,Quality\n0,1,2,Good\n1,1,2,Meh\n", ", row 3, column Quality: 'Meh' is not a quality"),
     "mixed decimals": (

@@ -71,8 +71,29 @@ def test_tags_above_signals_that_repeat_are_loops(tmp_path, head):
 def test_a_name_that_stays_double_under_its_tags_is_refused(tmp_path):
     path = tmp_path / "plant.csv"
     path.write_text("\n".join([",F1,F1,F1,F1", "t,SP,PV,OP,PV", *(f"{k},1,{k % 3},3,4" for k in range(30))]))
-    with pytest.raises(InputError, match="2 columns are called 'PV'"):
+    with pytest.raises(InputError, match=r"'F1 PV \(column 3\)' and 'F1 PV \(column 5\)' could both be PV"):
         open_recordings(path)
+
+
+@pytest.mark.parametrize(
+    ("above", "name", "pv"),
+    [
+        (",FIC101,,,", "FIC101", "FIC101 PV"),
+        (",FIC101,FIC101,FIC101,", "FIC101", "FIC101 PV"),
+        (",m3/h,m3/h,m3/h,", "plant", "PV"),
+        (",Average,Average,Average,", "plant", "PV"),
+        ("Trend 3,,,,", "plant", "PV"),
+        (",,,,FIC101", "plant", "PV"),
+    ],
+)
+def test_one_tag_above_the_signals_is_their_loop(tmp_path, above, name, pv):
+    """It was lost, and the loop called after its file."""
+    path = tmp_path / "plant.csv"
+    path.write_text("\n".join([above, "t,SP,PV,OP,TI7", *(f"{k},1,{k % 3},3,4" for k in range(30))]))
+    [found] = open_recordings(path)
+    assert (found.name, found.columns["PV"], found.columns["time"]) == (name, pv, "t")
+    [named] = open_recordings(path, [Loop(name="x", columns={"sp": "TI7"})])
+    assert named.columns["SP"] == "TI7"
 
 
 def as_workbook(tmp_path, *sheets):

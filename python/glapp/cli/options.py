@@ -21,7 +21,7 @@ __all__ = ["Options", "with_options"]
 _COLUMNS = ("time", "sp", "pv", "op", "mode", "quality")
 _CONTROLLER = ("form", "k", "pb", "gain_unit", "ti", "ti_unit", "td", "td_unit", "action", "setpoint_weight")
 _PROCESS = ("kp", "kp_unit")
-_LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format", "time_zone")
+_LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format", "time_zone", "auto_values")
 
 
 def _choices(annotation: Any) -> str:
@@ -90,6 +90,10 @@ class Options:
     ] = None
     time_zone: Annotated[
         str | None, _setting("Zone of times that are written without one, such as Europe/Stockholm.", "ZONE")
+    ] = None
+    auto_values: Annotated[
+        list[str] | None,
+        _setting("Word or number of MODE that means automatic, where glapp does not know it; may be repeated.", "WORD"),
     ] = None
 
     def columns(self) -> dict[str, Any]:

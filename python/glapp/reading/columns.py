@@ -9,7 +9,7 @@ from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 from .each import each
-from .meaning import understand
+from .meaning import understand, unnumbered
 from .names import WEAK
 
 __all__ = ["LABELS", "SignalColumns", "choose", "each_with_columns"]
@@ -51,12 +51,13 @@ class SignalColumns:
     def __init__(self, names: Iterable[str], time: str | None = None) -> None:
         self.names = list(names)
         self._meant: dict[tuple[str, str], list[str]] = {}
-        self._times: list[str] = [] if time is None else [time]
+        self._times: list[str] = [] if time is None else [name for name in self.names if unnumbered(name) == time]
         self._folded: dict[str, list[str]] = {}
         roles: dict[str, set[str]] = {}
         weak: dict[str, dict[str, list[str]]] = {}
         for name in self.names:
-            self._folded.setdefault(name.strip().lower(), []).append(name)
+            for written in {name, unnumbered(name)}:
+                self._folded.setdefault(written.strip().lower(), []).append(name)
             meaning = understand(name)
             if meaning.weak is not None:
                 weak.setdefault(meaning.loop, {}).setdefault(meaning.weak, []).append(name)
@@ -236,9 +237,7 @@ def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str
     if len(same) == 1:
         return same[0]
     if same:
-        raise InputError(
-            f"there are {len(same)} {kind}s of this name", file=label, column=named, hint="give them different names"
-        )
+        raise _several(same, role, label, kind)
     names = signals.names
     near = nearest(named, {n.lower(): n for n in names})
     near = next((n for n in names if n.lower() == near), None)
@@ -258,21 +257,20 @@ def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kin
     if group is None and role != "time":
         return None
     fits = signals.meant(role, group or "")
-    if len(fits) > 1 and len(set(fits)) == 1:
-        raise InputError(
-            f"{len(fits)} {kind}s are called {fits[0]!r}, and it is not clear which of them is {LABELS[role]}",
-            file=label,
-            hint="give them different names in the file",
-        )
     if len(fits) > 1:
-        key, option = role, f": --{role} NAME, or" if role in ("time", "sp", "pv", "op", "mode") else ""
-        raise InputError(
-            f"the {kind}s {' and '.join(repr(f) for f in fits)} could both be {LABELS[role]}",
-            file=label,
-            hint=f'name the right one{option} in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
-            asks="columns",
-        )
+        raise _several(fits, role, label, kind)
     return fits[0] if fits else None
+
+
+def _several(fits: Sequence[str], role: str, label: str, kind: str) -> InputError:
+    """Message where several columns could be one signal."""
+    option = f": --{role} '{fits[0]}', or" if role in ("time", "sp", "pv", "op", "mode", "quality") else ""
+    return InputError(
+        f"the {kind}s {' and '.join(map(repr, fits))} could {'both' if len(fits) == 2 else 'all'} be {LABELS[role]}",
+        file=label,
+        hint=f'name the right one{option} in loops.toml: columns = {{ {role} = "{fits[0]}" }}',
+        asks="columns",
+    )
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -140,13 +140,14 @@ const Names = (data) => {
   /** Column for every role of one loop; what a person chose in `columns` wins, -1 says that there is none; none of the roles `without` has one; `kind` is what a person calls them. */
   function choose(names, meanings, loops, loop, columns, without, kind) {
     const chosen = {};
+    const taken = new Set(Object.values(columns));
     for (const role of Object.keys(data.columns.labels)) {
       if (["tag", "value", ...without].includes(role)) continue;
       if (columns[role] !== undefined) {
         if (columns[role] >= 0) chosen[role] = columns[role];
         continue;
       }
-      const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix ? [i] : []));
+      const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix && !taken.has(i) ? [i] : []));
       let found = role === "time" ? meanings.flatMap((m, i) => (m.role === "time" ? [i] : [])) : fits(loop);
       if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
       if (found.length > 1) {

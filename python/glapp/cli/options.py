@@ -11,12 +11,13 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from ..checked import check_limits
 from ..controller import Controller
 from ..errors import InputError
 from ..loop import Loop, Process
 from .screen import CommandError
 
-__all__ = ["Options", "with_options"]
+__all__ = ["Options", "check_option", "with_options"]
 
 _COLUMNS = ("time", "sp", "pv", "op", "mode", "quality")
 _CONTROLLER = ("form", "k", "pb", "gain_unit", "ti", "ti_unit", "td", "td_unit", "action", "setpoint_weight")
@@ -123,6 +124,18 @@ class Options:
     def _given(self, names: tuple[str, ...]) -> dict[str, Any]:
         """Options of these names that were given."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+
+def check_option(option: str, limits: tuple[float, float] | None) -> None:
+    """Refuse the limits of an option, LOW HIGH, where the first is not below the second.
+
+    Raises CommandError where it is not.
+    """
+    if limits is not None:
+        try:
+            check_limits(limits)
+        except InputError as error:
+            raise CommandError(f"{option}: {error.what}") from None
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:

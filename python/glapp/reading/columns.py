@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from ..checked import nearest
@@ -155,16 +155,21 @@ def choose(
     SP and OP are.
     """
     wanted: Mapping[str, str | None] = loop.columns.model_dump()
+    roles = [r for r in LABELS if r not in ("tag", "value") and not (tags and r in ("time", "quality"))]
+    named = {role: _named(signals, name, role, loop, label, kind) for role in roles if (name := wanted[role])}
     chosen: dict[str, str] = {}
-    for role in LABELS:
-        if role in ("tag", "value") or (tags and role in ("time", "quality")):
-            continue
-        named = wanted[role]
-        if named is not None:
-            if named:
-                chosen[role] = _named(signals, named, role, loop, label, kind)
-        elif guessed := _guess(signals, role, group, label, kind):
+    for role in roles:
+        if role in named:
+            chosen[role] = named[role]
+        elif wanted[role] is None and (guessed := _guess(signals, role, group, label, kind, named.values())):
             chosen[role] = guessed
+    if (
+        "position" in chosen
+        and wanted["position"] is wanted["op"] is None
+        and "op" not in chosen
+        and not loop.controller
+    ):
+        raise _position_alone(chosen["position"], label, kind)
     if "pv" not in chosen or not chosen.keys() & {"sp", "op"}:
         raise _missing(signals, chosen, loop, group, label, kind)
     return chosen
@@ -252,11 +257,24 @@ def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str
     )
 
 
-def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kind: str) -> str | None:
-    """The column that a role most likely has; None where none is plain."""
+def _position_alone(position: str, label: str, kind: str) -> InputError:
+    """Message where the valve's position is there and OP is not, and nothing else tells of the controller."""
+    return InputError(
+        f"the {kind} {position!r} is taken for the position that the valve reports, and none is left for OP",
+        file=label,
+        hint=f"where it is what the controller sends to the valve, name it: --op '{position}', or in loops.toml "
+        f'columns = {{ op = "{position}" }}; else export OP as well',
+        asks="columns",
+    )
+
+
+def _guess(
+    signals: SignalColumns, role: str, group: str | None, label: str, kind: str, taken: Collection[str]
+) -> str | None:
+    """The column that a role most likely has, none of those that are `taken`; None where none is plain."""
     if group is None and role != "time":
         return None
-    fits = signals.meant(role, group or "")
+    fits = [name for name in signals.meant(role, group or "") if name not in taken]
     if len(fits) > 1:
         raise _several(fits, role, label, kind)
     return fits[0] if fits else None

@@ -256,7 +256,7 @@ def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[st
         raise ValueError(
             "is not a mode that glapp knows",
             "say which words mean automatic, as --auto-values AUTO --auto-values CAS, or in loops.toml "
-            "auto_values = [\"AUTO\", \"CAS\"]; or leave the column out: --mode ''",
+            'auto_values = ["AUTO", "CAS"]; or leave the column out: --mode \'\'',
         )
 
     return decide

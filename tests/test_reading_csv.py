@@ -392,6 +392,14 @@ def test_a_column_that_is_named_for_one_signal_is_guessed_for_no_other(tmp_path)
     assert open_recordings(path, [known])[0].columns["position"] == "Ventilstellung"
 
 
+def test_a_column_of_confidence_is_no_second_loop(tmp_path):
+    """FIC1.PV Conf was PV of a loop called "FIC1 Conf"."""
+    head = "t,FIC1.SP,FIC1.SP Conf,FIC1.PV,FIC1.PV Conf,FIC1.OP,FIC1.OP Conf"
+    path = write(tmp_path, head + "\n0,1,100,2,100,3,100\n1,1,100,2,0,3,100\n")
+    [recording] = open_recordings(path)
+    assert recording.name == "FIC1" and read(path)[1]["flags"].tolist() == [0, BAD]
+
+
 def test_wide_file_with_several_loops(tmp_path):
     head = "Timestamp,FIC1.SP,FIC1.PV,FIC1.OUT,LIC2/PID1/SP.CV,LIC2/PID1/PV.CV,TI9.PV"
     path = write(tmp_path, head + "\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n")

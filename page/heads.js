@@ -42,6 +42,20 @@ const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
     });
   }
 
+  /** Whether a name is a signal's, of no loop. */
+  const isSignal = (name) => {
+    const { role, loop, weak } = understand(name);
+    return !loop && (weak !== null || ![null, "time", "value", "tag"].includes(role));
+  };
+
+  /** The tag that stands above signals without one, and above nothing before them; null where there is none. */
+  function oneTag(above, names) {
+    const first = above.findIndex((cell) => cell.trim());
+    const tag = tidy(above[first]);
+    if (above.some((cell) => cell.trim() && tidy(cell) !== tag) || !names.some(isSignal) || names.slice(0, first).some(isSignal)) return null;
+    return first === 0 || UNITS.has(folded(bare(tag))) || !/[0-9]/.test(tag) || understand(tag).role ? null : tag;
+  }
+
   /** Whether two columns have the same name. */
   const repeat = (names) => new Set(names.filter(Boolean)).size < names.filter(Boolean).length;
 
@@ -81,7 +95,9 @@ const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
     if (below.length && saysValue(rows[below[0]].cells)) names = under(names, rows[below.shift()].cells);
     else if (lines.includes(named - 1)) {
       const whole = under(rows[named - 1].cells.map(tidy), rows[named].cells);
+      const tag = oneTag(rows[named - 1].cells, names);
       if (saysValue(rows[named].cells) || (repeat(names) && !repeat(whole))) names = whole;
+      else if (tag) names = names.map((name) => (isSignal(name) ? `${tag} ${name}` : name));
     }
     const of_units = below.filter((i) => areUnits(rows[i].cells));
     const unit_rows = of_units.length ? of_units : below.filter((i) => areShort(rows[i].cells));

@@ -140,22 +140,20 @@ const Names = (data) => {
   /** Column for every role of one loop; what a person chose in `columns` wins, -1 says that there is none; none of the roles `without` has one; `kind` is what a person calls them. */
   function choose(names, meanings, loops, loop, columns, without, kind) {
     const chosen = {};
+    const taken = new Set(Object.values(columns));
     for (const role of Object.keys(data.columns.labels)) {
       if (["tag", "value", ...without].includes(role)) continue;
       if (columns[role] !== undefined) {
         if (columns[role] >= 0) chosen[role] = columns[role];
         continue;
       }
-      const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix ? [i] : []));
+      const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix && !taken.has(i) ? [i] : []));
       let found = role === "time" ? meanings.flatMap((m, i) => (m.role === "time" ? [i] : [])) : fits(loop);
       if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
-      if (found.length > 1 && new Set(found.map((i) => names[i])).size === 1) {
-        const what = `${found.length} ${kind}s are called '${names[found[0]]}', and it is not clear which of them is ${data.columns.labels[role]}`;
-        throw new InputError(what, { hint: "choose one below" });
-      }
       if (found.length > 1) {
-        const both = found.map((i) => `'${names[i]}'`).join(" and ");
-        throw new InputError(`the ${kind}s ${both} could both be ${data.columns.labels[role]}`, { hint: "choose one below" });
+        const name = (i) => (names.filter((other) => other === names[i]).length > 1 ? `${names[i]} (${kind} ${i + 1})` : names[i]);
+        const both = found.map((i) => `'${name(i)}'`).join(" and ");
+        throw new InputError(`the ${kind}s ${both} could ${found.length === 2 ? "both" : "all"} be ${data.columns.labels[role]}`, { hint: "choose one below" });
       }
       if (found.length) chosen[role] = found[0];
     }

@@ -24,8 +24,9 @@ from glapp.cli import app, screen
 from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema
+from glapp.reading import open_recordings
 from glapp.reading.settings import read_settings
-from glapp.recording import Recording
+from glapp.recording import NOT_AUTO, Recording
 from glapp.report.words import clock
 
 ROOT = Path(__file__).parents[1]
@@ -635,6 +636,22 @@ def test_settings_of_the_command_line_are_those_of_a_loops_toml(run):
     _, by_line, _ = run("analyze", "plant.csv", *line.split(), "--json")
     assert by_file == by_line
     assert json.loads(by_line)["loops"][0]["controller"]["ti"] == 31
+
+
+def test_the_words_that_mean_automatic_are_an_option_and_are_written(run):
+    """An unknown word of MODE needed a loops.toml by hand."""
+    words = ["1", "2", "3"]
+    rows = "".join(f"{k},50,{50 + k % 3},{40 + k % 4},{words[k % 3]}\n" for k in range(30))
+    Path("plant.csv").write_text("t,SP,PV,OP,MODE\n" + rows)
+    code, _, err = run("init", "plant.csv")
+    assert code == 1
+    assert "'2' is not a mode that glapp knows; say which words mean automatic, as --auto-values" in err
+    assert run("init", "plant.csv", "--auto-values", "1", "--auto-values", "3", "-o", "loops.toml")[0] == 0
+    assert 'auto_values = ["1", "3"]' in Path("loops.toml").read_text()
+    [loop] = read_settings("loops.toml")
+    [recording] = open_recordings("plant.csv", [loop])
+    [batch] = recording.batches()
+    assert batch.flags.tolist() == [NOT_AUTO if words[k % 3] == "2" else 0 for k in range(30)]
 
 
 def test_init_writes_what_it_is_told_of_the_controller_as_its_maker_writes_it(run):

@@ -82,6 +82,11 @@ READ: dict[str, str | bytes] = {
     "tags above signals that repeat": "\n".join(
         [",F1,F1,F1,T7", "t,SP,PV,OP,PV", "s,bar,bar,%,degC", *(f"{row},9" for row in rows(SECONDS))]
     ),
+    "one tag above the signals": "\n".join(
+        [",FIC101,,,", "t,SP,PV,OP,Remark", "s,bar,bar,%,", *(f"{row},a" for row in rows(SECONDS))]
+    ),
+    "a unit above the signals": "\n".join([",m3/h,m3/h,", "t,SP,PV,OP", *rows(SECONDS)]),
+    "a title above the first column": "\n".join(["Export 3,,,", "t,SP,PV,OP", *rows(SECONDS)]),
     "a title above a name that repeats": "\n".join(
         ["Export of,unit 3,,,,", "t,SP,PV,OP,Remark,Remark", *(f"{row},a,b" for row in rows(SECONDS))]
     ),

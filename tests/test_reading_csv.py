@@ -367,10 +367,37 @@ def test_a_quality_beside_each_signal(tmp_path):
     assert got["flags"].tolist() == [0, BAD, 0]
     # One before all signals and one behind: it is open whose they are.
     path = write(tmp_path, "Quality,t,F1.SP,F1.PV,Quality\nGood,0,1,2,Good\nGood,1,1,2,Good\n")
-    with pytest.raises(
-        InputError, match="2 columns are called 'Quality', and it is not clear which of them is quality"
-    ):
+    with pytest.raises(InputError, match=r"'Quality \(column 1\)' and 'Quality \(column 5\)' could both be quality"):
         open_recordings(path)
+
+
+def test_columns_of_one_name_are_chosen_by_number(tmp_path):
+    """Nothing but a change of the file helped."""
+    path = write(tmp_path, "t,F1.SP,F1.PV,F1.PV,F1.OP\n0,1,2,3,4\n1,1,2,3,4\n")
+    with pytest.raises(
+        InputError, match=r"plant.csv: the columns 'F1.PV \(column 3\)' and 'F1.PV \(column 4\)' could both"
+    ):
+        open_recordings(path, [Loop(name="F1", columns={"pv": "F1.PV"})])
+    [recording] = open_recordings(path, [Loop(name="F1", columns={"pv": "F1.PV (column 4)"})])
+    assert next(recording.batches()).pv.tolist() == [3, 3]
+    assert recording.columns["OP"] == "F1.OP"
+
+
+def test_a_column_that_is_named_for_one_signal_is_guessed_for_no_other(tmp_path):
+    """OP and the position were one column, and the position overrules the fit."""
+    path = write(tmp_path, "Zeit,Sollwert,Istwert,Ventilstellung\n0,1,2,3\n1,1,2,3\n")
+    [recording] = open_recordings(path, [Loop(name="x", columns={"op": "Ventilstellung"})])
+    assert recording.columns == {"time": "Zeit", "SP": "Sollwert", "PV": "Istwert", "OP": "Ventilstellung"}
+    known = Loop(name="x", controller={"k": 1, "ti": 9})
+    assert open_recordings(path, [known])[0].columns["position"] == "Ventilstellung"
+
+
+def test_a_column_of_confidence_is_no_second_loop(tmp_path):
+    """FIC1.PV Conf was PV of a loop called "FIC1 Conf"."""
+    head = "t,FIC1.SP,FIC1.SP Conf,FIC1.PV,FIC1.PV Conf,FIC1.OP,FIC1.OP Conf"
+    path = write(tmp_path, head + "\n0,1,100,2,100,3,100\n1,1,100,2,0,3,100\n")
+    [recording] = open_recordings(path)
+    assert recording.name == "FIC1" and read(path)[1]["flags"].tolist() == [0, BAD]
 
 
 def test_wide_file_with_several_loops(tmp_path):
@@ -425,7 +452,12 @@ WRONG = {
     ),
     "two PV": (
         "t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n",
-        ": 2 columns are called 'PV', and it is not clear which of them is PV; give them different names in the file",
+        ": the columns 'PV (column 3)' and 'PV (column 4)' could both be PV; name the right one: --pv 'PV (column 3)'",
+    ),
+    "a position alone": (
+        "Zeit,Sollwert,Istwert,Ventilstellung\n0,1,2,3\n1,1,2,3\n",
+        ": the column 'Ventilstellung' is taken for the position that the valve reports, and none is left for OP; "
+        "where it is what the controller sends to the valve, name it: --op 'Ventilstellung', or in loops.toml",
     ),
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
     "ambiguous day": (
@@ -453,7 +485,7 @@ WRONG = {
     ),
     "unknown mode": (
         "t,SP,PV,MODE\n0,1,2,AUTO\n1,1,2,TURBO\n",
-        ", row 3, column MODE: 'TURBO' is not a mode that glapp knows; write",
+        ", row 3, column MODE: 'TURBO' is not a mode that glapp knows; say which words mean automatic",
     ),
     "unknown quality": ("t,SP,PV,Quality\n0,1,2,Good\n1,1,2,Meh\n", ", row 3, column Quality: 'Meh' is not a quality"),
     "mixed decimals": (

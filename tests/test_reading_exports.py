@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench import makers
 from exports import FORMS, PV, guide, open_document, typed, workbook
 
 from glapp import analyze, estimate, simulate
 from glapp.errors import InputError
 from glapp.loop import Loop
-from glapp.reading import open_recordings, recording_from
+from glapp.reading import files, open_recordings, recording_from
+from glapp.reading.files import ENDINGS
 from glapp.recording import NOT_AUTO, joined
 from glapp.result import REASONS
 
@@ -68,11 +70,54 @@ def test_tags_above_signals_that_repeat_are_loops(tmp_path, head):
     }
 
 
+def test_columns_of_one_name_in_a_sheet_and_with_times_of_their_own(tmp_path):
+    """Of the latter the last was taken, and no word said of it."""
+    rows = [["t", "SP", "PV", "PV", "OP"], *([k, 1, k % 3, 2, 4] for k in range(30))]
+    path = as_workbook(tmp_path, ("Trend", [["", *row] for row in rows]))
+    with pytest.raises(InputError, match=r"'PV \(column 4\)' and 'PV \(column 5\)' could both be PV"):
+        open_recordings(path)
+    path = tmp_path / "plant.csv"
+    head = "Time,F1.PV,Time,F1.OP,Time,F1.PV"
+    path.write_text("\n".join([head, *(f"{k},{k % 3},{k},{k % 4},{k},{k % 5}" for k in range(30))]))
+    with pytest.raises(InputError, match=r"'F1.PV \(column 2\)' and 'F1.PV \(column 6\)' could both be PV"):
+        open_recordings(path)
+
+
 def test_a_name_that_stays_double_under_its_tags_is_refused(tmp_path):
     path = tmp_path / "plant.csv"
     path.write_text("\n".join([",F1,F1,F1,F1", "t,SP,PV,OP,PV", *(f"{k},1,{k % 3},3,4" for k in range(30))]))
-    with pytest.raises(InputError, match="2 columns are called 'PV'"):
+    with pytest.raises(InputError, match=r"'F1 PV \(column 3\)' and 'F1 PV \(column 5\)' could both be PV"):
         open_recordings(path)
+
+
+@pytest.mark.parametrize(
+    ("above", "name", "pv"),
+    [
+        (",FIC101,,,", "FIC101", "FIC101 PV"),
+        (",FIC101,FIC101,FIC101,", "FIC101", "FIC101 PV"),
+        (",m3/h,m3/h,m3/h,", "plant", "PV"),
+        (",Average,Average,Average,", "plant", "PV"),
+        ("Trend 3,,,,", "plant", "PV"),
+        (",,,,FIC101", "plant", "PV"),
+    ],
+)
+def test_one_tag_above_the_signals_is_their_loop(tmp_path, above, name, pv):
+    """It was lost, and the loop called after its file."""
+    path = tmp_path / "plant.csv"
+    path.write_text("\n".join([above, "t,SP,PV,OP,TI7", *(f"{k},1,{k % 3},3,4" for k in range(30))]))
+    [found] = open_recordings(path)
+    assert (found.name, found.columns["PV"], found.columns["time"]) == (name, pv, "t")
+    [named] = open_recordings(path, [Loop(name="x", columns={"sp": "TI7"})])
+    assert named.columns["SP"] == "TI7"
+
+
+def test_every_form_that_is_named_to_people_is_read_here_and_every_ending_is_of_one():
+    exports = [*(make() for _, make in FORMS.values()), *(form.make() for form in makers.FORMS.values())]
+    endings = {Path(f"plant{one.ending}").suffix for one in exports}
+    assert endings <= set(ENDINGS)
+    assert [name for name, of in files.FORMS.items() if not endings & set(of)] == [
+        "OpenDocument"
+    ]  # its tests are below
 
 
 def as_workbook(tmp_path, *sheets):

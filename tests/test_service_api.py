@@ -479,6 +479,19 @@ def test_the_first_user(tmp_path: Path) -> None:
     assert not path.exists(), "there is one already"
 
 
+def test_a_login_that_cannot_be_stored_says_why_and_what_to_do(client: TestClient, monitor: Monitor) -> None:
+    """It said "not done", as if the name or the password were the matter."""
+    eve = header(client, "eve")
+    monitor.store._db.execute("PRAGMA query_only = ON")  # as a disk that takes no more
+    reply = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]})
+    assert reply.status_code == 503
+    assert "nobody can log in until the service can write: " in reply.json()["detail"]
+    assert "make room on its disk, then log in again. Who is logged in stays so" in reply.json()["detail"]
+    assert client.post("/login", json={"user": "eve", "password": "another"}).status_code == 401
+    assert client.get("/status", headers=eve).status_code == 200
+    monitor.store._db.execute("PRAGMA query_only = OFF")
+
+
 @pytest.mark.slow
 def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, monitor: Monitor) -> None:
     eve = header(client, "eve")

@@ -15,6 +15,7 @@ from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
 from glapp.service.store import Reader
+from glapp.station import charts
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
 
@@ -187,7 +188,10 @@ def test_a_page_that_is_open_before_the_first_samples(browser: Any, window: Wind
 
 @pytest.mark.verify
 def test_axes_end_at_the_span_or_at_the_signal(browser: Any, window: Window) -> None:
-    """Regressions: an OP at its limit had an axis to 102 %, and an axis that was fitted kept its 5 % of span."""
+    """Regressions: an OP at its limit had an axis to 102 %, and an axis that was fitted kept its 5 % of span.
+
+    Without a span a signal that stays at 50.2 had an axis from 20 to 80.
+    """
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
     under_way(page)
@@ -202,6 +206,11 @@ def test_axes_end_at_the_span_or_at_the_signal(browser: Any, window: Window) -> 
     page.get_by_role("button", name="fit to signals").click()
     page.wait_for_function(f"Math.abs({CHART}.getOption().series[2].data[0][0]) > 1e9")  # drawn anew
     assert reach(100, 100) == [99.9, 100] and reach(60, 61) == [60, 61]
+    without = charts._reach(None, charts.PART)
+    ends = "{ min: eval(min), max: eval(max) }"
+    page.evaluate(f"([min, max]) => {CHART}.setOption({{ yAxis: [{{}}, {ends}] }})", [without[":min"], without[":max"]])
+    assert reach(50.2, 50.2) == pytest.approx([49.698, 50.702]) and reach(-50.2, -50.2)[1] == pytest.approx(-49.698)
+    assert reach(0, 0) == [-1, 1] and reach(50.2, 50.4) == pytest.approx([50.2, 50.4])
     assert page.wrong == []
 
 
@@ -250,6 +259,7 @@ def test_step_test(browser: Any, window: Window, tmp_path: Path) -> None:
     now.get_by_text("Put the controller in manual while the load is calm").wait_for()
     page.get_by_text("in automatic all the time").wait_for()
     page.get_by_role("button", name="From a file").click()
+    page.get_by_text("A recording: CSV, Excel, OpenDocument, JSON, HTML, Parquet, Arrow").wait_for()  # was four of them
     page.get_by_label("column of PV").fill("flow")
     page.get_by_label("column of OP").fill("valve")
     path = tmp_path / "test.csv"

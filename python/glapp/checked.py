@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from .errors import InputError
 
-__all__ = ["Checked", "nearest"]
+__all__ = ["Checked", "check_limits", "nearest"]
 
 _BOUNDS = {
     "greater_than": ("gt", ">"),
@@ -30,6 +30,25 @@ class Checked(BaseModel):
             super().__init__(**data)
         except ValidationError as error:
             raise _refusal(type(self), error) from None
+
+
+def check_limits(limits: tuple[float, float], parameter: str | None = None, **place: Any) -> None:
+    """Refuse limits or a span of which the lower one is not below the upper one.
+
+    - `place`: further keys of `InputError`.
+
+    Raises InputError where it is not.
+
+    Examples
+    --------
+    >>> check_limits((65, 45), "op_within")
+    Traceback (most recent call last):
+    glapp.errors.InputError: op_within: goes from 65 to 45, must be low < high
+    """
+    low, high = limits
+    if not low < high:
+        what = f"goes from {low:g} to {high:g}, must be low < high"
+        raise InputError(what, parameter=parameter, value=limits, bound="low < high", **place)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

@@ -12,7 +12,7 @@ from zoneinfo import ZoneInfo, available_timezones
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from . import _glapp
-from .checked import Checked
+from .checked import Checked, check_limits
 from .controller import Controller, Ideal, Span
 from .errors import InputError
 from .notebook import table
@@ -275,10 +275,8 @@ class Loop(Checked):
     @classmethod
     def _low_below_high(cls, span: Span | None) -> Span | None:
         """A span, checked for low < high."""
-        if span is not None and not span[0] < span[1]:
-            raise InputError(
-                f"goes from {span[0]:g} to {span[1]:g}, must be low < high", value=span, bound="low < high"
-            )
+        if span is not None:
+            check_limits(span)
         return span
 
     @field_validator("time_zone")

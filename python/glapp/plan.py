@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .checked import check_limits
 from .controller import Ideal
 from .errors import InputError
 from .estimate import analyze
@@ -173,9 +174,8 @@ def plan_test(
     if width is not None and not width > 0:
         raise InputError(f"is {width:g}, must be > 0", parameter="width", value=width, bound="> 0")
     for name, within in (("op_within", op_within), ("pv_within", pv_within)):
-        if within is not None and not within[0] < within[1]:
-            bound = "the first below the second"
-            raise InputError(f"is {within[0]:g} to {within[1]:g}, must be {bound}", parameter=name, bound=bound)
+        if within is not None:
+            check_limits(within, name)
     if unknown := set(kinds) - {"by_hand", "setpoint", "more_hours"}:
         raise InputError(f"holds {sorted(unknown)[0]!r}; known: by_hand, setpoint, more_hours", parameter="kinds")
     asked = _width(result) if width is None else width
@@ -408,9 +408,7 @@ def _known_process(result: Result, loop: Loop) -> tuple[Fit, Process, tuple[floa
 def _room(name: str, within: Limits | None, x: Floats, last: float) -> Limits:
     """Limits of a signal in the test: those given, else its range in the recording, which ends at `last`."""
     low, high = within or (float(np.nanmin(x)), float(np.nanmax(x)))
-    if not low < high:
-        bound = "the first below the second"
-        raise InputError(f"is {low:g} to {high:g}, must be {bound}", parameter=f"{name}_within", bound=bound)
+    check_limits((low, high), f"{name}_within")
     if not low <= last <= high:
         raise InputError(f"is {low:g} to {high:g}, and the recording ends at {last:.4g}", parameter=f"{name}_within")
     return low, high

@@ -22,7 +22,7 @@ from ..row import columns, rows
 from ..writing import write_file
 from .ask import asked, can_ask
 from .inputs import Refused, open_files, read_by
-from .options import Options, with_options
+from .options import Options, check_option, with_options
 from .outputs import PAGE, TABLE, check_output, fault_of
 from .screen import Column, CommandError, fitting, key_values, out, say_error, show_table, styled
 from .work import analyze_all
@@ -79,9 +79,8 @@ def analyze(
         raise CommandError("--plan works on the fit, and --no-fit leaves it out")
     if not plan and (op_within is not None or pv_within is not None):
         raise CommandError("--op-within and --pv-within are limits of a planned test: add --plan")
-    for option, within in (("--op-within", op_within), ("--pv-within", pv_within)):
-        if within is not None and not within[0] < within[1]:
-            raise CommandError(f"{option}: {within[0]:g} {within[1]:g}: LOW must be below HIGH")
+    check_option("--op-within", op_within)
+    check_option("--pv-within", pv_within)
     if not minutes > 0:
         raise CommandError(f"--minutes: {minutes:g}: must be > 0")
     if table is not None and not to_output:

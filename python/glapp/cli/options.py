@@ -11,17 +11,18 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from ..checked import check_limits
 from ..controller import Controller
 from ..errors import InputError
 from ..loop import Loop, Process
 from .screen import CommandError
 
-__all__ = ["Options", "with_options"]
+__all__ = ["Options", "check_option", "with_options"]
 
 _COLUMNS = ("time", "sp", "pv", "op", "mode", "quality")
 _CONTROLLER = ("form", "k", "pb", "gain_unit", "ti", "ti_unit", "td", "td_unit", "action", "setpoint_weight")
 _PROCESS = ("kp", "kp_unit")
-_LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format", "time_zone")
+_LOOP = ("pv_span", "op_span", "tf", "n", "repaired", "sample_time", "time_format", "time_zone", "auto_values")
 
 
 def _choices(annotation: Any) -> str:
@@ -91,6 +92,10 @@ class Options:
     time_zone: Annotated[
         str | None, _setting("Zone of times that are written without one, such as Europe/Stockholm.", "ZONE")
     ] = None
+    auto_values: Annotated[
+        list[str] | None,
+        _setting("Word or number of MODE that means automatic, where glapp does not know it; may be repeated.", "WORD"),
+    ] = None
 
     def columns(self) -> dict[str, Any]:
         """Names of columns that were given, as keys of `Columns`."""
@@ -119,6 +124,18 @@ class Options:
     def _given(self, names: tuple[str, ...]) -> dict[str, Any]:
         """Options of these names that were given."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+
+def check_option(option: str, limits: tuple[float, float] | None) -> None:
+    """Refuse the limits of an option, LOW HIGH, where the first is not below the second.
+
+    Raises CommandError where it is not.
+    """
+    if limits is not None:
+        try:
+            check_limits(limits)
+        except InputError as error:
+            raise CommandError(f"{option}: {error.what}") from None
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -17,7 +17,7 @@ from ..plan import plan_test as plan
 from ..planned import Plan
 from ..report import planned
 from .inputs import Valve, open_files, recording_of
-from .options import Options, with_options
+from .options import Options, check_option, with_options
 from .screen import err, key_values, out, say_error
 from .work import PATIENCE
 
@@ -53,6 +53,8 @@ def plan_test(
 test passes the limits in any simulation, with the process gain at its upper limit. Where nothing fits in the limits, \
 the reason is told.
     """
+    check_option("--op-within", op_within)
+    check_option("--pv-within", pv_within)
     plans: list[Plan] = []
     faults: list[InputError] = []
     for entry in open_files(files, options):

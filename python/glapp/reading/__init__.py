@@ -22,7 +22,7 @@ from .influx import annotated, is_annotated, is_line_protocol, line_protocol
 from .kinds import check_beginning
 from .long import long_recordings
 from .markup import is_markup, page
-from .meaning import is_long, with_own_qualities
+from .meaning import is_long
 from .parquet import IpcSource, ParquetSource
 from .passes import Passes
 from .shape import shaped, tagged
@@ -108,6 +108,7 @@ def first_rows(path: str | Path, rows: int) -> tuple[list[str], list[list[str]]]
     Raises InputError where the file cannot be used.
     """
     source = _open(Path(path), str(path))[0]
+    source.tell_apart()
     columns = [
         words(column.slice(0, rows)) if not pa.types.is_temporal(column.type) else column.cast(pa.string())
         for column in source.head(range(len(source.names)))
@@ -221,7 +222,7 @@ def _recordings(
     source = shaped(source, loops or (), defaults or {})
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
-    source.call(with_own_qualities(source.names))
+    source.tell_apart()
     signals = SignalColumns(source.names, source.time)
     passes = Passes(source)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 from .each import each
-from .meaning import understand
+from .meaning import understand, unnumbered
 from .names import WEAK
 
 __all__ = ["LABELS", "SignalColumns", "choose", "each_with_columns"]
@@ -51,12 +51,13 @@ class SignalColumns:
     def __init__(self, names: Iterable[str], time: str | None = None) -> None:
         self.names = list(names)
         self._meant: dict[tuple[str, str], list[str]] = {}
-        self._times: list[str] = [] if time is None else [time]
+        self._times: list[str] = [] if time is None else [name for name in self.names if unnumbered(name) == time]
         self._folded: dict[str, list[str]] = {}
         roles: dict[str, set[str]] = {}
         weak: dict[str, dict[str, list[str]]] = {}
         for name in self.names:
-            self._folded.setdefault(name.strip().lower(), []).append(name)
+            for written in {name, unnumbered(name)}:
+                self._folded.setdefault(written.strip().lower(), []).append(name)
             meaning = understand(name)
             if meaning.weak is not None:
                 weak.setdefault(meaning.loop, {}).setdefault(meaning.weak, []).append(name)
@@ -154,16 +155,21 @@ def choose(
     SP and OP are.
     """
     wanted: Mapping[str, str | None] = loop.columns.model_dump()
+    roles = [r for r in LABELS if r not in ("tag", "value") and not (tags and r in ("time", "quality"))]
+    named = {role: _named(signals, name, role, loop, label, kind) for role in roles if (name := wanted[role])}
     chosen: dict[str, str] = {}
-    for role in LABELS:
-        if role in ("tag", "value") or (tags and role in ("time", "quality")):
-            continue
-        named = wanted[role]
-        if named is not None:
-            if named:
-                chosen[role] = _named(signals, named, role, loop, label, kind)
-        elif guessed := _guess(signals, role, group, label, kind):
+    for role in roles:
+        if role in named:
+            chosen[role] = named[role]
+        elif wanted[role] is None and (guessed := _guess(signals, role, group, label, kind, named.values())):
             chosen[role] = guessed
+    if (
+        "position" in chosen
+        and wanted["position"] is wanted["op"] is None
+        and "op" not in chosen
+        and not loop.controller
+    ):
+        raise _position_alone(chosen["position"], label, kind)
     if "pv" not in chosen or not chosen.keys() & {"sp", "op"}:
         raise _missing(signals, chosen, loop, group, label, kind)
     return chosen
@@ -236,9 +242,7 @@ def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str
     if len(same) == 1:
         return same[0]
     if same:
-        raise InputError(
-            f"there are {len(same)} {kind}s of this name", file=label, column=named, hint="give them different names"
-        )
+        raise _several(same, role, label, kind)
     names = signals.names
     near = nearest(named, {n.lower(): n for n in names})
     near = next((n for n in names if n.lower() == near), None)
@@ -253,26 +257,38 @@ def _named(signals: SignalColumns, named: str, role: str, loop: Loop, label: str
     )
 
 
-def _guess(signals: SignalColumns, role: str, group: str | None, label: str, kind: str) -> str | None:
-    """The column that a role most likely has; None where none is plain."""
+def _position_alone(position: str, label: str, kind: str) -> InputError:
+    """Message where the valve's position is there and OP is not, and nothing else tells of the controller."""
+    return InputError(
+        f"the {kind} {position!r} is taken for the position that the valve reports, and none is left for OP",
+        file=label,
+        hint=f"where it is what the controller sends to the valve, name it: --op '{position}', or in loops.toml "
+        f'columns = {{ op = "{position}" }}; else export OP as well',
+        asks="columns",
+    )
+
+
+def _guess(
+    signals: SignalColumns, role: str, group: str | None, label: str, kind: str, taken: Collection[str]
+) -> str | None:
+    """The column that a role most likely has, none of those that are `taken`; None where none is plain."""
     if group is None and role != "time":
         return None
-    fits = signals.meant(role, group or "")
-    if len(fits) > 1 and len(set(fits)) == 1:
-        raise InputError(
-            f"{len(fits)} {kind}s are called {fits[0]!r}, and it is not clear which of them is {LABELS[role]}",
-            file=label,
-            hint="give them different names in the file",
-        )
+    fits = [name for name in signals.meant(role, group or "") if name not in taken]
     if len(fits) > 1:
-        key, option = role, f": --{role} NAME, or" if role in ("time", "sp", "pv", "op", "mode") else ""
-        raise InputError(
-            f"the {kind}s {' and '.join(repr(f) for f in fits)} could both be {LABELS[role]}",
-            file=label,
-            hint=f'name the right one{option} in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
-            asks="columns",
-        )
+        raise _several(fits, role, label, kind)
     return fits[0] if fits else None
+
+
+def _several(fits: Sequence[str], role: str, label: str, kind: str) -> InputError:
+    """Message where several columns could be one signal."""
+    option = f": --{role} '{fits[0]}', or" if role in ("time", "sp", "pv", "op", "mode", "quality") else ""
+    return InputError(
+        f"the {kind}s {' and '.join(map(repr, fits))} could {'both' if len(fits) == 2 else 'all'} be {LABELS[role]}",
+        file=label,
+        hint=f'name the right one{option} in loops.toml: columns = {{ {role} = "{fits[0]}" }}',
+        asks="columns",
+    )
 
 
 def _listed(names: Sequence[str]) -> str:

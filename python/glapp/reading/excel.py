@@ -65,10 +65,10 @@ def _sheets(path: str, label: str) -> list[Source]:
             sheet = workbook.get_sheet_by_name(name)
             if sheet.start is None:
                 continue
-            rows, first = sheet.to_python(), sheet.start[0]
+            rows, (first, left) = sheet.to_python(), sheet.start
             del sheet
             try:
-                made.append(SheetSource(rows, first, label, name))
+                made.append(SheetSource(rows, first, left, label, name))
             except InputError as error:
                 fault = fault or error
     except (InputError, MemoryError, KeyboardInterrupt, SystemExit):
@@ -186,13 +186,13 @@ class SheetSource(Source):
     """One sheet; rows are counted as Excel numbers them.
 
     - `rows`: its cells.
-    - `first`: rows above them.
+    - `first`, `left`: rows above them, columns before them.
     - `label`, `sheet`: the file, and the sheet's name.
 
     Raises InputError where it holds no table.
     """
 
-    def __init__(self, rows: Sequence[Sequence[Any]], first: int, label: str, sheet: str) -> None:
+    def __init__(self, rows: Sequence[Sequence[Any]], first: int, left: int, label: str, sheet: str) -> None:
         self.label, self.sheet = label, sheet
         used = [i for i, column in enumerate(zip(*rows, strict=True)) if column.count("") < len(column)]
         if len(used) < len(rows[0]):  # one cell far to the right makes thousands of columns
@@ -223,9 +223,14 @@ class SheetSource(Source):
         kept = [i for i in range(width) if self.names[i] or any(row[i] != "" for row in body)]
         self.names = [self.names[i] for i in kept]
         self.units = [self.units[i] for i in kept]
+        self._numbers = [left + used[i] + 1 for i in kept]
         self._columns = [_array([row[i] for row in body]) for i in kept]
         written = [column for column in self._columns if pa.types.is_string(column.type)]
         self.learn_digits(text for column in written for text in column.to_pylist())
+
+    def number(self, column: int) -> int:
+        """Number of the column in the sheet: 1 is A."""
+        return self._numbers[column]
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First 1000 rows of the columns."""

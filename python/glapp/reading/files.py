@@ -7,14 +7,23 @@ from pathlib import Path
 
 from ..errors import InputError
 
-__all__ = ["ENDINGS", "check_file", "name_of"]
+__all__ = ["ENDINGS", "FORMS", "check_file", "name_of"]
 
-_TEXT = frozenset((".csv", ".tsv", ".tab", ".txt", ".asc", ".prn", ".dat", ".data", ".log"))
-_STRUCTURED = frozenset((".json", ".jsonl", ".ndjson", ".html", ".htm", ".xls", ".xml"))
-_TABLES = frozenset((".xlsx", ".xlsm", ".ods", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
+FORMS = {
+    "CSV": (".csv", ".tsv", ".tab", ".txt", ".asc", ".prn", ".dat", ".data", ".log"),
+    "Excel": (".xlsx", ".xlsm"),
+    "OpenDocument": (".ods",),
+    "JSON": (".json", ".jsonl", ".ndjson"),
+    "HTML": (".html", ".htm", ".xls", ".xml"),  # a web page is often saved as .xls; Excel's own of this name is refused
+    "Parquet": (".parquet", ".pq"),
+    "Arrow": (".arrow", ".arrows", ".ipc", ".feather"),
+}
+"""Forms of the files that are read, and the endings of each."""
+
+_PLAIN = frozenset(ending for endings in FORMS.values() for ending in endings)
 _COMPRESSED = frozenset((".gz", ".bz2", ".zst", ".lz4"))
-ENDINGS = tuple(sorted(_TEXT | _STRUCTURED | _TABLES | _COMPRESSED))
-"""Endings of the files that are read."""
+ENDINGS = tuple(sorted(_PLAIN | _COMPRESSED))
+"""Endings of the files that are read, packed or not."""
 
 
 def name_of(path: str | Path) -> str:
@@ -29,7 +38,7 @@ def name_of(path: str | Path) -> str:
     name = Path(whole)
     if name.suffix.lower() in _COMPRESSED:
         name = name.with_suffix("")
-    if name.suffix.lower() in _TEXT | _STRUCTURED | _TABLES | {".toml"}:
+    if name.suffix.lower() in _PLAIN | {".toml"}:
         name = name.with_suffix("")
     return str(name) if whole else "loop"
 

@@ -2,8 +2,8 @@
 
 Above the rows stand titles and what an export tells of itself. Of the lines of words alone just above the rows the one
 with the most names that are understood has the names. A line of tags goes with the line below it where that says "time"
-and "value", or repeats itself, as SP, PV and OP of several loops do. A column without a name in that line may be called
-a time in another. Below the rows stand remarks, totals and empty lines.
+and "value", or repeats itself, as SP, PV and OP of several loops do, or where it is one tag of all signals. A column
+without a name in that line may be called a time in another. Below the rows stand remarks, totals and empty lines.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from .times import looks_like_moment, looks_like_stamp
 __all__ = ["Head", "begins_with_data", "body_end", "head_of", "holds_data", "is_data", "no_rows"]
 
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?")
+_DIGIT = re.compile("[0-9]")
 _LINES = 40
 """A head ends within so many lines of the first that is as wide as the table."""
 _SHORT = 12
@@ -100,6 +101,8 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
         whole = _under([" ".join(cell.split()) for cell in rows[named - 1][1]], rows[named][1])
         if _says_value(rows[named][1]) or (_repeat(names) and not _repeat(whole)):
             names = whole
+        elif tag := _one_tag(rows[named - 1][1], names):
+            names = [f"{tag} {name}" if _signal(name) else name for name in names]
     unit_rows = [i for i in below if _are_units(rows[i][1])] or [i for i in below if _are_short(rows[i][1])]
     if unit_rows:
         units = [cell.strip(" []()") or None for cell in rows[unit_rows[-1]][1]]
@@ -195,6 +198,27 @@ def _under(above: Sequence[str], below: Sequence[str]) -> list[str]:
             continue
         names.append(tag if understand(word).role == "value" else f"{tag} {word}".strip())
     return names
+
+
+def _one_tag(above: Sequence[str], names: Sequence[str]) -> str | None:
+    """The tag that stands above signals without one, and above nothing before them; None where there is none.
+
+    It has a digit, as a title above the first column or the word for an average need not have.
+    """
+    tags = {" ".join(cell.split()) for cell in above if cell.strip()}
+    first = next(i for i, cell in enumerate(above) if cell.strip())
+    if len(tags) > 1 or not any(map(_signal, names)) or any(map(_signal, names[:first])):
+        return None
+    [tag] = tags
+    if first == 0 or folded(tag.strip(" []()")) in UNITS or not _DIGIT.search(tag) or understand(tag).role:
+        return None
+    return tag
+
+
+def _signal(name: str) -> bool:
+    """Whether a name is a signal's, of no loop."""
+    meaning = understand(name)
+    return not meaning.loop and (meaning.weak is not None or meaning.role not in (None, "time", "value", "tag"))
 
 
 def _repeat(names: Sequence[str]) -> bool:

@@ -50,7 +50,7 @@ _PROCESS = """\
 # kp_unit = "%/%"           # or "PV/OP"
 """
 
-_GIVEN = ("sample_time", "time_format", "time_zone", "repaired", "tf", "n")
+_GIVEN = ("sample_time", "time_format", "time_zone", "auto_values", "repaired", "tf", "n")
 """Keys that are written where they were given."""
 
 

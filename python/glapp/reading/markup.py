@@ -57,7 +57,7 @@ def page(text: str, label: str) -> Source:
     if width * len(rows) > bounds.CELLS:
         what = f"has a table of {len(rows)} rows and {width} columns; at most {bounds.CELLS} cells are read"
         raise InputError(what, file=label, value=width * len(rows), bound=f"≤ {bounds.CELLS} cells")
-    return SheetSource([row + [""] * (width - len(row)) for row in rows], 0, label, "table")
+    return SheetSource([row + [""] * (width - len(row)) for row in rows], 0, 0, label, "table")
 
 
 class _Tables(HTMLParser):

@@ -13,17 +13,19 @@ their signals that no other column of the loop is. After another word (PV.CV) CV
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 from .names import CURRENT, LIMITS, SIGNALS, WEAK, WHOLE, folded
 
-__all__ = ["is_long", "time_of", "understand", "with_own_qualities"]
+__all__ = ["is_long", "numbered", "time_of", "understand", "unnumbered", "with_own_qualities"]
 
 _JOINED = re.compile(r"(.*\d)(sp|sv|pv|op|mv|out|co|mode)", re.IGNORECASE)  # FIC101PV
 _TOKEN = re.compile(r"[^./_\-:\s|\\#,!]+")
 _UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
+_NUMBERED = re.compile(r" \(column \d+\)$")  # see `numbered`
 _SEPARATORS = "./_-:|\\#,! \t"
 _FIELD = re.compile(r"\.[AF]_CV$", re.IGNORECASE)  # FIX.FIC101_PV.F_CV of iFIX and Proficy
 _MOST_WORDS = 4  # "position de la vanne"
@@ -55,7 +57,7 @@ def understand(name: str) -> Meaning:
     >>> understand("PV_HI_LIM").role is None
     True
     """
-    text, unit = _FIELD.sub("", name.strip()), None
+    text, unit = _FIELD.sub("", _NUMBERED.sub("", name.strip())), None
     if found := _UNIT.search(text):
         text, unit = text[: found.start()], found.group(1).strip() or None
     tokens = list(_TOKEN.finditer(text))
@@ -96,6 +98,24 @@ def understand(name: str) -> Meaning:
         before, after = text[: tokens[i].start()].rstrip(_SEPARATORS), text[tokens[i].end() :].strip(_SEPARATORS)
         return Meaning(SIGNALS[words[i]], f"{before} {after}", unit)
     return Meaning(None)
+
+
+def numbered(names: Sequence[str], numbers: Sequence[int]) -> list[str]:
+    """Names in which those that repeat have the numbers of their columns, so that a person can tell them apart.
+
+    Examples
+    --------
+    >>> numbered(["t", "F1.PV", "F1.SP", "F1.PV"], [1, 2, 3, 4])
+    ['t', 'F1.PV (column 2)', 'F1.SP', 'F1.PV (column 4)']
+    """
+    count = Counter(names)
+    pairs = zip(names, numbers, strict=True)
+    return [f"{name} (column {number})" if name and count[name] > 1 else name for name, number in pairs]
+
+
+def unnumbered(name: str) -> str:
+    """The name as the file has it, without the number that `numbered` gave it."""
+    return _NUMBERED.sub("", name)
 
 
 def with_own_qualities(names: Sequence[str]) -> list[str]:

@@ -23,7 +23,7 @@ from ..errors import InputError
 from ..loop import Loop
 from .cells import CellFault, plain, words
 from .columns import SignalColumns
-from .meaning import is_long, time_of, understand
+from .meaning import is_long, numbered, time_of, understand
 from .names import MILLISECONDS, folded
 from .source import Source
 from .times import is_date, is_time_of_day, looks_like_stamp
@@ -329,6 +329,10 @@ class _Joined(Source):
         rest = iter(arrays)
         return [self._join(*arrays[-2:]) if i == self.at else next(rest) for i in columns]
 
+    def number(self, column: int) -> int:
+        """Number of the column, or of the first of the two that are joined."""
+        return self._inner.number(self._of[column])
+
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First rows of the columns."""
         return self._made(columns, self._inner.head(self._columns(columns)))
@@ -385,13 +389,15 @@ class AloneSource(Source):
         self.units = [source.units[pairs[0][0]], None, None, None]
         self.time = self.names[self.TIME] if shared else None
         times = {time for time, _ in pairs}
-        meanings = {value: understand(self._name(time, value)) for time, value in pairs}
+        numbers = [source.number(value) for _, value in pairs]
+        names = numbered([self._name(time, value) for time, value in pairs], numbers)
+        meanings = {value: understand(name) for (_, value), name in zip(pairs, names, strict=True)}
         qualities = {m.loop: value for value, m in meanings.items() if m.role == "quality"}
         if any(loop.columns.quality == "" for loop in loops):
             qualities = {}
         self._tags = {
-            self._name(time, value): _Tag(time, value, qualities.get(meaning.loop) if meaning.role == "pv" else None)
-            for time, value in pairs
+            name: _Tag(time, value, qualities.get(meaning.loop) if meaning.role == "pv" else None)
+            for (time, value), name in zip(pairs, names, strict=True)
             if (meaning := meanings[value]).role != "quality"
         }
         self.tags = list(self._tags)

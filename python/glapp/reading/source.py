@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from ..errors import InputError
 from .cells import plain
-from .meaning import understand
+from .meaning import numbered, understand, with_own_qualities
 from .names import MISSING
 from .values import Digits, digits_of, unit_of
 
@@ -51,6 +51,14 @@ class Source(ABC):
     one_fault: bool = False
     typed: bool = False
     nameless: InputError | None = None
+
+    def number(self, column: int) -> int:
+        """Number of the column at this index, as the file counts its columns."""
+        return column + 1
+
+    def tell_apart(self) -> None:
+        """Give the columns names of their own: see `with_own_qualities` and `numbered`."""
+        self.call(numbered(with_own_qualities(self.names), [self.number(i) for i in range(len(self.names))]))
 
     @cached_property
     def places(self) -> dict[str, list[int]]:

@@ -255,8 +255,8 @@ def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[st
             return NOT_AUTO
         raise ValueError(
             "is not a mode that glapp knows",
-            'write the words that mean automatic into loops.toml: auto_values = ["AUTO", ...]; or leave the column '
-            "out: --mode ''",
+            "say which words mean automatic, as --auto-values AUTO --auto-values CAS, or in loops.toml "
+            'auto_values = ["AUTO", "CAS"]; or leave the column out: --mode \'\'',
         )
 
     return decide

@@ -90,10 +90,6 @@ class WideRecording(Recording):
         source = passes.source
         self.name, self.loop, self.source, self.rows = loop.name, loop, source.label, source.rows
         self._ordered = OrderedRows(source)
-        for name in chosen.values():
-            if (same := len(source.places[name])) > 1:
-                what = f"there are {same} columns of this name"
-                raise InputError(what, file=source.label, column=name, hint="give them different names")
         self._at = {role: source.places[name][0] for role, name in chosen.items()}
         self.columns = {LABELS[role]: name for role, name in chosen.items()}
         self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}

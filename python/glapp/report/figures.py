@@ -19,7 +19,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..palette import FONT, GRID, INK, MUTED, OUTPUT, PAPER, POINT, POSITION, RAW, SIGNAL, TOO_WIDE, UNJUDGED
+from ..palette import FLAT, FONT, GRID, INK, MUTED, OUTPUT, PAPER, POINT, POSITION, RAW, SIGNAL, TOO_WIDE, UNJUDGED
 from ..result import Result
 from ..step_test import StepTest
 from . import words
@@ -480,7 +480,7 @@ def _limits(trace: Trace) -> tuple[float, float]:
         return 0.0, 1.0
     low = min(float(np.nanmin(values)) for values in bands)
     high = max(float(np.nanmax(values)) for values in bands)
-    margin = 0.06 * (high - low) or abs(high) * 0.01 or 1.0
+    margin = 0.06 * (high - low) or FLAT * abs(high) or 1.0
     return low - margin, high + margin
 
 

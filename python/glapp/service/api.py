@@ -312,6 +312,13 @@ def _login_routes(app: FastAPI, api: _Api, logins: _Logins) -> None:
         except Refused as refused:
             logins.refuse(asked.user, address)
             raise HTTPException(401, str(refused), {"WWW-Authenticate": "Bearer"}) from None
+        except StoreFull as full:
+            # The window asks the database whether a login stands: one in memory alone would be none there.
+            raise HTTPException(
+                503,
+                f"name and password are right, but nobody can log in until the service can write: {full}; make room on "
+                "its disk, then log in again. Who is logged in stays so",
+            ) from None
         logged_in(request.scope)
         return {"token": made, "user": person.name, "role": person.role.name.lower()}
 

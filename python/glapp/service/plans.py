@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from ..checked import check_limits
 from ..errors import InputError
 from ..estimate import analyze
 from ..loop import Loop
@@ -101,10 +102,7 @@ class Plans:
         where it cannot be stored: then nothing is planned.
         """
         for name in ("op_within", "pv_within"):
-            low, high = asked[name]
-            if not low < high:
-                bound = "the first below the second"
-                raise InputError(f"is {low:g} to {high:g}, must be {bound}", loop=loop, parameter=name, bound=bound)
+            check_limits(asked[name], name, loop=loop)
         if any(row["name"] == loop for row in self._monitor.reader.plans_waiting()):
             raise InputError("a test of it is planned already", loop=loop)
         monitor = self._monitor

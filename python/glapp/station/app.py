@@ -113,7 +113,8 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
             found = await station.api.log_in(user, password, address)
         except (Gone, Refused) as error:
             message = str(error)
-            return _login(f"{message[:1].upper()}{message[1:]}.", loop=loop, known=(user, ""))
+            status = 503 if isinstance(error, Refused) and error.status == 503 else 401
+            return _login(f"{message[:1].upper()}{message[1:]}.", status, loop=loop, known=(user, ""))
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
         logged_in(request.scope)
         # A link to a loop that was sent on leads there after the login; never anywhere else.

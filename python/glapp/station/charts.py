@@ -8,7 +8,7 @@ from datetime import datetime
 from itertools import pairwise
 from typing import Any
 
-from ..palette import FONT
+from ..palette import FLAT, FONT
 from ..report.words import NAMES, REASONS, number
 from ..step_test import StepTest
 
@@ -130,9 +130,18 @@ FITTED = 0.001
 
 
 def _reach(span: tuple[float, float] | None, part: float) -> dict[str, Any]:
-    """Limits of an axis: all of the data, and at least `part` of a span where one is given, but nothing beyond both."""
+    """Limits of an axis: all of the data, and at least `part` of a span where one is given, but nothing beyond both.
+
+    Without a span they are the library's own, but for a signal that does not move.
+    """
     if span is None:
-        return {"scale": True}
+        # The library's own goes from half of such a value to one and a half; without a limit it takes that of the data.
+        by = f"({FLAT!r} * Math.abs(v.min) || 1)"
+        return {
+            "scale": True,
+            ":min": f"v => v.min === v.max ? v.min - {by} : null",
+            ":max": f"v => v.min === v.max ? v.max + {by} : null",
+        }
     low, high = span
     least = part * (high - low)
     begin = f"Math.max({low!r}, Math.min({high - least!r}, (v.min + v.max - {least!r}) / 2))"

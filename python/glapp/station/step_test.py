@@ -18,10 +18,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
 from ..step_test import StepTest, step_test
 
-__all__ = ["FORMS", "lines_of", "next_step", "read", "read_apart", "read_file", "steps"]
-
-FORMS = ("CSV", "Excel", "Parquet", "Arrow")
-"""Forms of file that a recording may have."""
+__all__ = ["lines_of", "next_step", "read", "read_apart", "read_file", "steps"]
 
 
 def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
@@ -50,7 +47,7 @@ def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
 def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> StepTest:
     """Result of a test in a recording of the person's own.
 
-    - `path`: one of `FORMS`.
+    - `path`: a file of one of `glapp.reading.files.FORMS`.
     - `loop`: settings that go with it; its name chooses among the loops of a file that holds several.
     - `columns`: columns by role ("time", "pv", "op", "mode"), where the guess is wrong.
     - `manual`: all of it was made in manual; for one without a mode column.

@@ -14,7 +14,7 @@ from nicegui.events import UploadEventArguments
 
 from ..errors import InputError
 from ..loop import Loop
-from ..reading.files import ENDINGS
+from ..reading.files import ENDINGS, FORMS
 from ..step_test import StepTest
 from . import charts, step_test
 from .pages import heading
@@ -106,12 +106,12 @@ class Wizard:
             "nowhere."
         ).classes("small muted")
         ui.upload(
-            label=f"A recording: {', '.join(step_test.FORMS)}",
+            label=f"A recording: {', '.join(FORMS)}",
             auto_upload=True,
             max_file_size=LARGEST,
             on_upload=self._came,
             on_rejected=lambda: ui.notify(
-                f"A recording is {', '.join(step_test.FORMS[:-1])} or {step_test.FORMS[-1]}, of at most "
+                f"A recording is {', '.join(list(FORMS)[:-1])} or {list(FORMS)[-1]}, of at most "
                 f"{LARGEST // 1_000_000} MB. Its name ends in one of: {', '.join(ENDINGS)}.",
                 type="warning",
             ),

@@ -35,6 +35,9 @@ impl Hidden {
 pub struct Evidence {
     pub(crate) autocorrelation: f64,
     pub(crate) d: f64,
+    /// Cells of the record; of several, of the clearest.
+    #[serde(default)]
+    pub(crate) cells: usize,
     /// Likelihood ratio of no gap.
     pub(crate) lr_no_gap: f64,
     pub(crate) lr_needed: f64,
@@ -111,7 +114,7 @@ impl Evidence {
         self.lr_needed.max(if self.even_swing { LR_IF_EVEN_SWING } else { 0.0 })
     }
 
-    /// The ratio that a found gap must exceed: a clear one unless its lower limit is near. A load that bends looks like a gap of another width
+    /// The ratio that a found gap must exceed: more unless its lower limit is near. A load that bends looks like a gap of another width
     /// each time, a gap has one width.
     pub(crate) fn needed(&self) -> f64 {
         self.asked().max(self.least_ratio())
@@ -119,7 +122,7 @@ impl Evidence {
 
     /// The least ratio with which a gap is told, by how sharp its width is.
     pub(super) fn least_ratio(&self) -> f64 {
-        if self.low_is_near() { LR_MIN } else { LR_IF_CLEAR }
+        if self.low_is_near() { LR_MIN } else { LR_MIN.max(LR_EACH_CELL * self.cells as f64) }
     }
 
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.

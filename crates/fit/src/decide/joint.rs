@@ -392,6 +392,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let evidence = Evidence {
         autocorrelation: mean(|e| e.autocorrelation),
         d,
+        cells: clearest.cells,
         lr_no_gap,
         lr_needed,
         lr_no_answer: mean(|e| e.lr_no_answer),

@@ -155,6 +155,7 @@ impl View<'_> {
             noisy_below: if structure.integrating { 0.0 } else { NOISY * filtered.noise / kp },
             traversed: often(no_gap.lr, record.traversals(low), best.traversals),
             one_way: best.traversals.contains(&0),
+            cells: record.count,
             lr_no_gap: no_gap.lr,
             lr_needed: no_gap.needed,
             lr_no_answer,

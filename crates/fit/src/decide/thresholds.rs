@@ -31,14 +31,17 @@ thresholds! {
     /// LR of no gap for each time that OP goes through the width: a model that is a little off brings a little each time, and no record is
     /// too long for that. `bench.lengths --times`, numbers 0 to 2: loops without a gap have reached 0.4 (ADR 0020).
     LR_EACH_PASS: f64 = 0.5, "−2·ln L";
+    /// LR of no gap for each cell where the lower limit is not near: the longer a record, the more bends of its load a gap makes up for. 400
+    /// records without a gap whose load bends at even times, and parts C and F: with it 9 and 12 of 1049 are found and likely, without it
+    /// 26 and 34; of 410 identifiable gaps 138 and 55 in place of 151 and 71 (ADR 35).
+    LR_EACH_CELL: f64 = 0.02, "−2·ln L";
     /// Probability of a gap, where as many valves have one as usual, that one needs to be found or likely. Parts A to C, 1203 records without a
     /// gap, twins left out: with it 12 are found and 16 more are likely, with 0.7 10 and 18, and of 817 gaps 253 in place of 266 are found
     /// (ADR 32).
     PROBABLE: f64 = 0.5, "1";
-    /// Part of the most likely width that the lower limit must exceed where the ratio is not above [`LR_IF_CLEAR`]: a load that bends makes each
-    /// swing of OP look like a gap of another width, and a gap has one. 400 records without a gap whose load bends at even times, and parts C and
-    /// F: with it 8 and 7 of 1049 are found and likely, without it 26 and 34; of 410 identifiable gaps 133 and 56 in place of 151 and 71. Also
-    /// where the recorded cycle is the loop's own: driven loops had a lower limit of 0.37 of the width, gaps 0.71 and more (ADR 35).
+    /// Part of the most likely width that the lower limit must exceed for a gap to be told at a ratio below [`LR_EACH_CELL`]: a load that bends
+    /// makes each swing of OP look like a gap of another width, and a gap has one (ADR 35). Also where the recorded cycle is the loop's own:
+    /// driven loops had a lower limit of 0.37 of the width, gaps 0.71 and more.
     NEAR_LOW: f64 = 0.65, "1";
     /// Factor by which the lower limit of a found or likely width is moved down: models are a little off. Part A and another
     /// simulation: with both limits moved so, of 102 intervals of found gaps 98 hold in place of 94 (ADR 31).

@@ -387,6 +387,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let evidence = Evidence {
         autocorrelation: mean(|e| e.autocorrelation),
         d,
+        cells: clearest.cells,
         lr_no_gap,
         lr_needed: (dispersion * LR_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * LR_MIN),
         lr_no_answer: mean(|e| e.lr_no_answer),

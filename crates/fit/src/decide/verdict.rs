@@ -87,6 +87,7 @@ mod tests {
         Evidence {
             autocorrelation: 0.0,
             d: 1.0,
+            cells: 3000,
             lr_no_gap: 200.0,
             lr_needed: 15.0,
             lr_no_answer: 1e3,
@@ -157,7 +158,7 @@ mod tests {
         assert_eq!(said(&of(LR_MIN)), (Confidence::CannotTell, None));
         // A record that looks like a gap for another reason is not likely either.
         assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
-        assert_eq!(said(&Evidence { low: 0.1, ..of(101.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
     }
 
     #[test]
@@ -181,11 +182,13 @@ mod tests {
     }
 
     #[test]
-    fn a_width_that_is_not_sharp_asks_for_a_clear_ratio() {
-        let vague = Evidence { low: NEAR_LOW - 0.01, lr_no_gap: LR_IF_CLEAR, ..plain() };
+    fn a_width_that_is_not_sharp_asks_for_more_the_longer_the_record() {
+        let asked = 3000.0 * LR_EACH_CELL;
+        let vague = Evidence { low: NEAR_LOW - 0.01, lr_no_gap: asked, ..plain() };
         assert_eq!((said(&vague), judge(&vague).1), ((Confidence::CannotTell, None), "may_be_a_gap"));
-        assert_eq!((vague.needed(), vague.asked()), (LR_IF_CLEAR, LR_MIN));
-        assert_eq!(said(&Evidence { lr_no_gap: LR_IF_CLEAR + 1.0, ..vague.clone() }).0, Confidence::Found);
+        assert_eq!((vague.needed(), vague.asked()), (asked, LR_MIN));
+        assert_eq!(said(&Evidence { lr_no_gap: asked + 1.0, ..vague.clone() }).0, Confidence::Found);
+        assert_eq!(said(&Evidence { cells: 2900, ..vague.clone() }).0, Confidence::Found);
         assert_eq!(said(&Evidence { low: NEAR_LOW + 0.01, lr_no_gap: 16.0, ..vague.clone() }).0, Confidence::Found);
         // Such a ratio shows no sound valve either, and what hides the gap is said where that is known.
         assert_eq!(said(&Evidence { low: 0.0, ..vague.clone() }).0, Confidence::CannotTell);

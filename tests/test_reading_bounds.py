@@ -21,6 +21,7 @@ import pytest
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import apart, bounds, csv, excel, open_each, open_recordings
+from glapp.reading.files import FORMS
 from glapp.reading.parquet import ParquetSource
 from glapp.station import step_test
 
@@ -398,6 +399,16 @@ def test_the_forms_that_the_window_names_are_those_that_are_read(tmp_path):
     written["Arrow"] = tmp_path / "a.arrow"
     with ipc.new_file(written["Arrow"], pa.table(table).schema) as file:
         file.write_table(pa.table(table))
-    assert set(written) == set(step_test.FORMS)
-    for path in written.values():
+    # OpenDocument has a test of its own (test_reading_exports.py).
+    columns = {name: column.tolist() for name, column in table.items()}
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    written["JSON"] = tmp_path / "a.json"
+    written["JSON"].write_text(json.dumps(rows))
+    cells = [list(columns), *([f"{value:g}" for value in row.values()] for row in rows)]
+    written["HTML"] = tmp_path / "a.html"
+    lines = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in cells)
+    written["HTML"].write_text(f"<table>{lines}</table>")
+    assert {*written, "OpenDocument"} == set(FORMS)
+    for form, path in written.items():
+        assert path.suffix in FORMS[form]
         assert step_test.read_apart(path, Loop(name="F1"), {}, manual=True).reason is not None

@@ -135,8 +135,9 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
         named.add(label)
     figure.update_xaxes(title_text=f"OP [{unit}]", nticks=6, tickangle=0)
     figure.update_yaxes(title_text=f"{name} [{axis}]")
-    figure.update_layout(height=460, margin={"l": 70, "r": 16, "t": 40, "b": 48}, hovermode="closest", showlegend=True)
-    figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
+    figure.update_layout(height=460, margin={"l": 70, "r": 16, "t": 40, "b": 78}, hovermode="closest", showlegend=True)
+    # Above the picture the buttons would lie on it: this one is the narrower of two.
+    figure.update_layout(legend={"orientation": "h", "x": 0, "y": 0, "yref": "container", "yanchor": "bottom"})
     return figure
 
 

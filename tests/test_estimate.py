@@ -85,7 +85,7 @@ def test_places_where_a_width_means_nothing_are_refused(worn: Simulation, change
 def test_without_a_controller(worn: Simulation) -> None:
     with pytest.raises(InputError, match="no controller settings"):
         glapp.estimate(recording_from(worn.to_arrow(), loop(controller=None)))
-    blind = recording_from(worn.to_arrow().drop_columns(["OP"]), loop(controller=None))
+    blind = recording_from(worn.to_arrow().drop_columns(["OP", "POSITION"]), loop(controller=None))
     result = glapp.analyze(blind, fit=False)
     assert result.verdict == "refused"
     assert result.reason is not None and "without an OP column" in result.reason

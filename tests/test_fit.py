@@ -210,7 +210,7 @@ def test_a_load_that_swings_is_no_gap(name: str) -> None:
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("name", ["backlash/ramps/inside/68", "stiction/ramps/inside/12", "both/steps/outside/39"])
+@pytest.mark.parametrize("name", ["backlash/ramps/inside/68", "stiction/ramps/inside/12", "both/steps/outside/57"])
 def test_a_setpoint_that_moves_tells_an_even_swing_from_a_load_that_swings(name: str) -> None:
     """The loop rings or slips after the setpoint; without that it might be a neighbour that swings."""
     made = record(name)

@@ -11,9 +11,9 @@ impl Evidence {
         judge(self)
     }
 
-    /// Whether the weighed evidence may make a gap likely that the rules do not find: the ratio exceeds what a gap of so sharp a width needs, the valve moves
-    /// in the model, OP goes through the width both ways, and PV is not stored as lines that bend as much. Where a load that swings would look
-    /// like the gap, its width is known, and an even swing asks for more.
+    /// Whether the weighed evidence may make a gap likely that the rules do not find: the ratio exceeds what a gap of so sharp a width needs,
+    /// the valve moves in the model, OP goes through the width both ways, and PV is not stored as lines that bend as much. Where a load that
+    /// swings would look like the gap, its width is known, and an even swing asks for more.
     fn may_be_likely(&self) -> bool {
         let shows = !self.immobile && !self.one_way && self.d >= self.lined_below;
         let sided = !self.swings() || self.width_kind() != WidthKind::Unsure;

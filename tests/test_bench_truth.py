@@ -215,7 +215,7 @@ class TestMethods:
         assert found is not None and found.regularity > 1
         assert found.period == pytest.approx(40, rel=0.02)
         found = oscillation(noise)
-        assert found is None or found.regularity < 1
+        assert found is not None and found.regularity < 1
 
 
 class TestTables:

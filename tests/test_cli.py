@@ -975,7 +975,8 @@ def test_a_terminal_without_unicode(tmp_path):
     done = subprocess.run([*GLAPP, "analyze", warm, "--no-fit"], capture_output=True, env=env)
     assert b"Traceback" not in done.stderr and b"FIC201" in done.stdout
     done = subprocess.run([*GLAPP, "analyze", warm, "--json", "--no-fit"], capture_output=True, env=env)
-    assert "°C" in done.stdout.decode() or json.loads(done.stdout)
+    assert json.loads(done.stdout)["loops"][0]["loop"] == "FIC201"
+    assert not done.stdout.isascii(), "JSON is UTF-8 whatever the terminal takes"
 
 
 def test_a_file_name_that_is_not_text(run):

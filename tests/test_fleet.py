@@ -417,7 +417,7 @@ def test_a_changed_file_touches_its_day_and_the_crossings_from_there_on(tmp_path
     assert same == [[True, False, True], [True, False, False]]
 
 
-def test_settings_are_pinned_until_a_day_shows_others(tmp_path: Path) -> None:
+def test_settings_are_pinned_until_a_day_shows_others() -> None:
     x, loop = signals(days=4), Loop(name="FIC1", pv_span=(0, 100), op_span=(0, 100))
     state, rows_told = None, []
     for day in range(4):

@@ -64,7 +64,7 @@ def test_a_loop_is_analysed_like_any_other(file):
     assert result.source == "isdb10.mat: chemicals.loop10"
 
 
-def test_another_file_is_refused_with_what_it_lacks(tmp_path, file):
+def test_another_file_is_refused_with_what_it_lacks(tmp_path):
     io.savemat(tmp_path / "other.mat", {"x": np.arange(3)})
     with pytest.raises(InputError, match="holds no struct cdata"):
         open_isdb(tmp_path / "other.mat")

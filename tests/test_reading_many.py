@@ -122,7 +122,7 @@ def test_what_is_held_is_bounded_and_more_passes_are_made(tmp_path, reads, monke
 
 
 @pytest.mark.slow
-def test_a_loop_too_large_to_hold_is_streamed(tmp_path, reads, monkeypatch):
+def test_a_loop_too_large_to_hold_is_streamed(tmp_path, monkeypatch):
     for ending in (".csv", ".parquet"):
         path = write(table(3), tmp_path / f"plant{ending}")
         want = [alone(path, i) for i in range(3)]

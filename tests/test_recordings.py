@@ -116,7 +116,7 @@ class TestOneWidth:
 @pytest.mark.slow
 class TestReplays:
     @pytest.mark.verify
-    def test_a_replay_counts_once(self, three: glapp.Fit) -> None:
+    def test_a_replay_counts_once(self) -> None:
         first = record("steps/gap/0/2", SAMPLES)
         once = glapp.fit(dated(first.table, first.loop, 0))
         answer = glapp.fit([dated(first.table, first.loop, number) for number in range(4)])

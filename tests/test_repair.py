@@ -131,7 +131,7 @@ def test_a_limit_that_is_not_finite_is_none():
     assert fall_of([wide, odd | {"high": 0.2}])["t"] == [0.0, 1.0]
 
 
-def test_a_repair_without_recordings_around_it_is_refused_with_the_reason(file, tmp_path):
+def test_a_repair_without_recordings_around_it_is_refused_with_the_reason(file):
     done, loop = answer_of(file, "--repaired", "2026-03-02 10:00")
     assert done.exit_code == 1 and loop["repair"] is None
     assert "nothing was recorded after it" in loop["reason"]

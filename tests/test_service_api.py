@@ -502,7 +502,7 @@ def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, monit
     monitor.store._db.execute("PRAGMA query_only = OFF")
 
 
-def test_metrics(client: TestClient, monitor: Monitor) -> None:
+def test_metrics(monitor: Monitor) -> None:
     users = Users(monitor.store, CHEAP)
     here = TestClient(app_of(monitor, users), base_url="http://127.0.0.1", client=("127.0.0.1", 1))
     text = here.get("/metrics").text

@@ -394,7 +394,7 @@ def test_log_in_and_disable_while_strangers_hold_connections_for_two_minutes(tar
 
 
 @pytest.mark.slow
-def test_tls_that_is_never_agreed_on_shuts_nobody_out(tmp_path: Path, certificate: tuple[Path, Path]) -> None:
+def test_tls_that_is_never_agreed_on_shuts_nobody_out(certificate: tuple[Path, Path]) -> None:
     own, key = certificate
 
     async def go() -> None:

@@ -73,7 +73,7 @@ def tried(bound: Bound) -> list[float]:
     return [0.0, -1.0, bound.low, bound.high, *beyond(bound), 1e9, -1e9, 1e300]
 
 
-def test_what_is_listed_is_all_there_is(client: TestClient, monitor: Monitor) -> None:
+def test_what_is_listed_is_all_there_is(client: TestClient) -> None:
     """A new parameter must be put into the listing, the window, and by that the tests below."""
     shown = client.get("/loops/FIC0/parameters").json()
     listed = client.get("/loops/FIC0/bounds").json()

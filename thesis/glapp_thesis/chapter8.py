@@ -1033,15 +1033,17 @@ def by_hand(site: Site, manual: list[Manual], pv: float, end: float) -> tuple[li
     return signals, [step_test(recording_from(table, loop)) for table in tables]
 
 
-def _step_test_numbers(site: Site, found: list[StepTest], gap: float, kp: float) -> tuple[Number, ...]:
+def _step_test_numbers(site: Site, found: list[StepTest]) -> tuple[Number, ...]:
     gaps = spread(None if one.d is None else PERCENT * one.d for one in found)
     holds = [one.low is not None and one.high is not None and one.low <= site.d / PERCENT <= one.high for one in found]
     return (
-        Number("gap by glapp.step_test, median of the seeds", "%", gap, gaps.median, STEP_TEST_TOLERANCE),
+        Number("gap by glapp.step_test, median of the seeds", "%", site.d, gaps.median, STEP_TEST_TOLERANCE),
         Number("lowest of the seeds", "%", None, gaps.low, STEP_TEST_TOLERANCE),
         Number("highest of the seeds", "%", None, gaps.high, STEP_TEST_TOLERANCE),
         Number("seeds whose 95 % interval holds the simulated gap", "", None, float(sum(holds))),
-        Number("Kp by glapp.step_test, median", "", kp, spread(one.kp for one in found).median, STEP_TEST_TOLERANCE),
+        Number(
+            "Kp by glapp.step_test, median", "", site.kp, spread(one.kp for one in found).median, STEP_TEST_TOLERANCE
+        ),
     )
 
 
@@ -1050,8 +1052,12 @@ STEP_TEST_TOLERANCE = 1e-4
 
 
 def _manual_test(
-    number: str, site: str, section: str, sentence: str, signals: Simulation, numbers: tuple[Number, ...], note: str
+    number: str, name: str, section: str, sentence: str, site: Site, manual: list[Manual], pv: float
 ) -> Shown:
+    """The step test of a site, with PV at rest where the setpoint is; it ends with what is done by hand."""
+    runs, found = by_hand(site, manual, pv, manual[-1].end - 1)
+    signals = runs[0]
+
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=4.4)
         top.plot(signals.t, PERCENT * signals.pv, color=style.FILTERED, linewidth=0.8, label="PV")
@@ -1063,7 +1069,7 @@ def _manual_test(
         style.legend(bottom)
         return figure
 
-    return Shown(number, f"Step test, {site}", section, sentence, numbers, f"{NOT_PUBLIC} {note}".strip(), draw)
+    return Shown(number, f"Step test, {name}", section, sentence, _step_test_numbers(site, found), NOT_PUBLIC, draw)
 
 
 def figure_8_11() -> Shown:
@@ -1075,15 +1081,14 @@ def figure_8_11() -> Shown:
         *drift(600, 700, 39, 34),
         Manual(begin=700, end=901, op=0.34),
     ]
-    signals, found = by_hand(HYLTEBRUK, manual, 0.416, 900)
     return _manual_test(
         "8.11",
         "Hyltebruk",
         "8.5.1",
         "After OP turns at 39 % the flow stays until OP has come down through the gap.",
-        signals[0],
-        _step_test_numbers(HYLTEBRUK, found, 3.0, 1.3),
-        "",
+        HYLTEBRUK,
+        manual,
+        0.416,
     )
 
 
@@ -1284,15 +1289,14 @@ def figure_8_14() -> Shown:
         Manual(begin=2860, end=3097, op=0.50),
         Manual(begin=3097, end=3601, op=0.52),
     ]
-    signals, found = by_hand(PERSTORP, manual, 0.322, 3600)
     return _manual_test(
         "8.14",
         "Perstorp",
         "8.5.2",
         "OP turns at 2500 s and PV answers 300 s and 25 % of OP later, and the step of 2 % at 3097 s gives the gain.",
-        signals[0],
-        _step_test_numbers(PERSTORP, found, 25.0, 0.46),
-        "",
+        PERSTORP,
+        manual,
+        0.322,
     )
 
 

@@ -151,10 +151,10 @@ def streaming() -> Iterator[Row]:
     yield Row("one sample a call from Python", f"{rate:.1f} M samples/s", "≥ 2 M/s", rate >= 2)
 
 
-def in_process(task: str, path: Path, repetitions: int = 3) -> tuple[float, float, str, int]:
+def in_process(task: str, path: Path) -> tuple[float, float, str, int]:
     """Best time [s] and highest peak of memory [MiB] of a task in processes of its own."""
     runs = []
-    for _ in range(repetitions):
+    for _ in range(3):
         command = [sys.executable, "-m", "bench.task", task, str(path)]
         runs.append(json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
     return min(r[0] for r in runs), max(r[1] for r in runs), runs[0][2], runs[0][3]

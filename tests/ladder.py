@@ -73,14 +73,14 @@ ORDINARY = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0, 4.0)
 """Gaps of the ordinary loops [%]."""
 
 
-def ordinary(number: int, gap: bool = True, samples: int = 7200) -> tuple[Simulation, float]:
+def ordinary(number: int, gap: bool = True) -> tuple[Simulation, float]:
     """Two hours of a loop at 1 s under a load that drifts, and its gap."""
     random = Random(f"ordinary/{number}")
     d = ORDINARY[number % len(ORDINARY)]
     kp, lag = random.uniform(0.5, 2.0), random.uniform(8.0, 40.0)
     dead = random.uniform(0.1, 0.3) * lag
     k, ti = lag / (kp * (lag + dead)), lag
-    load = drift(random, d * random.uniform(2.0, 5.0), samples)
+    load = drift(random, d * random.uniform(2.0, 5.0), 7200)
     return simulated(kp, [lag], dead, k, ti, d if gap else 0.0, load, number, random.uniform(0.02, 0.1) * d * kp), d
 
 
@@ -143,13 +143,13 @@ def driven(loop: dict[str, float], like: Simulation, form: str, seed: int) -> Si
     return of(swing / float(np.ptp(quiet.op[quiet.op.size // 3 :])), SIGMA)
 
 
-def dozing(number: int, gap: bool = True, samples: int = 7200) -> tuple[Simulation, float]:
+def dozing(number: int) -> tuple[Simulation, float]:
     """A loop under a load that hardly moves: OP drifts in the gap for hours and PV lies still beside its setpoint."""
     random = Random(f"dozing/{number}")
     d, kp, lag = 6.0, random.uniform(0.5, 1.5), random.uniform(10.0, 40.0)
     dead = 0.2 * lag
-    load = np.zeros(samples)
-    for at in range(random.randrange(200, 600), samples, random.randrange(1500, 3000)):
+    load = np.zeros(7200)
+    for at in range(random.randrange(200, 600), load.size, random.randrange(1500, 3000)):
         load[at:] += random.choice((-1.0, 1.0)) * random.uniform(0.05, 0.3)
     k, ti = 0.1 / kp, 3.0 * lag
-    return simulated(kp, [lag], dead, k, ti, d if gap else 0.0, load, number, 0.02), d
+    return simulated(kp, [lag], dead, k, ti, d, load, number, 0.02), d

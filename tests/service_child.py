@@ -21,7 +21,7 @@ class _Telling(Store):
         return super()._writing()
 
 
-def main(folder: Path, seconds: int, save_every: int, pause: float = 0.0) -> None:
+def main(folder: Path, seconds: int, save_every: int) -> None:
     clock = Clock()
     monitor = Monitor(loops(2), _Telling(folder, BEGIN), options=MonitorOptions(), clock=clock)
     since = monitor.ingest.since()

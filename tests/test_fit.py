@@ -546,16 +546,16 @@ def test_a_level_that_sticks_gets_no_bound_beyond_its_band() -> None:
         assert f.verdict == "cannot_tell" or (f.low is not None and f.low <= 3.0), f.reason
 
 
-def flow(every: float, follows: bool = True, lag: float = 2.0, ti: float = 3.0) -> dict[str, np.ndarray]:
+def flow(every: float, follows: bool = True) -> dict[str, np.ndarray]:
     """A quiet loop of a flow under a PI controller, a row every so many seconds; its valve may move nothing."""
     h, rows, random = 0.5, 1500, np.random.default_rng(1)
     each, x, load, integral, columns = round(every / h), 0.0, 0.0, 50.0, []
     for k in range(rows * each):
         load += 0.02 * h**0.5 * random.standard_normal()
         pv = 50.0 + x + load + 0.05 * random.standard_normal()
-        integral = min(max(integral + 0.4 * h / ti * (50.0 - pv), 0.0), 100.0)
+        integral = min(max(integral + 0.4 * h / 3.0 * (50.0 - pv), 0.0), 100.0)
         op = min(max(integral + 0.4 * (50.0 - pv), 0.0), 100.0)
-        x += h / lag * ((op - 50.0 if follows else 0.0) - x)
+        x += h / 2.0 * ((op - 50.0 if follows else 0.0) - x)
         if k % each == 0:
             columns.append((k * h, 50.0, pv, op))
     return dict(zip(("t", "sp", "pv", "op"), np.array(columns).T, strict=True))

@@ -215,12 +215,12 @@ def test_a_limit_beyond_a_slave_stops_the_masters_integral() -> None:
 # --- The wrong sign ---------------------------------------------------------------------------------------------------
 
 
-def wrong_loop(gain: float, way: Way = Way.INVERSE, rate: float = 1e6) -> Graph:
+def wrong_loop(gain: float, way: Way) -> Graph:
     """A loop that compensates a gap of 2 %; K is 2 whatever the sign of the process."""
     modules = {
         "sp": Input(),
         "load": Input(),
-        "pid": PidAdvanced(k=2.0, ti=2.0, tf=0.2, low=-50, high=50, rate=rate, kp=1.0, comp_size=1.0, comp_way=way),
+        "pid": PidAdvanced(k=2.0, ti=2.0, tf=0.2, low=-50, high=50, rate=1e6, kp=1.0, comp_size=1.0, comp_way=way),
         "gap": Backlash(2.0),
         "process": ProcessSim(gain, 3.0, 1.0),
         "noise": Noise(0.1),

@@ -40,12 +40,12 @@ def few_simulations(request, monkeypatch):
         monkeypatch.setattr(glapp.plan, "SIMULATIONS", 6)
 
 
-def loop_runs(*, d=TRUE_GAP, plant=PLANT, seed=1, manual=(), t_end=5000.0, noise=0.1):
+def loop_runs(*, d=TRUE_GAP, seed=1, manual=(), t_end=5000.0):
     return closed_loop(
-        plant,
+        PLANT,
         (0.5, 20.0),
         d=d,
-        noise=Gaussian(sigma=noise),
+        noise=Gaussian(sigma=0.1),
         load=Walk(rate=0.005),
         h=1.0,
         t_end=t_end,

@@ -44,12 +44,6 @@ RECORDERS: dict[str, Any] = {
 }
 
 
-def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.05) -> Fit:
-    """Fit of the position of a simulated loop alone."""
-    s = filtered(plant, (*controller, 0.0, 0.0)[:4], d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS)
-    return by_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))])
-
-
 def by_position(batches: list[Batch]) -> Fit:
     """Result of the position alone: PV is not asked."""
     without = [replace(batch, pv=np.full(len(batch), np.nan)) for batch in batches]
@@ -59,7 +53,8 @@ def by_position(batches: list[Batch]) -> Fit:
 @pytest.mark.parametrize("recorder", sorted(set(RECORDERS) - {"without noise"}))
 def test_without_a_gap_none_is_claimed(recorder: str) -> None:
     """Regression: seven of ten such loops by exception and with spikes had a gap."""
-    f = at_valve("P3", (0.482, 0.313), 0.0, recorder)
+    s = filtered("P3", (0.482, 0.313, 0.0, 0.0), d=0.0, noise=0.005, h=0.05, t_end=250, seed=1, **LOADS)
+    f = by_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))])
     assert f.verdict == "sound" or (recorder == "by exception" and "demanded" in f.reason), f.reason
     if f.verdict == "sound" and recorder == "by exception":
         assert f.high is not None and f.high >= 0.005, "what the band may hide is not excluded"

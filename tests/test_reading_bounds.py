@@ -29,12 +29,12 @@ NAMES = ("t", "SP", "PV", "OP")
 KEEPS_MEMORY = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="there is no limit of memory")
 
 
-def sheet_rows(n=30):
-    """Text of a sheet's rows: names, and n samples."""
+def sheet_rows():
+    """Text of a sheet's rows: names, and 30 samples."""
     yield "".join(
         f'<c r="{c}1" t="inlineStr"><is><t>{name}</t></is></c>' for c, name in zip("ABCD", NAMES, strict=True)
     )
-    for k in range(n):
+    for k in range(30):
         values = (k, 50, 50 + k % 7, 40 + k % 5)
         yield "".join(f'<c r="{c}{k + 2}"><v>{v}</v></c>' for c, v in zip("ABCD", values, strict=True))
 

@@ -112,9 +112,9 @@ DAYS = {"excel": 25569.0, "matlab": 719529.0, "julian": 2440587.5}  # 1970-01-01
 DATE = datetime(2026, 3, 1, 12, 30)
 
 
-def day_numbers(calendar, step, n=20):
+def day_numbers(calendar, step):
     start = (DATE - datetime(1970, 1, 1)).total_seconds()
-    return DAYS[calendar] + (start + step * np.arange(n)) / 86400
+    return DAYS[calendar] + (start + step * np.arange(20)) / 86400
 
 
 def clock_of(values, **more):

@@ -506,7 +506,7 @@ def test_a_taker_that_fails_is_not_the_connection(shared):
 # ---------------------------------------------------------------- the queue
 
 
-def message(n, number, when=None):
+def message(n, number):
     seen = ua.DataValue(ua.Variant(1.0), SourceTimestamp=datetime.now(UTC))
     part = ua.DataChangeNotification(MonitoredItems=[ua.MonitoredItemNotification(ClientHandle=0, Value=seen)] * n)
     notification = ua.NotificationMessage(SequenceNumber=number, PublishTime=datetime.now(UTC), NotificationData=[part])

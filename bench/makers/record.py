@@ -141,7 +141,7 @@ def as_json(data: Any, **expected: Any) -> Export:
     return Export(".json", json.dumps(data).encode(), **expected)
 
 
-def by_tag(first: Sequence[str], names: Sequence[str] = ("PV", "SP", "OP")) -> list[tuple[str, int, str, float]]:
+def by_tag(first: Sequence[str]) -> list[tuple[str, int, str, float]]:
     """(signal, row, time, value) of every sample, one tag after the other."""
-    values = {"SP": SP, "PV": PV, "OP": OP}
-    return [(name, k, first[k], float(values[name][k])) for name in names for k in range(N)]
+    signals = {"PV": PV, "SP": SP, "OP": OP}
+    return [(name, k, first[k], float(values[k])) for name, values in signals.items() for k in range(N)]

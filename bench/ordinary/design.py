@@ -326,7 +326,7 @@ def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int, day: in
     setpoint: list[Piece] = [Steps(steps=((0.0, pv),))]
     outer = None
     if row == "cascade":
-        outer = _outer(of_setpoint, pv, kp * size, h, t_end, whole)
+        outer = _outer(of_setpoint, pv, kp * size, t_end, whole)
         setpoint = [Steps(steps=((0.0, 50.0),))]
     elif row not in CONSTANT and of_setpoint.random() < 0.25:
         moves = (kp if speed is None else 1.0) * min(size, 5.0)
@@ -851,7 +851,7 @@ LOADS: dict[str, Callable[[Scene], Load]] = {
 """Load of each row; rows that are not about the load draw one of them."""
 
 
-def _outer(random: Random, pv: float, size: float, h: float, t_end: float, whole: float) -> Outer:
+def _outer(random: Random, pv: float, size: float, t_end: float, whole: float) -> Outer:
     """A level or a temperature whose controller moves the setpoint of a flow or pressure.
 
     `pv`: the inner process value at rest, `size`: how far it is to move. Its own load steps.

@@ -225,7 +225,7 @@ def draw(name: str) -> Drawn | None:
     size = min(width * log_uniform(random, 0.3, 6.0), 20.0)
     apart = max(t_end / random.uniform(8, 60), 2 * loop_time)
     at_rest = [Steps(steps=((0.0, -50.0),))] if integrating else []  # so that OP rests at 50 %
-    acting = _load(load, random, t_end, apart, size, loop_time, cause)
+    acting = _load(load, random, t_end, apart, size, loop_time)
     limits = (0.0, 100.0)
     if departure == "saturation":
         reach = size * random.uniform(0.3, 0.9)
@@ -296,9 +296,7 @@ def _steps(random: Random, t_end: float, apart: float, size: float, rest: float 
     return steps
 
 
-def _load(
-    load: str, random: Random, t_end: float, apart: float, size: float, loop_time: float, cause: str
-) -> list[Piece]:
+def _load(load: str, random: Random, t_end: float, apart: float, size: float, loop_time: float) -> list[Piece]:
     """Pieces of the load at the process input [% of OP]."""
     if load == "walk":
         return [Walk(rate=size / math.sqrt(apart))]

@@ -302,7 +302,7 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
     """The fit in words."""
     match done["answer"]["fit"]["why"]:
         case {"code": "place"}:
-            return Fit("cannot_tell", _crossings("place", _of_exclusion(loop)), loop.op_label, why="place")
+            return Fit("cannot_tell", to_text("crossings.place", _of_exclusion(loop)), loop.op_label, why="place")
         case {"code": "finding", "of": i} if done["pv"] is None:
             return Fit("cannot_tell", found[i].text, loop.op_label, why=found[i].code)
         case {"code": "finding", "of": i}:
@@ -354,7 +354,7 @@ def why_text(
         case {"code": "finding", "of": int(i)}:
             return found[i].text
         case {"code": "place"}:
-            return _crossings("place", _of_exclusion(loop))
+            return to_text("crossings.place", _of_exclusion(loop))
         case {"code": "nothing_accepted"}:
             return nothing_accepted(answer["reasons"])
         case why:
@@ -362,10 +362,6 @@ def why_text(
             numbers |= {} if identification is None else {"reason": identification.reason}
             numbers |= {"kp_origin": answer["controller"]["origins"]["kp"]} | (why.get("of") or {})
             return to_text(f"crossings.{why['code']}", numbers, op_unit=loop.op_label)
-
-
-def _crossings(code: str, numbers: dict[str, Any]) -> str:
-    return to_text(f"crossings.{code}", numbers)
 
 
 def _corrected(c: dict[str, Any], unit: str) -> Corrected:

@@ -81,7 +81,7 @@ def shaped(source: Source, loops: Sequence[Loop] = (), defaults: Mapping[str, An
         source.time = source.names[source.at]
     if len(times) == 1 and not is_long(source.names) and (key := _key(source, loops)) is not None:
         return _KeyedSource(source, times[0], key)
-    if len(times) == 1 and _on_own_rows(source, times[0], loops):
+    if len(times) == 1 and _on_own_rows(source, loops):
         at = times[0]
         return AloneSource(source, [(at, i) for i in range(len(source.names)) if i != at], loops, shared=True)
     return source
@@ -241,7 +241,7 @@ def _pairs(source: Source, stamped: Sequence[int]) -> list[tuple[int, int]]:
     return pairs
 
 
-def _on_own_rows(source: Source, time: int, loops: Sequence[Loop]) -> bool:
+def _on_own_rows(source: Source, loops: Sequence[Loop]) -> bool:
     """Whether the signals of some loop are written each on rows of its own."""
     groups: list[dict[str, str]]
     if named := [loop.columns for loop in loops if loop.columns.pv]:

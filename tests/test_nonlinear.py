@@ -176,6 +176,11 @@ class TestLimitCycles:
             s = simulate.closed_loop(lag, controller, d=d, noise=0.0, h=0.02, t_end=600, setpoint=[(1, 5.0)])
             assert (np.ptp(s.op[s.t > 400]) / 2 > d / 2) == cycles
 
+    @pytest.mark.parametrize("controller", [(0.02, 60), (0.1, 200), (0.36, 7), (0.36, 700), (2.0, 7), (0.36, 7, 1.5)])
+    def test_an_integrating_process_cycles_at_every_tuning(self, controller: tuple[float, ...]) -> None:
+        """As docs/why.md says: retuning ends the cycle of a process that settles by itself, and not this one."""
+        assert any(cycle.stable for cycle in backlash_cycles(open_loop("P1", controller), 1.0))
+
     @pytest.mark.slow
     def test_relay_finds_the_ultimate_point(self) -> None:
         for name in PLANTS:

@@ -273,17 +273,51 @@ def check(kind: str, name: str, *args: object, **environment: str) -> str:
 PAGE = (ROOT / "docs/plc.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
-def test_a_program_of_ones_own_runs_as_the_page_shows(tmp_path):
+@pytest.fixture
+def my_loop(tmp_path):
+    """The program of the page, as an editor on Windows saves it."""
     [program] = re.findall(r"```st\n(PROGRAM .*?)```", PAGE, re.DOTALL)
-    arguments = re.search(r"example run -- \\\n +MyLoop.st (.*)", PAGE)[1].split()
-    # As an editor on Windows saves it.
     (tmp_path / "MyLoop.st").write_text(program, newline="\r\n")
-    printed = check("example", "run", tmp_path / "MyLoop.st", *arguments).split()
+    return tmp_path / "MyLoop.st"
+
+
+@pytest.mark.slow
+def test_a_program_of_ones_own_runs_as_the_page_shows(my_loop):
+    arguments = re.search(r"example run -- \\\n +MyLoop.st (.*)", PAGE)[1].split()
+    printed = check("example", "run", my_loop, *arguments).split()
     shown = re.search(r"```\n(scan,.*?)```", PAGE, re.DOTALL)[1].split()
     assert len(printed) == 21 and len(shown) > 3 and set(shown) <= set(printed)
-    real = check("example", "run", tmp_path / "MyLoop.st", *arguments, "REAL").split()
-    assert real[0] == printed[0] and abs(float(real[9].split(",")[3]) - 2.0) < 0.3
+    real = check("example", "run", my_loop, *arguments, "REAL").split()
+    assert real[0] == printed[0] and abs(float(real[9].split(",")[3]) - 1.6) < 0.1
+
+
+def last_row(program: Path, scans: str, *arguments: str) -> dict[str, float]:
+    """What its outputs hold after so many scans, compensation enabled at 6001."""
+    head, *_, last = check("example", "run", program, scans, "Compensate=TRUE@6001", *arguments).split()
+    return dict(zip(head.split(","), map(float, last.split(",")), strict=True))
+
+
+@pytest.mark.slow
+def test_each_row_of_the_acceptance_test_comes_out(my_loop):
+    """What is typed at the program, and what its outputs then hold."""
+    table = PAGE.split("| do | in the program above | then |\n|---|---|---|\n")[1].split("\n\n")[0].splitlines()
+    wrong = my_loop.with_name("Wrong.st")
+    wrong.write_text(my_loop.read_text().replace("Op := Op,", "Op := Op - AtPid,"))
+    tried = 0
+    for _, do, typed, then, _ in (row.split("|") for row in table):
+        if "@" in typed:
+            seen = last_row(my_loop, "12000", *typed.strip(" `").split())
+        elif "Op := Op - AtPid" in typed:
+            seen = last_row(wrong, "6600")  # 30 Ti of 2 s later
+        else:
+            continue
+        claims = re.findall(r"`(Standing|UFf|ErrorID)` (\d+)", then)
+        assert claims and all(seen[name] == float(value) for name, value in claims), (do, seen)
+        tried += 1
+    assert tried == len(table) - 2
+    # OP holds u_FF, and UFb does not.
+    seen = last_row(my_loop, "9600")
+    assert seen["Standing"] == 0.0 and seen["UFf"] == pytest.approx(seen["Op"] - seen["UFb"], abs=1e-5) != 0.0
 
 
 @pytest.mark.slow

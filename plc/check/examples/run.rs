@@ -79,7 +79,8 @@ fn run(asked: &Asked) -> Result<String, String> {
 
 /// Seven digits of a number, for a person to read.
 fn rounded(value: f64) -> f64 {
-    format!("{value:.6e}").parse().unwrap_or(value)
+    // Plus 0: no "-0" where a ramp ended.
+    format!("{value:.6e}").parse().unwrap_or(value) + 0.0
 }
 
 fn main() -> ExitCode {

@@ -117,6 +117,22 @@ fn runs<R: Number>() {
         both.call();
         assert_eq!((both.u_ff(), both.holds(), both.ended()), ([1.0, 0.0], true, Some(1.0)), "{h}");
     }
+    // A longer period of the task: a gap in every scan, until Restart; no gap where MaxH goes with it.
+    for (max_h, gaps) in [(0.0, true), (15.0, false)] {
+        let mut both = Both::new::<R>();
+        both.set_both(&[("H", 5.0)]);
+        both.detection.set("Settings.Detector.MaxH", max_h).unwrap();
+        for _ in 0..10 {
+            both.call();
+            assert_eq!(both.ended(), gaps.then_some(1.0));
+        }
+        both.set_both(&[("Restart", 1.0)]);
+        both.call();
+        both.set_both(&[("Restart", 0.0)]);
+        both.call();
+        both.call();
+        assert_eq!(both.ended(), None);
+    }
     // A repeated scan.
     let mut both = Both::new::<R>();
     both.set_both(&[("H", 0.0)]);

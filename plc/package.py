@@ -929,7 +929,7 @@ def reference() -> str:
 def archive(path: Path, folders: list[Path], out: Path) -> None:
     """The files of some folders and what belongs to every package, the same bytes each time."""
     files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
-    files += [out / "README.md", out / "LICENSE", out / "blocks.md"]
+    files += [out / name for name in ("README.md", "LICENSE", "plc.md", "blocks.md")]
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
         for file in files:
             one = zipfile.ZipInfo(file.relative_to(out).as_posix(), (1980, 1, 1, 0, 0, 0))
@@ -944,8 +944,10 @@ def main(out: Path) -> None:
     out.mkdir(parents=True)
     shutil.copyfile(HERE / "packages" / "README.md", out / "README.md")
     shutil.copyfile(HERE.parent / "LICENSE", out / "LICENSE")
-    # Links lead to other pages of the documentation, which are not in the packages.
-    (out / "blocks.md").write_bytes(re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", reference()).encode())
+    guide = (HERE.parent / "docs/plc.md").read_text(encoding="utf-8").replace("../plc/example/", "example/")
+    for name, text in (("plc.md", guide), ("blocks.md", reference())):
+        # Links lead to other pages of the documentation, which are not in the packages; pictures are.
+        (out / name).write_bytes(re.sub(r"(?<!!)\[([^\]]+)\]\([^)]+\)", r"\1", text).encode())
     libraries = {build: library(build) for build in BUILDS}
     for target, writer in TARGETS.items():
         for build, units in libraries.items():

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tarfile
+import zipfile
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from hashlib import sha256
@@ -71,6 +72,15 @@ def test_the_tree_is_as_written(packages):
     assert written == {f"{path.relative_to(packages).as_posix()}{'/' * path.is_dir()}" for path in made}
     pages = len(list((packages / "ac800m/all").glob("*_*.html")))
     assert f"| `all` | every block, each on its page | {pages} |" in (ROOT / "plc/packages/ac800m.md").read_text()
+
+
+def test_each_archive_has_the_page_with_its_pictures(packages):
+    for path in packages.glob("*.zip"):
+        with zipfile.ZipFile(path) as archive:
+            names, page = set(archive.namelist()), archive.read("plc.md").decode()
+        assert "## Compensate next to your PID" in page and "](" in page
+        for link in re.findall(r"\]\(([^)]+)\)", page):
+            assert link in names, link
 
 
 @pytest.mark.parametrize("name", ["faceplate.svg", "messages.csv"])

@@ -101,6 +101,23 @@ def kinds() -> dict[str, str]:
     return found
 
 
+def needed(name: str) -> set[str]:
+    """Units that a unit is made of, and that these are made of; itself among them."""
+    text = re.sub(r"\(\*.*?\*\)", " ", (ROOT / f"plc/{name.removeprefix('Glapp')}.st").read_text(), flags=re.DOTALL)
+    inner = set(re.findall(r"Glapp\w+", text)) & kinds().keys() - {name}
+    return {name}.union(*map(needed, inner))
+
+
+def test_a_controller_with_little_memory_keeps_what_is_needed():
+    readme = (ROOT / "plc/packages/README.md").read_text()
+    detector, foreign = re.findall(r"^\| `Glapp\w+` \| (.*) \|$", readme, flags=re.MULTILINE)
+    keep = {f"Glapp{name}" for name in detector.split(", ")}
+    assert keep == needed("GlappDetector") - {"GlappDetector"} and len(keep) > 20
+    more = {f"Glapp{name}" for name in foreign.removeprefix("these, ").split(", ")}
+    assert keep | more == needed("GlappForeignDetection") - {"GlappForeignDetection"} and not keep & more
+    assert f"all {len(kinds())} units" in readme
+
+
 def split(text: str) -> dict[str, str]:
     """Units of a text without comments, each by its name."""
     units = re.finditer(r"\b(TYPE|FUNCTION_BLOCK|FUNCTION|PROGRAM)\s+(\w+).*?\bEND_\1\b", text, re.DOTALL)

@@ -316,6 +316,11 @@ def test_a_program_of_ones_own_runs_as_the_page_shows(my_loop):
     assert len(printed) == 21 and len(shown) > 3 and set(shown) <= set(printed)
     real = check("example", "run", my_loop, *arguments, "REAL").split()
     assert real[0] == printed[0] and abs(float(real[9].split(",")[3]) - 1.6) < 0.1
+    # A period of Ti/2 makes the width a tenth wider.
+    fine, coarse = (
+        float(check("example", "run", my_loop, "12000", h).split()[-1].split(",")[3]) for h in ("H=0.1", "H=1")
+    )
+    assert coarse / fine == pytest.approx(1.1, abs=0.02)
 
 
 def last_row(program: Path, scans: str, *arguments: str) -> dict[str, float]:

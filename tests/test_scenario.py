@@ -527,3 +527,13 @@ def test_a_simulation_is_drawn_and_is_a_data_frame() -> None:
     frame = s.to_pandas()
     assert list(frame.columns) == s.to_arrow().column_names
     np.testing.assert_array_equal(frame["PV"].to_numpy(), s.pv)
+
+
+def test_a_simulation_is_analysed_as_it_is() -> None:
+    """It was refused as no table with named columns."""
+    s = closed_loop("P3", (0.48, 0.3117), d=0.05, h=0.05, t_end=60, setpoint=[(0, 1.0)], load=[(10, 0.3), (30, 0.0)])
+    loop = glapp.Loop(name="F", controller={"k": 0.48, "ti": 0.3117})
+    one, other = (glapp.analyze(given, loop=loop, fit=False, position="") for given in (s, s.to_arrow()))
+    widths = one.half_periods.to_dict()["d"]
+    assert len(widths) > 3
+    np.testing.assert_array_equal(widths, other.half_periods.to_dict()["d"])

@@ -164,6 +164,10 @@ class Simulation:
             columns["U_FF"] = self.u_ff
         return pa.table(columns)
 
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        """Arrow's protocol: `glapp.analyze`, `glapp.fit` and every reader of Arrow take a simulation as it is."""
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
+
     def to_pandas(self) -> pd.DataFrame:
         """The columns of `to_arrow` as a data frame of pandas, which must be installed.
 

@@ -189,6 +189,34 @@ class TestLimitCycles:
             assert (cycle.period, cycle.amplitude) == pytest.approx((tu, 8 / math.pi / ku), rel=1e-6)
             assert cycle.stable
 
+    @pytest.mark.parametrize("name", list(PLANTS))
+    def test_of_the_cycles_of_a_relay_the_slowest_alone_is_stable(self, name: str) -> None:
+        """With dead time there are some hundred, and every one was called stable."""
+        cycles = relay_cycles(PLANTS[name], 1.0)
+        assert [cycle.stable for cycle in cycles] == [True] + [False] * (len(cycles) - 1)
+        assert len(cycles) > 70 or name not in ("P1", "P4", "P8")
+
+    def test_a_relay_leaves_a_fast_cycle_for_the_slow_one(self) -> None:
+        """P4 = e^(−4s)/(2s + 1), begun in the predicted cycle of 3.1 s; the exact period is 10.5 s."""
+        slow, fast, *_ = relay_cycles(PLANTS["P4"], 1.0)
+        h, t_end = 0.01, 400.0
+        scans = round(4.0 / h)
+        u = [1.0 if (i * h) % fast.period < fast.period / 2 else -1.0 for i in range(scans)]
+        y = np.zeros(round(t_end / h))
+        for k in range(1, y.size):
+            y[k] = y[k - 1] + h / 2.0 * (u[k - 1] - y[k - 1])
+            u.append(-1.0 if y[k] > 0 else 1.0)
+        late = y[y.size // 2 :]
+        period = np.diff(np.flatnonzero((late[:-1] < 0) & (late[1:] >= 0))).mean() * h
+        assert period == pytest.approx(slow.period, rel=0.06) and period > 3 * fast.period
+        assert late.max() == pytest.approx(slow.amplitude, rel=0.05)
+
+    def test_a_loop_that_less_gain_makes_unstable_has_a_border_and_a_cycle(self) -> None:
+        """(1 + s)²/(s²(1 + 3s)(1 + 0.01s)²) comes in below −180°, rises above it and falls below it again."""
+        lags = np.polymul([1, 0, 0], np.polymul([3, 1], np.polymul([0.01, 1], [0.01, 1])))
+        border, cycle = relay_cycles(Plant([1.0, 2.0, 1.0], lags), 1.0)
+        assert (border.stable, cycle.stable) == (False, True) and cycle.amplitude < border.amplitude
+
     def test_over_compensation(self) -> None:
         assert over_compensation("P2", 0.05, 0.05) == []
         [small], [large] = over_compensation("P2", 0.06, 0.05), over_compensation("P2", 0.09, 0.05)

@@ -389,25 +389,44 @@ def relay_cycles(loop: Process, level: float) -> list[LimitCycle]:
     level : float
         > 0.
 
+    Returns
+    -------
+    list of LimitCycle
+        By ascending frequency. A dead time makes L(iω) cross the axis again and again, ever nearer to 0.
+
+    Notes
+    -----
+    Stability: as for `backlash_cycles`, and no crossing further out is left over. The relay, frozen at N(A), is a gain
+    with which each of these is a pair of growing roots. So the fast cycles of a process with dead time do not last:
+    the loop goes over into the slow one.
+
     Examples
     --------
     >>> from glapp.plant import PLANTS
     >>> [cycle] = relay_cycles(PLANTS["P2"], level=1.0)  # Ku = 4, Tu = 2π
     >>> round(cycle.w, 6), round(cycle.amplitude * math.pi, 6), cycle.stable
     (1.0, 1.0, True)
+    >>> [f"{cycle.period:.1f} s, {cycle.stable}" for cycle in relay_cycles(PLANTS["P4"], level=1.0)[:3]]
+    ['11.0 s, True', '3.1 s, False', '1.8 s, False']
     """
     loop = _checked(loop)
     if not (math.isfinite(level) and level > 0):
         raise InputError(f"is {level}, must be greater than 0", parameter="level", value=level, bound="> 0")
     w = loop.frequencies(per_decade=200)
     value = loop.response(w)
-    cycles = []
+    crossed = []  # frequency, L there, +1 where it enters the second quadrant and −1 where it leaves it
     for i in _changes(value.imag):
         if value[i].real < 0:
             at = _bisect(lambda x: float(loop.response(x).imag), w[i], w[i + 1])
-            a = -4 * level / math.pi * float(loop.response(at).real)
-            n = 4 * level / (math.pi * a)
-            cycles.append(LimitCycle(at, a, _attracts(loop, at, n, -n / a)))
+            crossed.append((at, float(loop.response(at).real), 1 if value[i + 1].imag > value[i].imag else -1))
+    # Two integrators whose phase is below −180° come in over the axis, from infinitely far.
+    before = int(value[0].real < 0 < value[0].imag)
+    cycles = []
+    for at, real, _ in crossed:
+        a = -4 * level / math.pi * real
+        n = 4 * level / (math.pi * a)
+        further = before + sum(way for _, other, way in crossed if other < real)
+        cycles.append(LimitCycle(at, a, further == 0 and _attracts(loop, at, n, -n / a)))
     return cycles
 
 

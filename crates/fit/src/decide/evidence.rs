@@ -87,8 +87,8 @@ pub struct Evidence {
     /// Standard deviation of Kp·OP as a fraction of that of PV: far above 1 where the load of the model undoes the
     /// valve's effect. 0 behind an integrator.
     pub(crate) cancels: f64,
-    /// Standard error of the lags, part of them.
-    pub(crate) lag_error: f64,
+    /// Upper limit of the lags by the likelihood of all believed models, a ratio to the lags of the best.
+    pub(crate) lag_up_to: f64,
     /// Records whose own width is that of all, and records.
     pub(crate) agree: [usize; 2],
     /// Ratio of the records' differences to their intervals, 1 where the intervals allow them.
@@ -197,16 +197,16 @@ impl Evidence {
             _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
-            _ if self.cancels > CANCELS_IF_SOUND || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
+            _ if self.cancels > CANCELS_IF_SOUND || !self.lags_known() => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
     }
 
-    /// Allowed relative error of the lags for a verdict of no gap. One swing tells of one frequency, and few turns tell
+    /// Whether the lags are known well enough for a verdict of no gap. One swing tells of one frequency, and few turns tell
     /// little: the lags hang together with the gap there.
-    fn lag_may_err(&self) -> f64 {
+    fn lags_known(&self) -> bool {
         let few = self.passes_high.iter().any(|n| *n < CYCLES);
-        if self.oscillates || few { LAG_KNOWN_IF_FEW } else { 1.0 }
+        self.lag_up_to <= if self.oscillates || few { LAG_UP_TO_IF_FEW } else { LAG_UP_TO }
     }
 
     /// Reason why no gap is found although the likelihood ratio speaks for one: something else looks like it.

@@ -420,7 +420,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         cycle: clearest.cycle,
         plateau: clearest.plateau,
         cancels: median(|e| e.cancels),
-        lag_error: median(|e| e.lag_error),
+        lag_up_to: median(|e| e.lag_up_to),
         agree: [agree, curves.len()],
         dispersion,
         shows: Some(curves.iter().filter(|c| c.fitted.answer.evidence.shows_alone()).count()),

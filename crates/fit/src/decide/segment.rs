@@ -141,6 +141,7 @@ impl View<'_> {
         let late = (point.theta[structure.dead_time_at()] + lag) * record.cell as f64;
         let even = || swings_evenly(record, d, best.lag_steps());
         let unsampled_below = UNSAMPLED_BELOW * record.travel();
+        let (_, slowest) = self.process.limits(best, self.profiles, self.sticking, false).lag_near;
         let passes_high = limits.upper_limit(record).map(|high| record.traversals(high.max(unsampled_below)));
         let oscillates = record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING);
         // A step of the load in each half-period of a cycle may be a gap as wide as the cycle, so the bound's passes count there.
@@ -177,7 +178,7 @@ impl View<'_> {
             cycle: self.cycle(),
             plateau: plateau(record, d, point.kp, late),
             cancels: if structure.integrating { 0.0 } else { record.cancels(point.kp) },
-            lag_error: self.process.lag.error / self.process.lag.value.max(1e-300),
+            lag_up_to: slowest / self.process.lag.value.max(1e-300),
             agree: [1; 2],
             dispersion: 1.0,
             shows: None,

@@ -418,7 +418,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         cycle: clearest.cycle,
         plateau: clearest.plateau,
         cancels: usual(|e| e.cancels),
-        lag_error: usual(|e| e.lag_error),
+        lag_up_to: usual(|e| e.lag_up_to),
         agree: [agree, members.len()],
         dispersion,
         shows: None,

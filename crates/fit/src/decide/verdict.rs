@@ -115,7 +115,7 @@ mod tests {
             cycle: None,
             plateau: Plateau::default(),
             cancels: 2.0,
-            lag_error: 0.1,
+            lag_up_to: 1.2,
             agree: [1; 2],
             dispersion: 1.0,
             shows: None,
@@ -273,12 +273,12 @@ mod tests {
         assert_eq!(said(none.clone()), Confidence::NoneSeen);
         assert_eq!(said(Evidence { passes_high: [10, 1], ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { passes_high: [10, 4], ..none.clone() }), Confidence::NoneSeen);
-        assert_eq!(said(Evidence { passes_high: [10, 4], lag_error: 0.3, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { passes_high: [10, 4], lag_up_to: 1.6, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { cancels: CANCELS_IF_SOUND, ..none.clone() }), Confidence::NoneSeen);
         assert_eq!(said(Evidence { cancels: CANCELS_IF_SOUND + 1.0, ..none.clone() }), Confidence::CannotTell);
-        assert_eq!(said(Evidence { lag_error: 1.5, ..none.clone() }), Confidence::CannotTell);
-        assert_eq!(said(Evidence { lag_error: 0.3, ..none.clone() }), Confidence::NoneSeen);
-        assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_up_to: LAG_UP_TO, ..none.clone() }), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { lag_up_to: LAG_UP_TO + 0.1, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_up_to: 1.6, oscillates: true, ..none }), Confidence::CannotTell);
     }
 
     #[test]

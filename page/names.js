@@ -1,4 +1,4 @@
-// Assignment of columns and tags to the signals of loops: python/glapp/reading/meaning.py and columns.py.
+// Assignment of columns and tags to the signals of loops: python/glapp/reading/meaning.py, kin.py and columns.py.
 "use strict";
 
 const Names = (data) => {
@@ -7,9 +7,12 @@ const Names = (data) => {
   const UNIT = new RegExp(data.columns.unit);
   const TOKEN = new RegExp(data.columns.token, "g");
   const FIELD = new RegExp(data.columns.field, "i");
+  const HOST = new RegExp(data.columns.host);
   const JOINED = new RegExp(`^(?:${data.columns.joined})$`, "i");
   const CURRENT = new Set(data.columns.current);
   const LIMITS = new Set(data.columns.limits);
+  const BLOCK = new RegExp(`^(?:${data.columns.block})$`);
+  const INSTRUMENT = new RegExp(`^(?:${data.columns.instrument})$`, "i");
 
   /** The text without case, accents and spaces. */
   const folded = (text) =>
@@ -29,6 +32,11 @@ const Names = (data) => {
    * sure. */
   function understand(name) {
     const none = { role: null, loop: "", unit: null, weak: null };
+    const [host] = HOST.exec(name) ?? [];
+    if (host) {
+      const of = understand(name.replace(host, ""));
+      return of.loop ? { ...of, loop: of.loop + host } : of;
+    }
     let text = name.trim().replace(FIELD, "");
     let unit = null;
     const found = UNIT.exec(text);
@@ -89,7 +97,51 @@ const Names = (data) => {
     return ["sp", "pv", "op", "mode", "position"].includes(understand(tag).role) ? tag : null;
   }
 
-  /** The words that are not sure get the first of their roles that no other column of their loop has. */
+  /** A prefix taken apart: what it has in common with others of its loop, its name without a block, and the roles it has. */
+  function kinOf(prefix) {
+    const block = BLOCK.exec(prefix);
+    const word = block && folded(block[2]);
+    let kind = block && Object.hasOwn(data.columns.blocks, word) ? data.columns.blocks[word] : null;
+    const tag = kind ? block[1] : prefix;
+    const found = INSTRUMENT.exec(tag);
+    if (!found) return { key: folded(tag), tag, roles: data.columns.kinds[kind ?? "controller"] };
+    const [, before, variable, does, number] = found;
+    kind ??= /[vyz]/i.test(does) ? "output" : /c/i.test(does) ? "controller" : "input";
+    return { key: folded(before + variable + number), tag, roles: data.columns.kinds[kind] };
+  }
+
+  /** The loop of each signal whose prefix is not its loop's: prefix and role to the loop. */
+  function shared(signals) {
+    const families = new Map();
+    for (const [prefix, has] of signals) {
+      if (!prefix) continue;
+      const { key, tag, roles } = kinOf(prefix);
+      families.set(key, [...(families.get(key) ?? []), { prefix, tag, has, fits: roles.filter((role) => has.has(role)) }]);
+    }
+    return new Map([...families.values()].flatMap((family) => (family.length > 1 ? ofFamily(family) : [])).map(([prefix, role, loop]) => [`${role} ${prefix}`, loop]));
+  }
+
+  /** The loop of each signal in one family of prefixes. */
+  function ofFamily(family) {
+    let whole = family.filter(({ has }) => has.has("sp") && has.has("pv"));
+    if (!whole.length) whole = family.filter(({ fits }) => fits.includes("pv") && fits.includes("op"));
+    if (whole.length > 1) return [];
+    if (whole.length) {
+      const [loop] = whole;
+      const others = family.flatMap((one) => (one === loop ? [] : one.fits.map((role) => [one.prefix, role])));
+      return others
+        .filter(([, role]) => role !== "quality" && !loop.has.has(role) && others.filter(([, other]) => other === role).length === 1)
+        .map(([prefix, role]) => [prefix, role, loop.prefix]);
+    }
+    const first = ["sp", "op"].map((role) => family.find(({ fits }) => fits.includes(role))).find(Boolean);
+    if (!first || !family.some(({ fits }) => fits.includes("pv"))) return [];
+    return family.flatMap(({ prefix, fits }) => fits.map((role) => [prefix, role, first.tag]));
+  }
+
+  /**
+   * The words that are not sure get the first of their roles that no other column of their loop has, and signals of
+   * other prefixes get their loop.
+   */
   function settle(meanings) {
     const roles = new Map();
     const open = new Map();
@@ -113,6 +165,10 @@ const Names = (data) => {
         }
       }
     }
+    const signals = new Map();
+    for (const { role, loop } of meanings) if (role) signals.set(loop, (signals.get(loop) ?? new Set()).add(role));
+    const others = shared(signals);
+    for (const one of meanings) one.loop = others.get(`${one.role} ${one.loop}`) ?? one.loop;
     return meanings;
   }
 
@@ -172,8 +228,11 @@ const Names = (data) => {
     if (left.length >= roles.length) {
       // FIC101.SP and FIC101.OP alone make no loop, and yet it is plain that PV is missing.
       const meant = new Set(meanings.flatMap(({ role }, i) => (Object.values(chosen).includes(i) ? [] : [role])));
-      const open = loops.length ? [] : roles.filter((role) => !meant.has(role));
-      if (open.length) roles = open;
+      const open = loops.length ? roles : roles.filter((role) => !meant.has(role));
+      if (!open.length) {
+        return new InputError(`the names of the ${kind}s show no loop: ${listed(left)}${also}`, { hint: "choose the signals below" });
+      }
+      roles = open;
       const what = `no ${kind} for ${roles.map((role) => data.columns.labels[role]).join(" and ")} among those left: ${listed(left)}${also}`;
       return new InputError(what, { hint: `choose ${roles.length === 1 ? "it" : "them"} below` });
     }

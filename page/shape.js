@@ -9,6 +9,7 @@ const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cel
   const { pv_empty: PV_EMPTY, held_empty: HELD_EMPTY, own: OWN, rows: ROWS, groups: GROUPS, widest: WIDEST } = data.shape;
   const { days: DAYS, day_step: DAY_STEP } = data.shape;
   const HEAD = 1000; // rows that tell what columns hold
+  const UNIT_COLUMNS = new Set(data.columns.unit_columns);
   const MIDNIGHT = new RegExp(data.shape.midnight);
   const DAY_ZERO = new RegExp(data.shape.day_zero);
   const SECOND = new RegExp(data.shape.second, "i");
@@ -188,7 +189,13 @@ const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cel
     const time = only(names, "time", named.length || source.time === null ? named : [source.time]);
     if (time === undefined) throw new InputError(`no time column among: ${names.slice(0, 20).join(", ")}`);
     const marked = names.some((name) => folded(name) === "marker");
-    const tags = new Map([...rowsOf(columns[at.tag])].map(([tag, rows]) => [tag, { time, value: at.value, quality: at.quality, rows, unit: null }]));
+    const units = places(names, (name) => UNIT_COLUMNS.has(folded(name)));
+    const written = units.length === 1 ? texts(columns[units[0]]).map((cell) => cell.trim()) : null;
+    const unitOf = (rows) => {
+      const found = new Set(written === null ? [] : rows.map((row) => written[row]).filter(Boolean));
+      return found.size === 1 ? [...found][0] : null;
+    };
+    const tags = new Map([...rowsOf(columns[at.tag])].map(([tag, rows]) => [tag, { time, value: at.value, quality: at.quality, rows, unit: unitOf(rows) }]));
     return ofTags(source, tags, { time, rows: all(columns[time]) }, names[time], { dated: true, marked });
   }
 

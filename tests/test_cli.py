@@ -1,6 +1,7 @@
 """The command line as a person types it: its output, its end, and that one wrong loop stops no other."""
 
 import csv
+import html
 import inspect
 import io
 import json
@@ -79,6 +80,24 @@ def test_a_person_says_what_a_number_of_days_counts_from(run, monkeypatch):
     answering(monkeypatch, "6")
     assert run("analyze", "plant.csv", "--no-fit")[0] == 0
     assert read_settings("loops.toml")[0].time_format == "excel"
+
+
+@pytest.mark.slow
+def test_what_is_not_read_is_told_with_what_to_write(run):
+    """Regression: SP and MODE whose names show another loop were lost without a word."""
+    write("plant.csv", rows(header="t,[A]F1.SP,F1.PV,F1.OP"))
+    code, _, printed = run("analyze", "plant.csv", "--report", "r.html")
+    said = "SP is not read, and may be in the column [A]F1.SP: if so, write --sp '[A]F1.SP', or in loops.toml"
+    assert code == 0 and f"note: F1: {said}" in printed
+    page = html.unescape(Path("r.html").read_text(encoding="utf-8"))
+    assert said in page and "time = t, PV = F1.PV, OP = F1.OP" in page
+    _, _, printed = run("analyze", "plant.csv", "--no-fit", "--sp", "[A]F1.SP")
+    assert "not read" not in printed
+    names = [f"{one}{n}.{role}" for n in range(5) for one, role in (("F", "PV"), ("F", "OP"), ("[A]F", "SP"))]
+    lines = [",".join([str(k), *["50", "40", "60"] * 5]) for k in range(20)]
+    write("many.csv", "\n".join([",".join(["t", *names]), *lines]))
+    _, _, printed = run("analyze", "many.csv", "--no-fit")
+    assert printed.count("SP is not read") == 3 and "note: 2 more signals are not read" in printed
 
 
 def test_nobody_answers(run, monkeypatch):

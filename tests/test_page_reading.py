@@ -57,6 +57,20 @@ READ: dict[str, str | bytes] = {
             *(f"{k},50,Good,{49 + k % 3},{'Bad' if k == 5 else 'Good'},{40 + k % 4},Bad" for k in range(24)),
         ]
     ),
+    "blocks of one loop": "\n".join(["t,FIC1/PIDA.SP,FIC1/DACA.PV,FIC1/PIDA.OP", *rows(SECONDS)]),
+    "the mode of a module, and its valve": "\n".join(
+        [
+            "t,FIC1/PID1/SP.CV,FIC1/PID1/PV.CV,FIC1/PID1/OUT.CV,FIC1/MODE,FV1.POS",
+            *(f"{r},AUTO,7" for r in rows(SECONDS)),
+        ]
+    ),
+    "instruments of one loop": "\n".join(["t,10-FIC-1_SP,10-FT-1_PV,10-FCV-1_OUT", *rows(SECONDS)]),
+    "a column of units beside tags of Ovation": "t,tag,value,units\n"
+    + "".join(
+        f"{k},F1{tag}.UNIT1@NET1,{k % 5},{unit}\n"
+        for k in range(9)
+        for tag, unit in (("SP", "bar"), ("PV", "bar"), ("OP", ""))
+    ),
     "ISO": "\n".join(["Timestamp,FIC101.SP,FIC101.PV,FIC101.OP", *rows(ISO)]),
     "ISO with fractions": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k / 10:06.3f}" for k in range(24)])]),
     "ISO with zones": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k:02d}+01:00" for k in range(24)])]),
@@ -135,7 +149,11 @@ REFUSED: dict[str, str | bytes] = {
     "SP in another unit than PV": "\n".join(["t,SP [bar],PV [kPa],OP", *rows(SECONDS)]),
     "a tag of SP in another unit than PV": "t,tag,value\n"
     + "".join(f"{k},F1.{tag},{k % 5}\n" for k in range(9) for tag in ("SP [bar]", "PV [kPa]")),
+    "a column of units that differ": "t,tag,value,Einheit\n"
+    + "".join(f"{k},F1.{tag},{k % 5},{unit}\n" for k in range(9) for tag, unit in (("SP", "bar"), ("PV", "kPa"))),
     "one column": "PV\n1\n2\n3\n",
+    "signals of no loop": "\n".join(["t,A.SP,B.PV,C.OP", *rows(SECONDS)]),
+    "two instruments that measure": "\n".join(["t,FIC1.SP,FT1.PV,FI1.PV", *rows(SECONDS)]),
     "a PDF": b"%PDF-1.4\n1 0 obj\n",
     "a picture": b"\xff\xd8\xff\xe0" + bytes(100),
     "a zip archive": archive("a.csv", "b.csv"),

@@ -96,7 +96,7 @@ def test_named_tags_and_columns():
     [
         (
             [("F1.SP", 0, "1", "Good"), ("F1.OP", 1, "1", "Good")],
-            ": no tag for PV among those left: F1.SP, F1.OP; name it: --pv NAME",
+            ": no tag for PV among those left: F1.SP, F1.OP; name them: --pv NAME --op 'F1.OP' --sp 'F1.SP'",
         ),
         ([("F1.PV", 0, "1", "Good")], ": has only one row"),
         ([*ROWS, ("F1.PV", 7, "abc", "Good")], ", row 14, column Value, tag F1.PV: 'abc' is not a number"),
@@ -116,3 +116,41 @@ def test_wrong_long_tables_are_one_line(tmp_path, rows, line):
         [list(recording.batches()) for recording in open_recordings(path)]
     assert str(caught.value).startswith(f"{path}{line}")
     assert "\n" not in str(caught.value)
+
+
+def test_units_stand_in_a_column_of_their_own(tmp_path):
+    """Regression: the column Units of PHD was ignored, and widths were told in "OP units"."""
+    rows = [
+        (tag, k, 50 + k % 3, unit) for k in range(20) for tag, unit in (("SP", "M3/H"), ("PV", "M3/H"), ("OP", "%"))
+    ]
+    lines = [f"F1.{tag},REFLUX,{unit},2025-11-14 06:00:{k:02d},{value},100" for tag, k, value, unit in rows]
+    path = tmp_path / "phd.csv"
+    head = "Tagname,Description,Units,Timestamp,Value,Confidence"
+    path.write_text("\n".join([head, *lines]), encoding="utf-8")
+    [recording] = open_recordings(path)
+    assert recording.units == {"SP": "M3/H", "PV": "M3/H", "OP": "%"}
+    assert (recording.loop.pv_unit, recording.loop.op_unit) == ("M3/H", "%")
+    path.write_text("\n".join([head, *lines, lines[-2].replace("M3/H", "L/S")]), encoding="utf-8")
+    [recording] = open_recordings(path)
+    assert "PV" not in recording.units, "a tag with two units has none"
+
+
+def test_names_of_ovation_have_their_unit_and_net_behind_them(tmp_path):
+    """Regression: FIC101PV.UNIT1@NET1 was no signal, and two units' points of one name could be one loop."""
+    lines = [
+        f"{tag}.UNIT{unit}@NET1,2025-11-14 06:00:{k:02d},{value + unit}"
+        for k in range(20)
+        for unit in (1, 2)
+        for tag, value in (
+            ("FIC101SP", 50),
+            ("FIC101PV", 50 + k % 3),
+            ("FIC101OUT", 40 + k % 4),
+            ("FIC101-MODE", 1 - unit),
+        )
+    ]
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join(["Point Name,Time,Value", *lines]), encoding="utf-8")
+    one, two = open_recordings(path)
+    assert (one.name, two.name) == ("FIC101.UNIT1@NET1", "FIC101.UNIT2@NET1")
+    assert one.columns["MODE"] == "FIC101-MODE.UNIT1@NET1"
+    assert np.concatenate([batch.sp for batch in two.batches()]).tolist() == [52.0] * 20

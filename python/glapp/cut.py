@@ -25,6 +25,7 @@ class Cut(Recording):
         self._whole, self._begin, self._end = whole, begin, end
         self.name, self.source, self.t0, self.zone = whole.name, whole.source, whole.t0, whole.zone
         self.columns, self.units, self.found = whole.columns, whole.units, whole.found
+        self.left_out = whole.left_out
         self.loop = whole.loop.model_copy(update={"repaired": None})  # it has been cut there
         self.rows: int | None = None
 

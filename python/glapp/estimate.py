@@ -269,6 +269,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         d_hat=answer["d_hat"],
         unit=loop.op_label,
         columns=dict(recording.columns),
+        left_out=tuple(recording.left_out),
         d_hat_percent_span=answer["d_hat_percent_span"],
         repeatability=None if answer["repeatability"] is None else tuple(answer["repeatability"]),
         noise_floor=answer["noise_floor"],

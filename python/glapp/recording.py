@@ -172,6 +172,8 @@ class Recording(ABC):
         Number of rows where it is known before reading.
     found : sequence of Finding
         What was noticed when it was opened.
+    left_out : sequence of str
+        Signals that are not read, and may be in columns of no loop, each with what to write.
     """
 
     name: str
@@ -183,6 +185,7 @@ class Recording(ABC):
     units: dict[str, str]
     rows: int | None
     found: Sequence[Finding] = ()
+    left_out: Sequence[str] = ()
 
     def __repr__(self) -> str:
         rows = "" if self.rows is None else f", {self.rows} rows"

@@ -550,6 +550,8 @@ class Result:
     columns : dict
         Role to the column or tag that was taken: where a position was measured, the width may be that of the position
         alone, and `repr` says so.
+    left_out : sequence of str
+        Signals that are not read, and may be in columns of no loop, each with what to write.
     messages : list of dict
         Why fit and crossings say what they do: each a `code` of the catalogue with its `numbers`.
     fit_left_out : bool
@@ -583,6 +585,7 @@ class Result:
     plan: Plan | None = None
     repair: Repair | None = None
     columns: dict[str, str] = field(default_factory=dict)
+    left_out: Sequence[str] = ()
     fit_left_out: bool = False
 
     @classmethod

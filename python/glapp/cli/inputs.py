@@ -17,6 +17,9 @@ from ..result import Result
 from .options import Options
 from .screen import CommandError, say_note
 
+_NOTES = 3
+"""Notes that are said of many loops."""
+
 __all__ = ["Refused", "Valve", "open_files", "open_one", "opened_with", "read_by", "recording_of"]
 
 
@@ -71,8 +74,23 @@ def open_files(
     for file in files:
         opened += _from_settings(file) if _is_toml(file) else opened_with(file, settings)
     asked = [entry.name for entry in opened]
-    opened = _named_apart(opened)
-    return _only(opened, asked, options.loop)
+    opened = _only(_named_apart(opened), asked, options.loop)
+    _say_left_out(opened)
+    return opened
+
+
+def _say_left_out(opened: Sequence[Recording | Valve | Refused]) -> None:
+    """Say which signals of the first loops are not read, and what to write."""
+    said = [
+        f"{entry.name}: {text}"
+        for entry in opened
+        if not isinstance(entry, Refused)
+        for text in (entry.recordings[0] if isinstance(entry, Valve) else entry).left_out
+    ]
+    for text in said[:_NOTES]:
+        say_note(text)
+    if len(said) > _NOTES:
+        say_note(f"{len(said) - _NOTES} more signals are not read; the report has them")
 
 
 def open_one(file: Path, options: Options) -> Recording:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
+from ..recording import Recording
 from .each import each
+from .kin import shared, tag_of
 from .meaning import understand, unnumbered
 from .names import WEAK
 
 __all__ = ["LABELS", "SignalColumns", "choose", "each_with_columns"]
 
-T = TypeVar("T")
+_DIGITS = re.compile(r"\d+")
 LABELS = {
     "time": "time",
     "sp": "SP",
@@ -53,26 +56,18 @@ class SignalColumns:
         self._meant: dict[tuple[str, str], list[str]] = {}
         self._times: list[str] = [] if time is None else [name for name in self.names if unnumbered(name) == time]
         self._folded: dict[str, list[str]] = {}
+        self._loose: dict[str, dict[str | None, list[str]]] | None = None
         roles: dict[str, set[str]] = {}
-        weak: dict[str, dict[str, list[str]]] = {}
-        for name in self.names:
+        for name, (role, loop) in zip(self.names, _signals(self.names), strict=True):
             for written in {name, unnumbered(name)}:
                 self._folded.setdefault(written.strip().lower(), []).append(name)
-            meaning = understand(name)
-            if meaning.weak is not None:
-                weak.setdefault(meaning.loop, {}).setdefault(meaning.weak, []).append(name)
-            if meaning.role is None:
+            if role is None:
                 continue
-            self._meant.setdefault((meaning.role, meaning.loop), []).append(name)
-            if meaning.role == "time" and time is None:
+            self._meant.setdefault((role, loop), []).append(name)
+            if role == "time" and time is None:
                 self._times.append(name)
-            elif meaning.role in ("sp", "pv", "op"):
-                roles.setdefault(meaning.loop, set()).add(meaning.role)
-        for loop, words in weak.items():
-            have = roles.setdefault(loop, set())
-            have |= {"position"} & {role for role, of in self._meant if of == loop}
-            for role, same in _settled(words, have):
-                self._meant.setdefault((role, loop), []).extend(same)
+            elif role in ("sp", "pv", "op"):
+                roles.setdefault(loop, set()).add(role)
         # A transmitter has an output as well: where there are setpoints, what has none is no loop.
         kinds = ({"sp", "pv"}, {"pv", "op"})
         having = [[loop for loop, have in roles.items() if kind <= have] for kind in kinds]
@@ -117,15 +112,55 @@ class SignalColumns:
             return found
         return self._meant.get((role, ""), [])  # a MODE or OP beside FIC101.PV belongs to the only loop there is
 
+    def of_no_loop(self, role: str, near: str | None) -> list[str]:
+        """Columns that are `role` by their names, of which none of the loops there are has the prefix.
 
-def _settled(words: Mapping[str, list[str]], have: set[str]) -> list[tuple[str, list[str]]]:
+        - `near`: only those whose names have no other word, or the number that this name of a loop has.
+        """
+        if self._loose is None:
+            self._loose = {}
+            for (one, of), names in self._meant.items():
+                if of not in self._exact:
+                    self._loose.setdefault(one, {}).setdefault(_number(of) if of else "", []).extend(names)
+        loose = self._loose.get(role, {})
+        if near is None:
+            return [name for names in loose.values() for name in names]
+        return [*loose.get("", []), *loose.get(_number(near), [])]
+
+
+def _number(prefix: str) -> str | None:
+    """The last number in a prefix, its block left out: 101 of FIC101/PID1."""
+    digits = _DIGITS.findall(tag_of(prefix))
+    return digits[-1] if digits else None
+
+
+def _signals(names: Sequence[str]) -> list[tuple[str | None, str]]:
+    """Role and loop of each name, by what the others are."""
+    meanings = [understand(name) for name in names]
+    roles: dict[str, set[str]] = {}
+    weak: dict[str, dict[str, list[int]]] = {}
+    for i, meaning in enumerate(meanings):
+        if meaning.weak is not None:
+            weak.setdefault(meaning.loop, {}).setdefault(meaning.weak, []).append(i)
+        if meaning.role is not None:
+            roles.setdefault(meaning.loop, set()).add(meaning.role)
+    found = [(meaning.role, meaning.loop) for meaning in meanings]
+    for loop, words in weak.items():
+        for role, same in _settled(words, roles.setdefault(loop, set())):
+            for i in same:
+                found[i] = role, loop
+    others = shared(roles)
+    return [(role, others.get((loop, role or ""), loop)) for role, loop in found]
+
+
+def _settled(words: Mapping[str, list[int]], have: set[str]) -> list[tuple[str, list[int]]]:
     """Roles of one loop's columns whose words depend on the others; `have` are those that are sure, and gets these.
 
     A word that only one role is left for goes first; a lone X or CV is no loop.
     """
-    settled: list[tuple[str, list[str]]] = []
+    settled: list[tuple[str, list[int]]] = []
     open_ = dict(words)
-    if not have and len(open_) < 3:
+    if not have & {"sp", "pv", "op", "position"} and len(open_) < 3:
         return settled
     while open_:
         left = {word: [role for role in WEAK[word] if role not in have] for word in open_}
@@ -179,14 +214,14 @@ def each_with_columns(
     signals: SignalColumns,
     loops: Sequence[Loop] | None,
     defaults: Mapping[str, Any] | None,
-    make: Callable[[Loop, dict[str, str]], T],
+    make: Callable[[Loop, dict[str, str]], Recording],
     *,
     stem: str,
     label: str,
     tags: bool = False,
     kind: str = "column",
-) -> list[T | InputError]:
-    """Results of `make` for every loop and its columns, or the errors in their place.
+) -> list[Recording | InputError]:
+    """Recordings that `make` opens for every loop and its columns, or the errors in their place.
 
     - `loops`: None for those that the names show.
     - `defaults`: settings of these.
@@ -197,10 +232,29 @@ def each_with_columns(
     if loops is None:
         found = signals.loops(stem)
         loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
+    named = {name for loop in loops for name in loop.columns.model_dump().values() if name}
+    several = len(loops) > 1 or len(signals.groups) > 1
 
-    def made(loop: Loop) -> T:
+    def left_out(loop: Loop, group: str | None, chosen: Mapping[str, str]) -> list[str]:
+        """Say which signals are not read, and may be in columns that no loop names or has by their names."""
+        taken, notes = {*named, *chosen.values()}, []
+        for role in ("sp", "op", "mode"):
+            if role in chosen or getattr(loop.columns, role) is not None:
+                continue
+            near = (group or loop.name) if several else None
+            if names := [name for name in signals.of_no_loop(role, near) if name not in taken]:
+                option = f"--{role} '{names[0]}', or " if found and not several else ""
+                todo = f'{option}in loops.toml columns = {{ {role} = "{names[0]}" }}'
+                where = f"the {kind}{'s' * (len(names) > 1)} {_listed(names)}"
+                notes.append(f"{LABELS[role]} is not read, and may be in {where}: if so, write {todo}")
+        return notes
+
+    def made(loop: Loop) -> Recording:
         group = found[loop.name] if found else signals.group_of(loop)
-        return make(loop, choose(signals, loop, group, label, tags=tags, kind=kind))
+        chosen = choose(signals, loop, group, label, tags=tags, kind=kind)
+        recording = make(loop, chosen)
+        recording.left_out = left_out(loop, group, chosen)
+        return recording
 
     return each(loops, made, label)
 
@@ -223,14 +277,25 @@ def _missing(
         what = f"has only one signal, {signal}{also}" if signal else f"has no signal{also}"
         hint = "it takes OP and PV of a loop to tell of its valve, and SP tells more: export them into one file"
         return InputError(what, hint=hint, **place)
-    if not signals.groups:  # FIC101.SP and FIC101.OP alone make no loop, and yet it is plain that PV is missing
-        meant = {understand(name).role for name in unused}
-        missing = [role for role in missing if role not in meant] or missing
-    named = " ".join(f"--{key} NAME" for key in missing)
-    keys = ", ".join(f'{key} = "NAME"' for key in missing)
+    meant: dict[
+        str | None, list[str]
+    ] = {}  # of FIC101.SP and FIC7.PV no loop can be made, and yet it is plain what is what
+    for name in () if signals.groups else unused:
+        meant.setdefault(understand(name).role, []).append(name)
+    shown = [role for role in missing if role not in meant]
+    asked = {
+        role: names[0] if len(names) == 1 else "NAME"
+        for role in ("pv", "op", "sp", "mode")
+        if (len(names := meant.get(role, [])) == 1 and role not in chosen) or role in missing
+    }
+    what = f"no {kind} for {' and '.join(LABELS[role] for role in shown)} among those left: {_listed(unused)}"
+    if not shown:
+        what = f"the names of the {kind}s show no loop: {_listed(unused)}"
+    named = " ".join(f"--{role} {name if name == 'NAME' else repr(name)}" for role, name in asked.items())
+    keys = ", ".join(f'{role} = "{name}"' for role, name in asked.items())
     return InputError(
-        f"no {kind} for {' and '.join(LABELS[role] for role in missing)} among those left: {_listed(unused)}{also}",
-        hint=f"name {'it' if len(missing) == 1 else 'them'}: {named}, or in loops.toml columns = {{ {keys} }}",
+        f"{what}{also}",
+        hint=f"name {'it' if len(asked) == 1 else 'them'}: {named}, or in loops.toml columns = {{ {keys} }}",
         asks="columns",
         **place,
     )

@@ -36,7 +36,7 @@ from ..recording import BAD, MARKED, Batch, Recording, finished, without_value
 from .cells import CellFault, plain, words
 from .columns import LABELS, SignalColumns, each_with_columns
 from .meaning import understand
-from .names import folded
+from .names import UNIT_COLUMNS, folded
 from .rows import OrderedRows, Reader
 from .source import Source
 from .wide import check_one_unit, unused_settings, with_units
@@ -86,6 +86,7 @@ class _Store:
         self._faults: dict[str, InputError] = {}
         self._reading = Lock()
         self.readers: dict[str, tuple[str, Reader]] = {}
+        self.units = dict(source.tag_units)
 
     def _column(self, role: str, loops: Sequence[Loop]) -> int | None:
         """Column of a role, by the loops' settings or by its name."""
@@ -112,18 +113,27 @@ class _Store:
         return None
 
     def names(self) -> list[str]:
-        """All tags there are, in the order in which they first appear: one pass over the tag column."""
+        """All tags there are, in the order in which they first appear, and their units: one pass over these columns."""
         if self.source.tags is not None:
             return self.source.tags
-        seen: dict[str, None] = {}
+        seen: dict[str, set[str]] = {}
         at = self.at["tag"]
         assert at is not None
-        for columns, _ in self.source.stream({at: pa.string()}, frozenset()):
+        beside = [i for i, name in enumerate(self.source.names) if folded(name) in UNIT_COLUMNS]
+        types = dict.fromkeys([at, *(beside if len(beside) == 1 else ())], pa.string())
+        for columns, _ in self.source.stream(types, frozenset()):
             try:
-                tags = words(columns[0])
+                tags, *units = map(words, columns)
             except CellFault as fault:
                 raise self.rows.fault(fault, 0, at) from None
-            seen.update(dict.fromkeys(str(v) for v in pc.unique(tags).to_pylist() if v is not None))
+            for tag in pc.unique(tags).to_pylist():
+                if tag is not None:
+                    seen.setdefault(str(tag), set())
+            for unit in units:
+                for pair in pa.table([tags, unit], ["tag", "unit"]).group_by(["tag", "unit"]).aggregate([]).to_pylist():
+                    if pair["tag"] is not None and (text := (pair["unit"] or "").strip()):
+                        seen[str(pair["tag"])].add(text)
+        self.units = {tag: units.pop() for tag, units in seen.items() if len(units) == 1}
         return list(seen)
 
     def tags(self, wanted: Iterable[str]) -> dict[str, _Tag]:
@@ -208,9 +218,8 @@ class LongRecording(Recording):
         assert time is not None
         if store.source.tags is None or store.source.time is not None:
             self.columns["time"] = store.source.names[time]
-        known = store.source.tag_units
         self.units = {
-            LABELS[role]: unit for role, tag in chosen.items() if (unit := known.get(tag) or understand(tag).unit)
+            LABELS[role]: unit for role, tag in chosen.items() if (unit := store.units.get(tag) or understand(tag).unit)
         }
         self.loop = with_units(loop, self.units)
         check_one_unit(self.units, loop, self.source, None, chosen.get("sp"))

@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from .names import CURRENT, LIMITS, SIGNALS, WEAK, WHOLE, folded
@@ -28,6 +28,7 @@ _UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 _NUMBERED = re.compile(r" \(column \d+\)$")  # see `numbered`
 _SEPARATORS = "./_-:|\\#,! \t"
 _FIELD = re.compile(r"\.[AF]_CV$", re.IGNORECASE)  # FIX.FIC101_PV.F_CV of iFIX and Proficy
+_HOST = re.compile(r"\.\w+@\w+")  # FIC101_PV.UNIT1@NET1 of Ovation
 _MOST_WORDS = 4  # "position de la vanne"
 _INSIDE = 6  # letters of a word that is a signal's in the middle of a name too
 
@@ -54,9 +55,14 @@ def understand(name: str) -> Meaning:
     Meaning(role='sp', loop='FIC101', unit='m3/h', weak=None)
     >>> understand("FIC101.CV")
     Meaning(role=None, loop='FIC101', unit=None, weak='cv')
+    >>> understand("FIC101SP.UNIT1@NET1").loop
+    'FIC101.UNIT1@NET1'
     >>> understand("PV_HI_LIM").role is None
     True
     """
+    if host := _HOST.search(name):
+        of = understand(name.replace(host[0], "", 1))
+        return replace(of, loop=of.loop + host[0]) if of.loop else of
     text, unit = _FIELD.sub("", _NUMBERED.sub("", name.strip())), None
     if found := _UNIT.search(text):
         text, unit = text[: found.start()], found.group(1).strip() or None

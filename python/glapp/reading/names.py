@@ -14,6 +14,7 @@ from typing import Any
 
 __all__ = [
     "AUTO",
+    "BLOCKS",
     "CONFIDENCE",
     "CURRENT",
     "FACTS",
@@ -28,6 +29,7 @@ __all__ = [
     "SAME_UNITS",
     "SIGNALS",
     "UNITS",
+    "UNIT_COLUMNS",
     "VALIDITY",
     "WEAK",
     "WHOLE",
@@ -70,6 +72,8 @@ WHOLE = _roles(_DATA["whole"])
 """Word to the role of a column that has no other word."""
 WEAK: dict[str, list[str]] = {folded(word): roles for word, roles in _DATA["weak"]["words"].items()}
 """Word to the roles it may have, which depends on the loop's other columns."""
+BLOCKS = {word: kind for kind in ("controller", "input", "output") for word in _DATA["blocks"][kind]}
+"""Function block, without its number, to its kind."""
 CURRENT = _folded(_DATA["current"]["words"])
 """Last words that say nothing more."""
 LIMITS = _folded(_DATA["limits"]["words"])
@@ -96,5 +100,7 @@ MONTHS = {name: month for month, names in enumerate(_DATA["months"]["names"], st
 """First three letters of a month to its number."""
 UNITS = _folded(_DATA["units"])
 """Units of a row below the header."""
+UNIT_COLUMNS = _folded(_DATA["unit_columns"]["words"])
+"""Names of a column of units beside tags and values."""
 SAME_UNITS = {folded(word): folded(words[0]) for words in _DATA["same_units"] for word in words}
 """Ways to write a unit to the first of them: a pressure is a gauge pressure where nothing is said."""

@@ -129,6 +129,9 @@ class LoopView:
             if r.t0 is not None and start[:10] == end[:10]:
                 end = end[11:]
             rows.append(("Recording", f"{start} to {end}, {words.duration(last - first)}"))
+        if r.columns:
+            rows.append(("Read as", ", ".join(f"{signal} = {name}" for signal, name in r.columns.items())))
+        rows += [("Not read", text) for text in r.left_out]
         rows += [(label, text) for label, text in (("Area", loop.area), ("Valve", loop.valve)) if text]
         if (limit := self.r.answer.limit) is not None:
             whose = "" if limit.origin == "given" else ", the usual limit: none was given"

@@ -85,6 +85,19 @@ READ: dict[str, str | bytes] = {
             ),
         ]
     ),
+    "a. m. and p. m., as in Spanish": "\n".join(
+        [
+            "Fecha;SP;PV;OP",
+            *rows(
+                [f"31/01/2024 {11 + k // 12 or 12}:{5 * (k % 12):02d}:00 {'ap'[k // 12]}. m." for k in range(24)],
+                ";",
+                ",",
+            ),
+        ]
+    ),
+    "a narrow space before PM": "\n".join(
+        ["Date;SP;PV;OP", *rows([f"1/31/2024 10:00:{k:02d}\u202fPM" for k in range(24)], ";")]
+    ),
     "names of months": "\n".join(["Date;SP;PV;OP", *rows([f"31-Jan-24 10:00:{k:02d}" for k in range(24)], ";")]),
     "epoch in ms": "\n".join(["ts,SP,PV,OP", *rows([str(1_700_000_000_000 + 500 * k) for k in range(24)])]),
     "epoch in s with fractions": "\n".join(

@@ -478,6 +478,7 @@ WRONG = {
     ),
     "time missing": ("t,SP,PV\n2024-02-28 00:00,1,2\n,1,2\n", ", row 3, column t: the time is empty"),
     "time only": ("t,SP,PV\n00:00:01,1,2\n00:00:02,1,2\n", "; the date is missing"),
+    "time only, of half a day": ("t,SP,PV\n06:00:01 AM,1,2\n06:00:02 AM,1,2\n", "; the date is missing"),
     "text for time": ("t,SP,PV\n0,1,2\nx,1,2\n", ", row 3, column t: 'x' is not a time"),
     "day numbers": (
         "t,SP,PV\n60000.1,1,2\n60000.1001,1,2\n",

@@ -161,3 +161,17 @@ def test_a_form_without_names_asks_for_columns(tmp_path):
     columns = {"time": "column 1", "sp": "column 2", "pv": "column 3", "op": "column 4"}
     [recording] = open_recordings(path, [Loop(name="F", columns=columns)])
     assert len(joined(list(recording.batches()))) == len(ROWS)
+
+
+STATES = """Bad|Bad Input|Bad Output|Bad Total|Not Connect|Comm Fail|Scan Off|Scan Timeout|Intf Shut|Over Range
+Under Range|Equip Fail|No Sample|No Data|No Result|Set to Bad|Out of Serv|Arc Off-line|Calc Failed|Calc Timeout|Calc Overflow
+Access Denied|Wrong Type|Invalid Data|Invalid Float|Coercion Failed|Filter Out|Inp OutRange|DCS failed|Unit Down
+I/O Timeout|Pt Created|Shutdown|Configure|No Lab Data|<No Data>|(null)|n.a.|No Good Data|--.--"""
+
+
+@pytest.mark.parametrize("state", [state for line in STATES.splitlines() for state in line.split("|")])
+def test_a_state_of_a_historian_is_a_missing_value(tmp_path, state):
+    """Regression: a file with "Not Connect" or "Equip Fail" in one row was refused."""
+    lines = [f"{k},50,{state if k == 7 else pv},{op}" for k, pv, op in ROWS]
+    pv = read(tmp_path, "x.csv", "\n".join(["t,SP,PV,OP", *lines]))["x"].pv
+    assert np.flatnonzero(np.isnan(pv)).tolist() == [7]

@@ -39,8 +39,8 @@ _LARGEST_SAMPLE = bounds.LINE
 _SHOWN = 80
 """Characters that are shown of a text that is no table."""
 _BLOCK = 1 << 22
-_AT_ONCE = 512
-"""Columns that Arrow converts in one go: for each it keeps 190 kB of words for bad values."""
+_AT_ONCE = 320
+"""Columns that Arrow converts in one go: for each it keeps 300 kB of words for bad values."""
 _THREADS = min(os.cpu_count() or 1, 4)
 _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text

@@ -26,7 +26,7 @@ from .columns import SignalColumns
 from .meaning import is_long, numbered, time_of, understand
 from .names import MILLISECONDS, folded
 from .source import Source
-from .times import is_date, is_time_of_day, looks_like_stamp
+from .times import HALF, is_date, is_time_of_day, looks_like_stamp
 from .values import is_number
 
 __all__ = ["AloneSource", "shaped", "tagged"]
@@ -42,7 +42,7 @@ _WIDEST = 200
 """Number of columns above which only those without a name are looked at for times: each may be a page of a file."""
 _DAYS, _DAY_STEP = (29221.0, 54789.0), 0.05
 """Days of a spreadsheet from 1980 to 2050, and the longest step between two rows [days]."""
-_HALF = r"(?i: ?[AP]\.?M\.?)"
+_HALF = f"(?i:{HALF.format('[AP]')})"
 _SECOND = re.compile(rf"\d[:.]\d\d[:.]\d\d{_HALF}?$")
 """A time of whole seconds."""
 _MIDNIGHT = r"[ T]00:00(:00(\.0+)?)?$"

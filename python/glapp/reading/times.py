@@ -28,9 +28,11 @@ __all__ = ["Clock", "is_date", "is_time_of_day", "looks_like_moment", "looks_lik
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d(?:[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?")
 _ISO_ZONED = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(?:Z|[+-]\d\d(?::?\d\d)?)")
+HALF = "[ \u00a0\u202f]?{}\\.?[ \u00a0\u202f]?M\\.?"
+"""AM and PM; Spanish puts a space between the letters, and newer Windows one that keeps lines together before them."""
 _OF_DAY = re.compile(
     r"(?:[01]?\d|2[0-3])(?::[0-5]\d(?::[0-5]\d(?:[.,:]\d{1,9})?)?|\.[0-5]\d\.[0-5]\d(?:[.,]\d{1,9})?)"
-    r"(?: ?[AP]\.?M\.?)?",
+    rf"(?:{HALF.format('[AP]')})?",
     re.IGNORECASE,
 )
 _NUMERIC = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
@@ -43,7 +45,7 @@ _LAYOUT = re.compile(
     r"|(?P<n4>[A-Za-z]{3,9}) (?P<d4>00?),? (?P<y4>0000)"  # Jan 31, 2024
     r"|(?P<y5>0000)(?P<m5>00)(?P<d5>00)(?=T))"  # 20240131T...
     r"(?:(?:T|,? +)(?P<H>00?)(?:(?P<c>[:.])(?P<M>00)(?:(?P=c)(?P<S>00)(?:[.,:](?P<F>0{1,9}))?)?|(?P<M2>00)(?P<S2>00))"
-    r"(?: ?(?P<half>[AP])\.?M\.?)?"
+    rf"(?:{HALF.format('(?P<half>[AP])')})?"
     r"(?: ?(?P<zone>Z|UTC|GMT|(?:UTC|GMT)?(?P<sign>[+-])(?P<zh>00):?(?P<zm>00)?))?)?",
     re.IGNORECASE,
 )
@@ -154,6 +156,8 @@ def _plan(layout: str) -> Plan | None:
     parts = {k.rstrip("12345"): found.span(k) for k in found.groupdict() if found[k] and k[0] in "ymdabHMSFz"}
     parts.pop("zone", None)
     half = {"a": 0, "p": 12}[found["half"].lower()] if found["half"] else None
+    if found["zone"] and not layout.isascii():  # parts are told by their bytes
+        return None
     sign = {"+": 1, "-": -1}[found["sign"]] if found["sign"] else None
     return Plan(parts, month, half, sign, found["zone"] is not None)
 
@@ -543,7 +547,7 @@ def _hint(text: str) -> str | None:
             "a zone's letters are not unique: write an offset such as +01:00, or leave them out and name the zone "
             "(--time-zone, time_zone)"
         )
-    if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?([.,]\d+)?", text):
+    if is_time_of_day(text):
         return (
             "the date is missing: put date and time in one column, or say how far rows are apart: "
             "--time '' --sample-time SECONDS"

@@ -182,6 +182,7 @@ def of_reading() -> dict[str, Any]:
             "units": sorted(names.UNITS),
             "same_units": names.SAME_UNITS,
             "any_unit": sorted(wide._ANY_UNIT),
+            "sparse": wide._SPARSE,
             "footer": sorted(names.FOOTER),
             "facts": sorted(names.FACTS),
             "rule": "".join(sorted(heads._RULE)),

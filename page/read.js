@@ -17,6 +17,7 @@ const Reading = (data) => {
   const WORDS = ["mode", "op_low_flag", "op_high_flag"];
   const MARKED = { sp: 1, pv: 2, op: 4 }; // bits of the marks
   const BEGINNING = 1 << 16; // characters that tell what a text is
+  const SPARSE = data.heads.sparse; // share of rows without a number from which on they are another loop's
   const HEAD = 1000; // rows that tell what columns hold
   const { labels } = data.columns;
 
@@ -178,7 +179,7 @@ const Reading = (data) => {
     const { units, digits, line } = source;
     const ends = new Map(NUMBERS.filter((one) => one in chosen).map((one) => [chosen[one], endOf(source, source.columns[chosen[one]])]));
     const used = Object.values(chosen).map((at) => source.columns[at]);
-    const rows = Array.from(used[0].cells, (_, row) => row).filter((row) => used.some((column) => !isEmpty(column, row)));
+    let rows = Array.from(used[0].cells, (_, row) => row).filter((row) => used.some((column) => !isEmpty(column, row)));
     if (rows.length < 2) throw new InputError(rows.length ? "has only one row" : "has no rows", { hint: "a recording needs many rows" });
     const column = (at) => taken(source.columns[at], rows);
     const out = {};
@@ -203,6 +204,13 @@ const Reading = (data) => {
         out.t = Float64Array.from(rows, (_, i) => i * sample_time);
       } else {
         throw new InputError(`no time column among: ${names.slice(0, 20).join(", ")}`, { hint: "choose it below, or give the sample time" });
+      }
+      const signals = NUMBERS.filter((one) => one in chosen).map((one) => source.columns[chosen[one]]);
+      const without = (row) => signals.every((column) => isEmpty(column, row));
+      const share = rows.slice(0, HEAD).filter(without).length / Math.min(rows.length, HEAD);
+      if (chosen.time !== undefined && share > SPARSE && share < 1) { // most rows are another loop's
+        out.t = out.t.filter((_, i) => !without(rows[i]));
+        rows = rows.filter((row) => !without(row));
       }
       for (role of Object.keys(chosen)) {
         const at = chosen[role];

@@ -71,6 +71,12 @@ READ: dict[str, str | bytes] = {
         for k in range(9)
         for tag, unit in (("SP", "bar"), ("PV", "bar"), ("OP", ""))
     ),
+    "a loop recorded more seldom than another": "\n".join(
+        [
+            "Timestamp,F1.SP,F1.PV,F1.OP,MODE",
+            *(r + ",AUTO" if k % 3 == 1 else f"{r[:19]},,,,AUTO" for k, r in enumerate(rows(ISO))),
+        ]
+    ),
     "ISO": "\n".join(["Timestamp,FIC101.SP,FIC101.PV,FIC101.OP", *rows(ISO)]),
     "ISO with fractions": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k / 10:06.3f}" for k in range(24)])]),
     "ISO with zones": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k:02d}+01:00" for k in range(24)])]),

@@ -164,8 +164,9 @@ def test_a_form_without_names_asks_for_columns(tmp_path):
 
 
 STATES = """Bad|Bad Input|Bad Output|Bad Total|Not Connect|Comm Fail|Scan Off|Scan Timeout|Intf Shut|Over Range
-Under Range|Equip Fail|No Sample|No Data|No Result|Set to Bad|Out of Serv|Arc Off-line|Calc Failed|Calc Timeout|Calc Overflow
-Access Denied|Wrong Type|Invalid Data|Invalid Float|Coercion Failed|Filter Out|Inp OutRange|DCS failed|Unit Down
+Under Range|Equip Fail|No Sample|No Data|No Result|Set to Bad|Out of Serv|Arc Off-line|Calc Failed|Calc Timeout
+Calc Overflow|Access Denied|Wrong Type|Invalid Data|Invalid Float
+Coercion Failed|Filter Out|Inp OutRange|DCS failed|Unit Down
 I/O Timeout|Pt Created|Shutdown|Configure|No Lab Data|<No Data>|(null)|n.a.|No Good Data|--.--"""
 
 

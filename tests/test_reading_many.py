@@ -11,6 +11,7 @@ import pytest
 from test_reading_csv import joined
 
 import glapp.reading.columns as columns
+import glapp.reading.csv as csv_module
 import glapp.reading.passes as passes
 from glapp.errors import InputError
 from glapp.loop import Loop
@@ -273,3 +274,38 @@ def test_a_loop_that_is_let_go_while_room_is_made(tmp_path, monkeypatch):
     monkeypatch.setattr(passes._Held, "size", property(let_go))
     assert all(recording._share.held is not None for recording in recordings)
     assert of_all._make_room() > 0
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_slow_loop_beside_a_fast_one_has_its_own_rows(tmp_path, ending, monkeypatch):
+    """Regression: the rows of the fast loop counted as rows without a value, and the slow one was refused."""
+    monkeypatch.setattr(csv_module, "_BLOCK", 100)  # some blocks hold no row of the slow loop
+    rows = 60
+    made = {"t": np.arange(rows), "F1.SP": np.full(rows, 5.0), "F1.PV": np.arange(rows) % 7.0}
+    slow = [k % 20 == 5 for k in range(rows)]
+    for name, value in (("T9.SP", 8.0), ("T9.PV", 9.0), ("T9.OP", 4.0)):
+        made[name] = [value if here else None for here in slow]
+    path = tmp_path / f"x.{ending}"
+    write(pa.table(made), path)
+    fast, loop = open_recordings(path)
+    got, all_ = joined(loop.batches()), joined(fast.batches())
+    assert got["t"].tolist() == [5, 25, 45] and got["pv"].tolist() == [9, 9, 9] and not got["flags"].any()
+    assert all_["t"].tolist() == list(range(rows))
+
+
+def test_a_word_for_a_bad_value_is_a_row_of_its_loop(tmp_path):
+    path = tmp_path / "x.csv"
+    cells = ["5,6,7" if k % 4 == 0 else "Bad,Bad,Bad" if k == 9 else ",," for k in range(40)]
+    path.write_text("\n".join(["t,SP,PV,OP", *(f"{k},{cell}" for k, cell in enumerate(cells))]))
+    [loop] = open_recordings(path)
+    got = joined(loop.batches())
+    assert got["t"].tolist() == sorted([*range(0, 40, 4), 9])
+    assert np.flatnonzero(np.isnan(got["pv"])).tolist() == [3]
+
+
+def test_a_pause_in_a_recording_is_no_other_loop(tmp_path):
+    """Of rows that are empty now and then each is a row without a value, as before."""
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join(["t,SP,PV,OP", *(f"{k},5,{k % 7},7" if k % 3 else f"{k},,," for k in range(40))]))
+    [loop] = open_recordings(path)
+    assert len(joined(loop.batches())["t"]) == 40

@@ -20,11 +20,13 @@ from .columns import LABELS
 from .names import SAME_UNITS, UNITS, folded
 from .passes import Passes
 from .rows import OrderedRows, Reader
-from .source import ahead
+from .source import Source, ahead
 
 __all__ = ["WideRecording", "check_one_unit", "unused_settings", "with_units"]
 
 _NUMBERS = ("sp", "pv", "op", "position")
+_SPARSE = 0.5
+"""Share of rows without any number of the loop from which on they are another loop's, which is recorded more often."""
 
 
 def with_units(loop: Loop, units: dict[str, str]) -> Loop:
@@ -112,6 +114,7 @@ class WideRecording(Recording):
                 "apart: --sample-time SECONDS, or sample_time in loops.toml",
                 asks="columns",
             )
+        self._sparse = self._is_sparse(source)
         self._quality = self._ordered.quality_of(self._at.get("quality"), loop.bad_values)
         self._reader = Reader(loop, source.digits)
         self.t0: datetime | None = clock.t0 if clock else None
@@ -126,7 +129,7 @@ class WideRecording(Recording):
         self.loop = with_units(self.loop, self.units)
         check_one_unit(self.units, given, source.label, chosen.get("sp"))
         types = {
-            i: pa.float64() if role in _NUMBERS and role not in self._ends else pa.string()
+            i: pa.float64() if role in _NUMBERS and role not in self._ends and not self._sparse else pa.string()
             for role, i in self._at.items()
         }
         if clock is not None:
@@ -191,6 +194,28 @@ class WideRecording(Recording):
         if not alive:
             raise without_value(done, marked, file=self.source, column=self.columns["PV"])
 
+    def _is_sparse(self, source: Source) -> bool:
+        """Whether most of the first rows hold no number of this loop: in its file another is recorded more often."""
+        if "time" not in self._at:
+            return False
+        try:
+            if self._filled(source, [self._at["pv"]]) > 1 - _SPARSE:
+                return False
+            signals = [i for role, i in self._at.items() if role in _NUMBERS]
+            return 0 < self._filled(source, signals) < 1 - _SPARSE
+        except InputError:  # told of the pass that reads the column
+            return False
+
+    @staticmethod
+    def _filled(source: Source, columns: list[int]) -> float:
+        """Share of the first rows in which one of these columns holds something."""
+        heads = source.head(columns)
+        n = min(map(len, heads))
+        filled = np.zeros(n, np.bool_)
+        for head in heads:
+            filled |= True if (empty := _empty(head.slice(0, n))) is None else ~empty
+        return float(filled.mean())
+
     def _without_unit(self, role: str, column: pa.Array) -> pa.Array:
         """A column without the units written in its cells."""
         if role not in self._ends:
@@ -200,11 +225,17 @@ class WideRecording(Recording):
     def _without_empty_rows(
         self, columns: list[pa.Array], order: list[int]
     ) -> tuple[list[pa.Array], NDArray[np.intp] | None]:
-        """Leave out rows that are empty in every column that we read, as spreadsheets append them."""
-        empty = _empty(columns[order.index(self._at["time"])])
+        """Leave out rows that are empty in every column that we read, as spreadsheets append them.
+
+        Where most rows are another loop's, those are left out that are empty in every signal.
+        """
+        asked = columns
+        if self._sparse:
+            asked = [columns[order.index(i)] for role, i in self._at.items() if role in _NUMBERS]
+        empty = _empty(asked[0])
         if empty is None:
             return columns, None
-        for column in columns:
+        for column in asked:
             other = _empty(column)
             if other is None:
                 return columns, None

@@ -348,7 +348,7 @@ def test_names_and_texts_of_users_stay_text(worn: Result, tmp_path: Path) -> Non
         [file] = write_report([replace(bad, crossings=crossings)], tmp_path / "report.html", title=HOSTILE)
         page = parsed(file)
         assert page.tags.count("script") == 5
-        assert page.tags.count("b") == 1, "What to do, and no other"
+        assert page.tags.count("b") == 2, "What to do, How soon, and no other"
         assert HOSTILE in "".join(page.text)
     for figure in (loop_figure(bad), phase_figure(bad)):
         assert "<script" not in figure.to_json().lower().replace("\\u003c", "<")
@@ -494,6 +494,19 @@ def test_every_loop_stands_once_in_the_list_the_most_urgent_first(run: list[Resu
     for r in order:
         if not words.judged(r):
             assert f"{words.lead(r)} {words.next_step(r)}" in text, "the reason, and what would help"
+
+
+@pytest.mark.slow
+def test_of_one_loop_the_answer_and_what_to_do_stand_first(run: list[Result], tmp_path: Path) -> None:
+    """Regression: a list of one loop said the same sentence three times before what to do."""
+    for one in run:
+        [file] = write_report([one], tmp_path / "report.html")
+        text = " ".join(" ".join(parsed(file).text).split())
+        assert "What comes first" not in text and "that cannot be judged" not in text
+        lead = " ".join(words.lead(one).split())
+        first = f"{lead} What to do {words.next_step(one)} How soon {words.URGENCIES[one.answer.urgency]}"
+        head = text[: text.index(first)]
+        assert lead not in head and head.endswith(words.verdict(one) + " ")
 
 
 @pytest.mark.slow

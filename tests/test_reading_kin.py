@@ -7,6 +7,7 @@ from glapp.loop import Loop
 from glapp.reading import open_recordings
 from glapp.reading.columns import SignalColumns
 from glapp.reading.kin import shared
+from glapp.service.tags import loops_of
 
 
 def text(names: list[str]) -> str:
@@ -139,3 +140,9 @@ def test_of_many_loops_each_is_found_by_its_number():
     signals = SignalColumns(names)
     assert len(signals.groups) == 500 and signals.groups[7] == "FIC7"
     assert signals.of_no_loop("mode", "FIC7") == ["XX7.MODE"]
+
+
+def test_variables_of_a_server_are_taken_for_one_loop_in_the_same_way():
+    found = [("FIC1.PIDA.SP", "a"), ("FIC1.DACA.PV", "b"), ("FIC1.PIDA.OP", "c"), ("FIC1.MODE", "d")]
+    assert loops_of(found) == ({"FIC1": {"sp": "a", "pv": "b", "op": "c", "mode": "d"}}, 0)
+    assert loops_of([("FT1.PV", "a"), ("FI1.PV", "b"), ("FIC1.SP", "c")]) == ({}, 3), "which is PV is not sure"

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..loop import Loop, Tags
+from ..reading.kin import shared
 from ..reading.meaning import understand
 from ..reading.settings import block, write_settings
 from .connection import Connection
@@ -27,15 +28,25 @@ def loops_of(found: Iterable[tuple[str, str]]) -> tuple[dict[str, dict[str, str]
     >>> found = [("Area.FIC101.PV", "ns=2;s=a"), ("Area.FIC101.SP", "ns=2;s=b"), ("Area.TI7", "ns=2;s=c")]
     >>> loops_of(found)
     ({'Area.FIC101': {'pv': 'ns=2;s=a', 'sp': 'ns=2;s=b'}}, 1)
+    >>> loops_of([("FIC101.DACA.PV", "ns=2;s=a"), ("FIC101.PIDA.SP", "ns=2;s=b")])
+    ({'FIC101': {'pv': 'ns=2;s=a', 'sp': 'ns=2;s=b'}}, 0)
     """
-    loops: dict[str, dict[str, str]] = {}
+    named: dict[str, dict[str, str]] = {}
     count = 0
     for path, node in found:
         count += 1
         meaning = understand(path)
         if meaning.role in _ROLES and meaning.loop:
-            loops.setdefault(meaning.loop, {}).setdefault(meaning.role, node)
-    whole = {name: nodes for name, nodes in loops.items() if "pv" in nodes and "sp" in nodes}
+            named.setdefault(meaning.loop, {}).setdefault(meaning.role, node)
+    others = shared(named)
+    loops: dict[str, dict[str, str]] = {}
+    unsure = set()  # two variables could be one signal
+    for prefix, nodes in named.items():
+        for role, node in nodes.items():
+            loop = others.get((prefix, role), prefix)
+            if loops.setdefault(loop, {}).setdefault(role, node) != node:
+                unsure.add(loop)
+    whole = {name: nodes for name, nodes in loops.items() if {"pv", "sp"} <= nodes.keys() and name not in unsure}
     return whole, count - sum(len(nodes) for nodes in whole.values())
 
 

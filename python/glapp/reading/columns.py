@@ -277,9 +277,8 @@ def _missing(
         what = f"has only one signal, {signal}{also}" if signal else f"has no signal{also}"
         hint = "it takes OP and PV of a loop to tell of its valve, and SP tells more: export them into one file"
         return InputError(what, hint=hint, **place)
-    meant: dict[
-        str | None, list[str]
-    ] = {}  # of FIC101.SP and FIC7.PV no loop can be made, and yet it is plain what is what
+    # Of FIC101.SP and FIC7.PV no loop can be made, and yet it is plain what is what.
+    meant: dict[str | None, list[str]] = {}
     for name in () if signals.groups else unused:
         meant.setdefault(understand(name).role, []).append(name)
     shown = [role for role in missing if role not in meant]

@@ -209,14 +209,16 @@ pub(crate) struct Process {
     pub(crate) lag: Estimated,
 }
 
-/// 95 % limits of a process.
+/// Limits of gain, dead time and lags, in the units of [`Process`].
 pub(crate) struct ProcessLimits {
     pub(crate) kp: (f64, f64),
     pub(crate) dead_time: (f64, f64),
     pub(crate) lag: (f64, f64),
-    /// Limits of gain and lags by the likelihood.
-    pub(crate) kp_near: (f64, f64),
-    pub(crate) lag_near: (f64, f64),
+}
+
+/// Limits of what is not below 0.
+fn positive((low, high): (f64, f64)) -> (f64, f64) {
+    (low.max(0.0), high)
 }
 
 /// Cells a second for the gain of an integrating process, else 1.
@@ -244,8 +246,8 @@ impl Process {
         }
     }
 
-    /// The limits of gain, dead time and lags. `found`: whether a gap is.
-    pub(crate) fn limits(&self, best: &Best, profiles: &[Profile], sticking: &[Profile], found: bool) -> ProcessLimits {
+    /// The 95 % limits by the likelihood of all believed models.
+    pub(crate) fn near(&self, best: &Best, profiles: &[Profile], sticking: &[Profile]) -> ProcessLimits {
         let (h, rise) = (self.h, RISE_OF_PROCESS * best.widened());
         // Widths or families where the likelihood stays near its best.
         let of_gap = profiles.iter().map(|p| (p, p.least()));
@@ -262,6 +264,16 @@ impl Process {
             let (low, high) = each.fold((at.value, at.value), |(low, high), x| (low.min(x), high.max(x)));
             (low - 1.96 * at.error, high + 1.96 * at.error)
         };
+        let dead_time = |structure: Structure, point: &Point| point.theta[structure.dead_time_at()] * h;
+        ProcessLimits {
+            kp: around(&self.kp, &|structure, point| point.kp * per_cell(structure, h)),
+            dead_time: positive(around(&self.dead_time, &dead_time)),
+            lag: positive(around(&self.lag, &|structure, point| structure.lag(&point.theta) * h)),
+        }
+    }
+
+    /// The 95 % limits, further out than those [`near`](Self::near) by what the model lacks. `found`: whether a gap is.
+    pub(crate) fn limits(&self, best: &Best, near: &ProcessLimits, found: bool) -> ProcessLimits {
         // The model is a little off. Where no gap is found its load may stand for much of what the process does: the controller undoes that load,
         // and a process that hardly answers explains the recording nearly as well.
         let off = if found { PROCESS_OFF } else { PROCESS_OFF_IF_NOT_FOUND };
@@ -271,18 +283,12 @@ impl Process {
             let most = at * beyond;
             (further(low, -1.0).min(most), further(high, 1.0).max(most))
         };
-        let positive = |(low, high): (f64, f64)| (low.max(0.0), high);
         let late = (off - 1.0).min(1.0) * (self.dead_time.value + self.lag.value);
-        let dead_time = |structure: Structure, point: &Point| point.theta[structure.dead_time_at()] * h;
-        let (low, high) = around(&self.dead_time, &dead_time);
-        let kp_near = around(&self.kp, &|structure, point| point.kp * per_cell(structure, h));
-        let lag_near = positive(around(&self.lag, &|structure, point| structure.lag(&point.theta) * h));
+        let (low, high) = near.dead_time;
         ProcessLimits {
-            kp: widened(self.kp.value, kp_near),
+            kp: widened(self.kp.value, near.kp),
             dead_time: positive((low - late, high + late)),
-            lag: positive(widened(self.lag.value, lag_near)),
-            kp_near,
-            lag_near,
+            lag: positive(widened(self.lag.value, near.lag)),
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::{Cells, Positions};
 use crate::data::segment::Segment;
-use crate::decide::best::{Best, Filtered, NoGap, Process, WidthLimits};
+use crate::decide::best::{Best, Filtered, NoGap, Process, ProcessLimits, WidthLimits};
 use crate::decide::evidence::{Evidence, hidden, often};
 use crate::decide::judgement::Confidence;
 use crate::decide::segment_fit::{Candidate, Prediction, SegmentFit};
@@ -61,7 +61,8 @@ pub(crate) fn fit_segment(
     let limits = WidthLimits::new(&best, &mut profiles, &mut sticking);
     let filtered = Filtered::new(&best);
     let process = Process::new(&best, &filtered, rows.h * record.cell as f64);
-    let view = View { rows, best, no_gap, limits, filtered, process, profiles: &profiles, sticking: &sticking };
+    let near = process.near(&best, &profiles, &sticking);
+    let view = View { rows, best, no_gap, limits, filtered, process, near, profiles: &profiles, sticking: &sticking };
     let evidence = view.evidence(lr_no_answer, dissent, bow);
     let (lag, explained) = (view.best.lag_steps(), view.explained());
     let NoGap { lr_of_loads, cycle_known, needed, asked, .. } = view.no_gap;
@@ -90,6 +91,7 @@ struct View<'r> {
     limits: WidthLimits,
     filtered: Filtered,
     process: Process,
+    near: ProcessLimits,
     /// The believed families of a gap, best first, and the valves that stick, nearest first.
     profiles: &'r [Profile],
     sticking: &'r [Profile],
@@ -141,7 +143,6 @@ impl View<'_> {
         let late = (point.theta[structure.dead_time_at()] + lag) * record.cell as f64;
         let even = || swings_evenly(record, d, best.lag_steps());
         let unsampled_below = UNSAMPLED_BELOW * record.travel();
-        let (_, slowest) = self.process.limits(best, self.profiles, self.sticking, false).lag_near;
         let passes_high = limits.upper_limit(record).map(|high| record.traversals(high.max(unsampled_below)));
         let oscillates = record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING);
         // A step of the load in each half-period of a cycle may be a gap as wide as the cycle, so the bound's passes count there.
@@ -178,7 +179,7 @@ impl View<'_> {
             cycle: self.cycle(),
             plateau: plateau(record, d, point.kp, late),
             cancels: if structure.integrating { 0.0 } else { record.cancels(point.kp) },
-            lag_up_to: slowest / self.process.lag.value.max(1e-300),
+            lag_up_to: self.near.lag.1 / self.process.lag.value.max(1e-300),
             agree: [1; 2],
             dispersion: 1.0,
             shows: None,
@@ -187,12 +188,12 @@ impl View<'_> {
 
     /// Answer of the window.
     fn answer(self, evidence: Evidence) -> SegmentFit {
-        let Self { best, no_gap, limits, filtered, process, profiles, sticking, .. } = self;
+        let Self { best, no_gap, limits, filtered, process, near, profiles, .. } = self;
         let (Search { record, structure, .. }, point) = (best.search, &best.point);
         let (judgement, reason) = judge(&evidence);
         let verdict = judgement.verdict(evidence.low);
         let (low, high) = evidence.limits(&judgement, limits.upper_limit(record));
-        let of_process = process.limits(&best, profiles, sticking, judgement.confidence == Confidence::Found);
+        let of_process = process.limits(&best, &near, judgement.confidence == Confidence::Found);
         let least = profiles[0].penalised();
         let candidate = |p: &Profile| Candidate {
             structure: p.structure,
@@ -217,12 +218,12 @@ impl View<'_> {
             traversals: best.traversals,
             kp: process.kp.value,
             kp_limits: of_process.kp,
-            kp_near: of_process.kp_near,
+            kp_near: near.kp,
             dead_time: process.dead_time.value,
             dead_time_limits: of_process.dead_time,
             lag: process.lag.value,
             lag_limits: of_process.lag,
-            lag_near: of_process.lag_near,
+            lag_near: near.lag,
             integrating: structure.integrating,
             denominator: structure.denominator_in(&point.theta, process.h),
             settles: structure.settles(&point.theta) * process.h,

@@ -510,7 +510,7 @@ def _spoil(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[tuple[str,
         if other != opc:
             table = pq.read_table(other, partitioning=None)
             text = table["Value"].to_pylist()
-            text[100] = "Tag not found"
+            text[100] = "see shift log"
             pq.write_table(table.set_column(2, _OPC.field(2), pa.array(text)), other)
             yield "value", relative(other), "", ""
         change = datetime(2025, 10, 26, tzinfo=ZoneInfo(_ZONE)).date()

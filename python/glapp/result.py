@@ -775,7 +775,10 @@ class Result:
                 "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
             },
             "fit_left_out": self.fit_left_out,
-            "enough": next((m["numbers"]["enough"] for m in self.messages if "enough" in m["numbers"]), None),
+            **{
+                name: next((m["numbers"][name] for m in self.messages if name in m["numbers"]), None)
+                for name in ("enough", "apart")
+            },
             "crossings": {
                 "verdict": self.crossings,
                 "reason": self.reason,

@@ -22,6 +22,11 @@ macro_rules! confirm {
         "; confirm with a step test before work is ordered."
     };
 }
+macro_rules! calmer {
+    () => {
+        "Record while the setpoint moves or on a calmer day, or make a step test in manual."
+    };
+}
 
 const SENTENCES: &[(&str, &str)] = sentences! {
     // State of the valve.
@@ -115,6 +120,20 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "do record_more": "Record for longer while OP moves further, or make a step test in manual.";
     "do record_more seldom":
         "Record a row every {enough:.3g} s or faster while OP moves, or make a step test in manual.";
+    "do record_more apart":
+        "Record rows closer together than {apart:seconds} while OP moves, or make a step test in manual.";
+    "do record_more swings": calmer!();
+    "do record_more repeats": calmer!();
+    "do record_more hidden_by_changes": calmer!();
+    "do record_more cancelled": "Record while the setpoint moves, or make a step test in manual.";
+    "do record_more windows_disagree": "Record while nothing is changed, or make a step test in manual.";
+    "do record_more recordings_disagree":
+        "Leave out recordings from before work on the valve, or make a step test in manual.";
+    "do record_more misfit":
+        "Check that this OP moves this PV and that PV is recorded unfiltered, or make a step test in manual.";
+    "do record_more lined": "Record PV without compression, or make a step test in manual.";
+    "do record_more outweighed": "Make a step test in manual, or record the valve's position.";
+    "do record_more windows_silent": "Make a step test in manual, or record the valve's position.";
     "do left_out": "The fit of OP and PV was left out (--no-fit, fit=False), and may judge the valve: analyse again \
          with it.";
     "do tuning": "Check the tuning, or look for a disturbance from elsewhere.";
@@ -332,9 +351,13 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
     }
     let confidence = facts.confidence.as_deref().unwrap_or_default();
     let origin = facts.limit.as_ref().map_or("", |limit| &limit.origin);
+    let why = facts.fit.as_ref().map_or("", |fit| &fit.why);
     let seldom = if facts.enough.is_some() { "seldom" } else { "" };
+    let apart = if facts.apart.is_some() { "apart" } else { "" };
     let codes = [
         format!("do {code} {seldom}"),
+        format!("do {code} {why}"),
+        format!("do {code} {apart}"),
         format!("do {code} {confidence}"),
         format!("do {code} {of}"),
         format!("do {code} {origin}"),

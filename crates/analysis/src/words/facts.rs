@@ -58,6 +58,8 @@ pub struct AnswerFacts {
     pub fit_left_out: bool,
     /// Time between rows that the loop needs \[s\], where PV does not follow OP and rows too far apart may be why.
     pub enough: Option<f64>,
+    /// Time between rows \[s\], where the fit finds it too long for the process.
+    pub apart: Option<f64>,
     /// Result of the zero crossings.
     pub crossings: Crossings,
 }
@@ -214,6 +216,7 @@ impl AnswerFacts {
             .with("jump", fit.jump)
             .with("d", fit.d)
             .with("enough", self.enough)
+            .with("apart", self.apart)
             .with("d_hat", self.crossings.d_hat)
             .with("detections", super::Value::Count(self.crossings.detections))
     }

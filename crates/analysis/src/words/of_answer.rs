@@ -201,7 +201,7 @@ impl AnswerFacts {
             rejected: most.map(|(name, count)| ((*name).into(), whole(*count))),
             positioner: None,
         };
-        let enough = answer.messages.iter().find_map(|message| message.numbers.get("enough")?.number());
-        Ok(Self { span, fit, crossings, enough, ..document })
+        let number = |name| answer.messages.iter().find_map(|message| message.numbers.get(name)?.number());
+        Ok(Self { span, fit, crossings, enough: number("enough"), apart: number("apart"), ..document })
     }
 }

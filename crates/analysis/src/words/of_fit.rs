@@ -29,6 +29,7 @@ pub fn of_pv(whole: &Together, best: &SegmentAnswer<SegmentFit>, shared: bool) -
         .with("lr_no_answer", best.lr_no_answer)
         .with("echo", best.autocorrelation)
         .with("h", h)
+        .with("apart", whole.evidence.is_coarse().then_some(h))
         .with("settles", best.settles)
         .with("lag", best.lag)
         .with("load_steps", times(best.load_steps))

@@ -220,6 +220,32 @@ fn what_cannot_be_told_says_what_is_probable() {
 }
 
 #[test]
+fn what_to_record_follows_from_why_it_cannot_be_told() {
+    use serde_json::json;
+    let open = |why: &str, more: serde_json::Value| {
+        let fit = json!({"why": why, "d": 4.01, "reason": "x"});
+        let answer = json!({
+            "verdict": "cannot_tell", "valve": "unknown", "evidence": "weak", "next": {"code": "record_more"},
+            "crossings": {"verdict": "no_estimate"}, "fit": fit,
+        });
+        texts_for(with(answer, more)).doing
+    };
+    let test = "make a step test in manual.";
+    let longer = format!("Record for longer while OP moves further, or {test}");
+    assert_eq!(open("may_be_a_gap", json!({})), longer);
+    let closer = format!("Record rows closer together than 30 s while OP moves, or {test}");
+    for why in ["may_be_a_gap", "coarse", "hidden_by_samples"] {
+        assert_eq!(open(why, json!({"apart": 30.0})), closer);
+    }
+    let calmer = format!("Record while the setpoint moves or on a calmer day, or {test}");
+    for why in ["swings", "repeats", "hidden_by_changes"] {
+        assert_eq!(open(why, json!({"apart": 30.0})), calmer);
+    }
+    assert_eq!(open("windows_disagree", json!({})), format!("Record while nothing is changed, or {test}"));
+    assert_eq!(open("lined", json!({})), format!("Record PV without compression, or {test}"));
+}
+
+#[test]
 fn a_run_is_told_by_what_is_to_be_done() {
     let one = |valve: &str, urgency: &str, next: &str| Headline {
         valve: valve.into(),

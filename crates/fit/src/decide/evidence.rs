@@ -97,6 +97,9 @@ pub struct Evidence {
     pub(crate) shows: Option<usize>,
 }
 
+/// The word for a load that undoes what the valve does.
+const CANCELLED: &str = "cancelled";
+
 impl Evidence {
     /// Whether noise may hide a gap of the most likely width.
     pub(super) fn noisy(&self) -> bool {
@@ -125,6 +128,11 @@ impl Evidence {
         if self.low_is_near() { LR_MIN } else { LR_MIN.max(LR_EACH_CELL * self.cells as f64) }
     }
 
+    /// Whether the rows are too far apart for the process.
+    pub fn is_coarse(&self) -> bool {
+        self.coarse || self.at_once
+    }
+
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
     pub fn cycles(&self) -> bool {
         self.cycle.as_ref().is_some_and(Cycle::is_own)
@@ -134,7 +142,17 @@ impl Evidence {
     /// more than any load: of some loads that swing the fitted loop makes the same period and swing.
     pub(super) fn own_swing(&self) -> bool {
         let clear = self.lr_no_gap > self.lr_needed.max(LR_IF_CLEAR) && self.low_is_near();
-        self.cycles() && self.swings() && self.crossed_twice() && clear && self.veto().is_none()
+        // Within a wide gap OP swings far while the valve moves little, as where a load undoes what the valve does.
+        let vetoed = self.veto().is_some_and(|why| why != CANCELLED);
+        self.cycles() && self.swings() && self.crossed_twice() && clear && !vetoed
+    }
+
+    /// Whether PV moves against OP while OP crosses the gap, where the ratio alone does not tell the gap from a load that swings. The load
+    /// moves PV and the controller moves OP, to which the valve does not answer; a valve that answers takes PV along with OP.
+    pub(super) fn opposed(&self) -> bool {
+        let against = self.plateau.ways.iter().all(|n| *n >= CYCLES) && self.plateau.within < OPPOSED;
+        let open = self.swings() && (LR_IF_SELDOM..=self.needed()).contains(&self.lr_no_gap);
+        against && open && self.low_is_near() && self.veto().is_none()
     }
 
     /// Whether the lower limit is no small part of the width.
@@ -154,9 +172,11 @@ impl Evidence {
 
     /// Kind of the width of a gap.
     pub(super) fn width_kind(&self) -> WidthKind {
-        let coarse = (self.coarse || self.at_once) && !self.all_agree();
+        let coarse = self.is_coarse() && !self.all_agree();
+        let differ = self.low < LEAST_LOW * self.d || self.dispersion > DISAGREE;
         match () {
-            _ if coarse || self.low < LEAST_LOW * self.d || self.dispersion > DISAGREE => WidthKind::Unsure,
+            // What a load adds to the swing, or undoes of the valve's effect, is taken for width.
+            _ if coarse || differ || self.opposed() || self.cancels > CANCELS => WidthKind::Unsure,
             _ if self.bound() => WidthKind::Bound,
             _ => WidthKind::Interval,
         }
@@ -213,10 +233,10 @@ impl Evidence {
     pub(super) fn veto(&self) -> Option<&'static str> {
         let vetoes = [
             (self.immobile, "still"),
-            ((self.coarse || self.at_once) && !self.all_agree(), "coarse"),
+            (self.is_coarse() && !self.all_agree(), "coarse"),
             (self.d < self.lined_below, "lined"),
             (self.one_way, "once"),
-            (self.cancels > CANCELS, "cancelled"),
+            (self.cancels > CANCELS, CANCELLED),
             (self.low < LEAST_LOW * self.d, "families_disagree"),
         ];
         vetoes.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
@@ -237,7 +257,7 @@ impl Evidence {
 }
 
 /// Judgement by the rules before the evidence is weighed, and a code of the reason why it says no more: a gap is
-/// *likely* here only where the loop swings with it by itself.
+/// *likely* here only where the loop swings with it by itself, or PV moves against OP within it.
 pub(super) fn rules(e: &Evidence) -> (Confidence, &'static str) {
     let (together, why) = rules_together(e);
     let tells = matches!(together, Confidence::Found | Confidence::Likely);
@@ -271,7 +291,7 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
             _ if e.even_swing => "swings",
             _ => "may_be_a_gap",
         };
-        let rung = if e.own_swing() { Confidence::Likely } else { Confidence::CannotTell };
+        let rung = if e.own_swing() || e.opposed() { Confidence::Likely } else { Confidence::CannotTell };
         return none.unwrap_or((rung, why));
     }
     if let Some(none) = e.none(TRIFLE * e.range) {

@@ -23,7 +23,7 @@ thresholds! {
     /// (ADR 0010).
     LR_MIN: f64 = 15.0, "−2·ln L";
     /// LR of no gap where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
-    /// Also for a valve's position that turned but once. With 45 one more of 389 records without a gap is found, with 80 no gap
+    /// Also for a valve's position that turned but once, and where PV moves against OP within the gap. With 45 one more of 389 records without a gap is found, with 80 no gap
     /// less is found (ADR 31).
     LR_IF_SELDOM: f64 = 60.0, "−2·ln L";
     /// LR of no gap for each of as many steps or bends of the load as OP went through the width. Loads.
@@ -55,6 +55,10 @@ thresholds! {
     /// which on no bootstrap is made. Own cycles of a gap have 124 and more. Loads that make the same period and swing had at most 89 in part A,
     /// and 223 to 285 in five loops of parts B and C (ADR 32).
     LR_IF_CLEAR: f64 = 100.0, "−2·ln L";
+    /// Travel of PV with OP within the gap, part of |Kp| times OP's travel, below which PV moves against OP. Parts C, F, G and the records that
+    /// the weights are learned from, OP swings, a ratio above 60 and a lower limit above [`NEAR_LOW`]: below it 18 gaps and 1 record
+    /// without one; above it 16 and 14 (ADR 36).
+    OPPOSED: f64 = -0.1, "1";
     /// LR of no gap over all records that share a width, times their dispersion. Loads, and `bench.lengths` (ADR 0012).
     LR_JOINT: f64 = 32.0, "−2·ln L";
     /// LR of no gap above which a family that predicts nearly as well as the best sees one, and no valve is sound. Simulations

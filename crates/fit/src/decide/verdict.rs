@@ -240,6 +240,32 @@ mod tests {
     }
 
     #[test]
+    fn a_load_that_swings_does_not_hide_a_gap_in_which_pv_moves_against_op() {
+        let against = Plateau { ways: [CYCLES; 2], within: OPPOSED - 0.1 };
+        let swings = Evidence { even_swing: true, oscillates: true, plateau: against, ..plain() };
+        assert_eq!((said(&swings), judge(&swings).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "swings"));
+        for follows in [
+            Evidence { plateau: Plateau { within: OPPOSED, ..against }, ..swings.clone() },
+            Evidence { plateau: Plateau { ways: [CYCLES, CYCLES - 1], ..against }, ..swings.clone() },
+            Evidence { low: NEAR_LOW, ..swings.clone() },
+            Evidence { coarse: true, ..swings.clone() },
+        ] {
+            assert_eq!(said(&follows), (Confidence::CannotTell, None));
+        }
+        // Where the ratio tells the gap from any load that swings its width is known.
+        let clear = Evidence { lr_no_gap: LR_IF_EVEN_SWING + 1.0, ..swings };
+        assert_eq!(said(&clear), (Confidence::Found, Some(WidthKind::Interval)));
+    }
+
+    #[test]
+    fn a_cycle_of_its_own_is_likely_though_the_valve_moves_little_of_op() {
+        let own = Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 });
+        let wide = Evidence { even_swing: true, oscillates: true, cancels: CANCELS + 1.0, cycle: own, ..plain() };
+        assert_eq!(said(&wide), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(said(&Evidence { one_way: true, ..wide }), (Confidence::CannotTell, None));
+    }
+
+    #[test]
     fn rows_far_apart_leave_the_width_unsure() {
         let coarse = Evidence { coarse: true, ..plain() };
         assert_eq!((said(&coarse), judge(&coarse).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "coarse"));

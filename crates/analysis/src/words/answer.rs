@@ -22,9 +22,19 @@ macro_rules! confirm {
         "; confirm with a step test before work is ordered."
     };
 }
+macro_rules! or_test {
+    () => {
+        ", or make a step test in manual."
+    };
+}
+macro_rules! closer {
+    () => {
+        "Record rows closer together than {apart:seconds}"
+    };
+}
 macro_rules! calmer {
     () => {
-        "Record while the setpoint moves or on a calmer day, or make a step test in manual."
+        "Record while the setpoint moves or on a calmer day"
     };
 }
 
@@ -117,21 +127,19 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "do inspect": "Check the valve, its linkage and its packing", confirm!();
     "do inspect likely": "Confirm with a step test.";
     "do further": "Record while OP moves further, or make a step test, to learn how wide it is.";
-    "do record_more": "Record for longer while OP moves further, or make a step test in manual.";
-    "do record_more seldom":
-        "Record a row every {enough:.3g} s or faster while OP moves, or make a step test in manual.";
-    "do record_more apart":
-        "Record rows closer together than {apart:seconds} while OP moves, or make a step test in manual.";
-    "do record_more swings": calmer!();
-    "do record_more repeats": calmer!();
-    "do record_more hidden_by_changes": calmer!();
-    "do record_more cancelled": "Record while the setpoint moves, or make a step test in manual.";
-    "do record_more windows_disagree": "Record while nothing is changed, or make a step test in manual.";
-    "do record_more recordings_disagree":
-        "Leave out recordings from before work on the valve, or make a step test in manual.";
-    "do record_more misfit":
-        "Check that this OP moves this PV and that PV is recorded unfiltered, or make a step test in manual.";
-    "do record_more lined": "Record PV without compression, or make a step test in manual.";
+    "do record_more": "Record for longer while OP moves further", or_test!();
+    "do record_more seldom": "Record a row every {enough:.3g} s or faster while OP moves", or_test!();
+    "do record_more apart": closer!(), ", for longer and while OP moves further", or_test!();
+    "do record_more coarse apart": closer!(), or_test!();
+    "do record_more hidden_by_samples apart": closer!(), or_test!();
+    "do record_more swings": calmer!(), or_test!();
+    "do record_more repeats": calmer!(), or_test!();
+    "do record_more hidden_by_changes": calmer!(), or_test!();
+    "do record_more cancelled": "Record while the setpoint moves", or_test!();
+    "do record_more windows_disagree": "Record while nothing is changed", or_test!();
+    "do record_more recordings_disagree": "Leave out recordings from before work on the valve", or_test!();
+    "do record_more misfit": "Check that this OP moves this PV and that PV is recorded unfiltered", or_test!();
+    "do record_more lined": "Record PV without compression", or_test!();
     "do record_more outweighed": "Make a step test in manual, or record the valve's position.";
     "do record_more windows_silent": "Make a step test in manual, or record the valve's position.";
     "do left_out": "The fit of OP and PV was left out (--no-fit, fit=False), and may judge the valve: analyse again \
@@ -356,6 +364,7 @@ pub fn doing(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> 
     let apart = if facts.apart.is_some() { "apart" } else { "" };
     let codes = [
         format!("do {code} {seldom}"),
+        format!("do {code} {why} {apart}"),
         format!("do {code} {why}"),
         format!("do {code} {apart}"),
         format!("do {code} {confidence}"),

@@ -233,13 +233,17 @@ fn what_to_record_follows_from_why_it_cannot_be_told() {
     let test = "make a step test in manual.";
     let longer = format!("Record for longer while OP moves further, or {test}");
     assert_eq!(open("may_be_a_gap", json!({})), longer);
-    let closer = format!("Record rows closer together than 30 s while OP moves, or {test}");
-    for why in ["may_be_a_gap", "coarse", "hidden_by_samples"] {
-        assert_eq!(open(why, json!({"apart": 30.0})), closer);
+    let apart = || json!({"apart": 30.0});
+    let closer = "Record rows closer together than 30 s";
+    for why in ["coarse", "hidden_by_samples"] {
+        assert_eq!(open(why, apart()), format!("{closer}, or {test}"));
     }
+    let longer = format!("{closer}, for longer and while OP moves further, or {test}");
+    assert_eq!(open("may_be_a_gap", apart()), longer);
+    assert_eq!(open("no_answer", apart()), longer);
     let calmer = format!("Record while the setpoint moves or on a calmer day, or {test}");
     for why in ["swings", "repeats", "hidden_by_changes"] {
-        assert_eq!(open(why, json!({"apart": 30.0})), calmer);
+        assert_eq!(open(why, apart()), calmer);
     }
     assert_eq!(open("windows_disagree", json!({})), format!("Record while nothing is changed, or {test}"));
     assert_eq!(open("lined", json!({})), format!("Record PV without compression, or {test}"));

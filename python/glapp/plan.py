@@ -818,7 +818,7 @@ def fit_decides(found: Fit, width: float) -> Found | None:
 def _more_hours(loop: _Fitted, recording: Recording) -> Planned:
     """The recording continued for once, three or nine times its length, the shortest of them that shows the gap."""
     found = loop.fit
-    if found.why in ("swings", "repeats"):
+    if found.why in ("swings", "repeats", "opposed"):
         return Planned("more_hours", f"more hours of the same show nothing new: {found.reason}")
     if not (found.lr_no_gap or 0.0) > 0.0 or found.why not in ("may_be_a_gap", "windows_silent", "families_disagree"):
         return Planned("more_hours", f"more hours of the same need not show more: {found.reason}")

@@ -82,6 +82,9 @@ const SENTENCES: &[(&str, &str)] = sentences! {
          position";
     "cannot_tell swings": would!(), "OP swings almost evenly, as a swinging disturbance makes it and this gap does \
          not. Record while the setpoint moves or on calmer days, make a step test, or record the valve's position";
+    "cannot_tell opposed": "a gap of {d:op} fits best, and PV moves against OP while OP crosses it, as where the valve \
+         stands. But a disturbance that swings explains the data nearly as well, and part of the width may be its. Make \
+         a step test, or record the valve's position";
     "cannot_tell lined": would!(), "the historian kept only corners of PV and joined them by lines, which looks the \
          same. Record without compression";
     "cannot_tell hidden_by_samples": "no gap shows, but samples {h:.3g} s apart would not show one: the process \

@@ -279,7 +279,7 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
     if e.autocorrelation.abs() > MAX_AUTOCORRELATION {
         return (Confidence::CannotTell, "misfit");
     }
-    if e.lr_no_answer < ANSWERS {
+    if e.lr_no_answer < LR_MIN {
         return (Confidence::CannotTell, "no_answer");
     }
     if e.lr_no_gap <= e.needed() {
@@ -287,6 +287,7 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
         let none = if e.low <= 0.0 && !e.dissent && !vague { e.none(SOUND_BELOW * e.range) } else { None };
         let why = match () {
             _ if vague => e.veto().unwrap_or("may_be_a_gap"),
+            _ if e.opposed() => "opposed",
             _ if e.periodic_load => "repeats",
             _ if e.even_swing => "swings",
             _ => "may_be_a_gap",

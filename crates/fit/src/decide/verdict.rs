@@ -209,10 +209,10 @@ mod tests {
 
     #[test]
     fn what_speaks_against_a_gap_outweighs_a_ratio() {
-        // The gap would take nearly all of OP's range, OP went through it twice, and PV follows OP within it.
+        // The gap would take nearly all of OP's range, it is a small part of what OP explains, and PV follows OP within it.
         let against = Plateau { ways: [2; 2], within: 1.0 };
         let wide = Evidence { d: 9.9, low: 9.8, high: Some(10.0), lr_no_gap: 16.0, ..plain() };
-        let doubtful = Evidence { plateau: against, noisy_below: 9.0, passes: [5; 2], cancels: 20.0, ..wide };
+        let doubtful = Evidence { plateau: against, noisy_below: 9.0, passes: [5; 2], lr_no_answer: 1e4, ..wide };
         assert_eq!(rules(&doubtful).0, Confidence::Found);
         assert!(doubtful.usual_probability() < PROBABLE, "{}", doubtful.usual_probability());
         assert_eq!((said(&doubtful), judge(&doubtful).1), ((Confidence::CannotTell, None), "outweighed"));
@@ -243,7 +243,7 @@ mod tests {
     fn a_load_that_swings_does_not_hide_a_gap_in_which_pv_moves_against_op() {
         let against = Plateau { ways: [CYCLES; 2], within: OPPOSED - 0.1 };
         let swings = Evidence { even_swing: true, oscillates: true, plateau: against, ..plain() };
-        assert_eq!((said(&swings), judge(&swings).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "swings"));
+        assert_eq!((said(&swings), judge(&swings).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "opposed"));
         for follows in [
             Evidence { plateau: Plateau { within: OPPOSED, ..against }, ..swings.clone() },
             Evidence { plateau: Plateau { ways: [CYCLES, CYCLES - 1], ..against }, ..swings.clone() },

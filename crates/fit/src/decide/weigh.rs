@@ -18,7 +18,7 @@
 use crate::decide::evidence::{Evidence, rules};
 use crate::decide::judgement::Confidence;
 use crate::decide::segment_fit::SegmentFit;
-use crate::decide::thresholds::{ANSWERS, CYCLES_IF_CLEAR, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
+use crate::decide::thresholds::{CYCLES_IF_CLEAR, LR_MIN, MAX_AUTOCORRELATION, RISE_OF_PROCESS};
 use crate::decide::weights::{BASE, CURVES};
 use serde::{Deserialize, Serialize};
 
@@ -146,7 +146,7 @@ impl Evidence {
 
     /// Logarithm of the Bayes factor and what adds to it; None where no model of the loop explains PV, or PV does not answer OP.
     pub fn weighed(&self) -> Option<(f64, Terms)> {
-        if self.autocorrelation.abs() > MAX_AUTOCORRELATION || self.lr_no_answer < ANSWERS {
+        if self.autocorrelation.abs() > MAX_AUTOCORRELATION || self.lr_no_answer < LR_MIN {
             return None;
         }
         let mut terms = Terms::default();

@@ -2,7 +2,7 @@
 
 use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::Cells;
-use crate::decide::thresholds::{ALONG_OP, ALONG_OP_WITHOUT, ANSWERS, AS_GOOD, BELIEVED, CYCLES, LR_SEEN};
+use crate::decide::thresholds::{ALONG_OP, ALONG_OP_WITHOUT, AS_GOOD, BELIEVED, CYCLES, LR_MIN, LR_SEEN};
 use crate::loads::changes::{Marked, choose_family, detect_changes, marked_anew, with_large_steps, without_a_gap};
 use crate::loads::plausible::{all_large, beside_many_traversals, few, plausible};
 use crate::search::likelihood::{Point, Search};
@@ -181,7 +181,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64, done: &dyn 
             let explained = least < believed.cost - 10.0;
             believed.profiles[0].structure.noise == Noise::Slope
                 || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > LR_SEEN)
-                || believed.answers(sign) < ANSWERS
+                || believed.answers(sign) < LR_MIN
         };
         if load == Load::Lines && !bends() {
             continue;

@@ -180,9 +180,8 @@ class TestRealLoops:
     def test_three_exports_of_one_valve_give_one_answer(self) -> None:
         answer = self.joined("FIC20102")
         assert [one.t0 for one in answer.recordings] == sorted(one.t0 for one in answer.recordings if one.t0)
-        assert len(answer.recordings) == 3 and answer.d == pytest.approx(2.1, rel=0.1)
-        # Each has one or two moves of OP, so there is no upper limit. OP travels about 2 % before PV moves.
-        assert answer.verdict == "at_least" and answer.low is not None and 1.5 < answer.low < 2.0
+        assert len(answer.recordings) == 3 and answer.d == pytest.approx(2.2, rel=0.1)
+        assert not answer.found, "each has one or two moves of OP"
 
     def test_an_oscillation_joined_stays_without_a_gap(self) -> None:
         assert not self.joined("LIC31102B").found

@@ -97,9 +97,6 @@ pub struct Evidence {
     pub(crate) shows: Option<usize>,
 }
 
-/// The word for a load that undoes what the valve does.
-const CANCELLED: &str = "cancelled";
-
 impl Evidence {
     /// Whether noise may hide a gap of the most likely width.
     pub(super) fn noisy(&self) -> bool {
@@ -142,9 +139,7 @@ impl Evidence {
     /// more than any load: of some loads that swing the fitted loop makes the same period and swing.
     pub(super) fn own_swing(&self) -> bool {
         let clear = self.lr_no_gap > self.lr_needed.max(LR_IF_CLEAR) && self.low_is_near();
-        // Within a wide gap OP swings far while the valve moves little, as where a load undoes what the valve does.
-        let vetoed = self.veto().is_some_and(|why| why != CANCELLED);
-        self.cycles() && self.swings() && self.crossed_twice() && clear && !vetoed
+        self.cycles() && self.swings() && self.crossed_twice() && clear && self.veto().is_none()
     }
 
     /// Whether PV moves against OP while OP crosses the gap, where the ratio alone does not tell the gap from a load that swings. The load
@@ -236,7 +231,7 @@ impl Evidence {
             (self.is_coarse() && !self.all_agree(), "coarse"),
             (self.d < self.lined_below, "lined"),
             (self.one_way, "once"),
-            (self.cancels > CANCELS, CANCELLED),
+            (self.cancels > CANCELS, "cancelled"),
             (self.low < LEAST_LOW * self.d, "families_disagree"),
         ];
         vetoes.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
@@ -284,7 +279,8 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
     }
     if e.lr_no_gap <= e.needed() {
         let vague = e.lr_no_gap > e.asked();
-        let none = if e.low <= 0.0 && !e.dissent && !vague { e.none(SOUND_BELOW * e.range) } else { None };
+        let seen = e.dissent || e.lr_no_gap > LR_SEEN;
+        let none = if e.low <= 0.0 && !seen && !vague { e.none(SOUND_BELOW * e.range) } else { None };
         let why = match () {
             _ if vague => e.veto().unwrap_or("may_be_a_gap"),
             _ if e.opposed() => "opposed",

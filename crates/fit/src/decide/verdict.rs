@@ -258,14 +258,6 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_of_its_own_is_likely_though_the_valve_moves_little_of_op() {
-        let own = Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 });
-        let wide = Evidence { even_swing: true, oscillates: true, cancels: CANCELS + 1.0, cycle: own, ..plain() };
-        assert_eq!(said(&wide), (Confidence::Likely, Some(WidthKind::Unsure)));
-        assert_eq!(said(&Evidence { one_way: true, ..wide }), (Confidence::CannotTell, None));
-    }
-
-    #[test]
     fn rows_far_apart_leave_the_width_unsure() {
         let coarse = Evidence { coarse: true, ..plain() };
         assert_eq!((said(&coarse), judge(&coarse).1), ((Confidence::Likely, Some(WidthKind::Unsure)), "coarse"));
@@ -304,6 +296,11 @@ mod tests {
         assert_eq!(said(Evidence { cancels: CANCELS_IF_SOUND + 1.0, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_up_to: LAG_UP_TO, ..none.clone() }), Confidence::NoneSeen);
         assert_eq!(said(Evidence { lag_up_to: LAG_UP_TO + 0.1, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lr_no_gap: LR_SEEN, lr_needed: 1800.0, ..none.clone() }), Confidence::NoneSeen);
+        assert_eq!(
+            said(Evidence { lr_no_gap: LR_SEEN + 0.1, lr_needed: 1800.0, ..none.clone() }),
+            Confidence::CannotTell
+        );
         assert_eq!(said(Evidence { lag_up_to: 1.6, oscillates: true, ..none }), Confidence::CannotTell);
     }
 

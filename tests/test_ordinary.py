@@ -9,7 +9,8 @@ import pytest
 from bench.ordinary import design, oracle
 from bench.ordinary.__main__ import answers, tasks
 from bench.ordinary.answers import Claim, Line, ask, done
-from bench.ordinary.design import FAULTS, ROWS, SEEDS, draw, fractional_lag, half, names, sensitivity
+from bench.ordinary.design import FAULTS, ROWS, SEEDS, draw, half, names
+from bench.ordinary.process import fractional_lag, sensitivity
 from bench.ordinary.records import record, reversals, swept
 from bench.ordinary.score import tables
 

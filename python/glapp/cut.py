@@ -61,7 +61,7 @@ def since_repair(recordings: Sequence[Recording]) -> list[Recording]:
         loop, repaired = recordings[0].loop, recordings[0].loop.repaired
         raise InputError(
             f"is {repaired:%Y-%m-%d %H:%M}, and nothing was recorded after it",
-            file=", ".join(one.source for one in recordings),
+            file=", ".join(recording.source for recording in recordings),
             loop=loop.name,
             parameter="repaired",
             value=repaired,

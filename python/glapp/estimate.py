@@ -175,7 +175,7 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         opened = _all_of(recording, loop, signals)
         parts = shares(progress, *[1 / max(len(opened), 1)] * len(opened))
         pairs = zip(opened, parts, strict=True)
-        return [_judged(one, trust, fit, part) for one, part in pairs]
+        return [_judged(single, trust, fit, part) for single, part in pairs]
     recording = recording_of(recording, loop, **signals)
     return _judged(recording, trust, fit, progress)
 
@@ -192,11 +192,11 @@ def _all_of(several: list[Any], loop: Loop | None, signals: dict[str, Any]) -> l
 
     plain = loop is None and all(column is None for column in signals.values())
     opened: list[Recording] = []
-    for one in several:
-        if plain and isinstance(one, str | os.PathLike):
-            opened += open_recordings(Path(one))
+    for source in several:
+        if plain and isinstance(source, str | os.PathLike):
+            opened += open_recordings(Path(source))
         else:
-            opened.append(recording_of(one, loop, **signals))
+            opened.append(recording_of(source, loop, **signals))
     return opened
 
 

@@ -226,7 +226,7 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
             return plan_test(recording, alone, width=width, begins=recordings[-1], **asked)
         except InputError as error:
             refused.append((alone.fit is None or alone.fit.process is None, error))
-    raise min(refused, key=lambda one: one[0])[1]  # the reason against a long recording says more
+    raise min(refused, key=lambda refusal: refusal[0])[1]  # the reason against a long recording says more
 
 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
@@ -324,7 +324,7 @@ class _Fitted:
         settling = _settling(plant)
         skip = min(len(pv) // 4, int(settling / h))
         either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
-        left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
+        left = min(either, key=lambda residual: residual.moves_by(max(1, round(settling / h))))
         last = _last_values(begins)
         s = result.settings
         known = s.k is not None and s.ti is not None

@@ -208,10 +208,10 @@ def findings_from_core(
     first_row: int = 2,
 ) -> list[Finding]:
     """Put findings of the core into words and list them behind those that are known, gravest first."""
-    findings = [*known, *(_finding(one, pv_unit, op_unit, t0, first_row) for one in found)]
-    # Findings that depend on an assumed gain are known last.
+    findings = [*known, *(_finding(finding, pv_unit, op_unit, t0, first_row) for finding in found)]
+    # A finding that rests on an assumed gain comes after all others.
     grave = ("refuse", "warning", "info")
-    return sorted(findings, key=lambda one: (one.code == "kp_assumed", grave.index(one.severity)))
+    return sorted(findings, key=lambda finding: (finding.code == "kp_assumed", grave.index(finding.severity)))
 
 
 def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:

@@ -462,7 +462,7 @@ def decide(
         "prior": loop.prior(),
         "step_test": test
         and {"d": test.d, "low": test.low, "high": test.high, "decided": test.asked and test.asked.found},
-        "harm": [{"pv_share": one.pv_share, "op_share": one.op_share} for one in harm],
+        "harm": [{"pv_share": part.pv_share, "op_share": part.op_share} for part in harm],
     }
     return Answer.of(_glapp.summary(json.dumps(facts)))
 
@@ -772,7 +772,7 @@ class Result:
                 "jump": f.jump,
                 "position": "contradicts" if contradicts else None,
                 "reason": f.reason,
-                "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
+                "recordings": [sum(single.left_out is None for single in f.recordings), len(f.recordings)],
             },
             "fit_left_out": self.fit_left_out,
             **{

@@ -276,7 +276,7 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
         return "" if code is None else _glapp.to_text(f"step_test.{code['code']}", words | code)
 
     reason, notes, asked = found.pop("reason"), tuple(found.pop("notes")), found.pop("asked")
-    readings = [one | {"op": tuple(one["op"]), "pv": tuple(one["pv"])} for one in found.pop("readings")]
+    readings = [reading | {"op": tuple(reading["op"]), "pv": tuple(reading["pv"])} for reading in found.pop("readings")]
     return replace(
         blank,
         reason=None if reason is None else sentence(reason),
@@ -286,7 +286,8 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
         asked=None if asked is None else Asked(**asked),
         holds=tuple(Hold(**hold) for hold in found.pop("holds")),
         readings=tuple(
-            Reading(**one | {"evidence": sentence(one["evidence"])}, evidence_code=one["evidence"]) for one in readings
+            Reading(**reading | {"evidence": sentence(reading["evidence"])}, evidence_code=reading["evidence"])
+            for reading in readings
         ),
         **found,
     )

@@ -32,9 +32,9 @@ def identify(
     faults: list[InputError | str] = []
     shown = False
     recordings = [
-        one
+        recording
         for entry in open_files(files, options)
-        for one in (entry.recordings if isinstance(entry, Valve) else [entry])
+        for recording in (entry.recordings if isinstance(entry, Valve) else [entry])
     ]
     for entry in recordings:
         try:

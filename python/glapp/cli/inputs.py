@@ -81,16 +81,16 @@ def open_files(
 
 def _say_left_out(opened: Sequence[Recording | Valve | Refused]) -> None:
     """Say which signals of the first loops are not read, and what to write."""
-    said = [
+    notes = [
         f"{entry.name}: {text}"
         for entry in opened
         if not isinstance(entry, Refused)
         for text in (entry.recordings[0] if isinstance(entry, Valve) else entry).left_out
     ]
-    for text in said[:_NOTES]:
+    for text in notes[:_NOTES]:
         say_note(text)
-    if len(said) > _NOTES:
-        say_note(f"{len(said) - _NOTES} more signals are not read; the report has them")
+    if len(notes) > _NOTES:
+        say_note(f"{len(notes) - _NOTES} more signals are not read; the report has them")
 
 
 def open_one(file: Path, options: Options) -> Recording:
@@ -102,10 +102,10 @@ def open_one(file: Path, options: Options) -> Recording:
     if len(opened) > 1:
         names = ", ".join(entry.name for entry in opened)
         raise CommandError(f"{file} holds {len(opened)} loops; add --loop NAME with one of: {names}")
-    [one] = opened
-    if isinstance(one, Valve):
-        raise CommandError(f"{one.name} has {len(one.recordings)} recordings; give one of them: {one.source}")
-    return recording_of(one)
+    [entry] = opened
+    if isinstance(entry, Valve):
+        raise CommandError(f"{entry.name} has {len(entry.recordings)} recordings; give one of them: {entry.source}")
+    return recording_of(entry)
 
 
 def recording_of(entry: Recording | Refused) -> Recording:
@@ -251,7 +251,7 @@ def _renamed(entry: Recording | Valve | Refused, name: str) -> Recording | Valve
     if isinstance(entry, Refused):
         return replace(entry, name=name)
     if isinstance(entry, Valve):
-        return replace(entry, name=name, recordings=[_called(one, name) for one in entry.recordings])
+        return replace(entry, name=name, recordings=[_called(recording, name) for recording in entry.recordings])
     return _called(entry, name)
 
 

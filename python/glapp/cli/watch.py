@@ -354,14 +354,14 @@ def set_(
         _print_values(_answer_of_service(api_url, user, "GET", path))
         return
     wanted: dict[str, float | None] = {}
-    for one in values:
-        name, equals, value = one.partition("=")
+    for setting in values:
+        name, equals, value = setting.partition("=")
         try:
             wanted[name] = float(value) if value else None
         except ValueError:
-            raise CommandError(f"{one}: {value!r} is not a number") from None
+            raise CommandError(f"{setting}: {value!r} is not a number") from None
         if not equals or not math.isfinite(wanted[name] or 0.0):
-            raise CommandError(f"{one}: write NAME=VALUE, with a number")
+            raise CommandError(f"{setting}: write NAME=VALUE, with a number")
     _print_values(_answer_of_service(api_url, user, "POST", path, {"values": wanted}))
 
 
@@ -388,8 +388,8 @@ watch.add_typer(users, name="users")
 @users.command(name="list", epilog=examples("glapp watch users list"))
 def list_(api_url: Url = _API_URL, user: User = None) -> None:
     """Name and role of every user."""
-    for one in _answer_of_service(api_url, user, "GET", "/users"):
-        out.print(f"{one['name']}  {one['role']}", soft_wrap=True)
+    for account in _answer_of_service(api_url, user, "GET", "/users"):
+        out.print(f"{account['name']}  {account['role']}", soft_wrap=True)
 
 
 @users.command(epilog=examples("glapp watch users add anna --role operator"))

@@ -88,9 +88,9 @@ def open_each(
         return _recordings(sources[0], name_of(path), loops, defaults)
     if loops is None:
         return [
-            one
+            recording
             for source in sources
-            for one in _recordings(source, getattr(source, "sheet", name_of(path)), None, defaults)
+            for recording in _recordings(source, getattr(source, "sheet", name_of(path)), None, defaults)
         ]
     return [_of_any(sources, loop) for loop in loops]
 
@@ -99,7 +99,7 @@ def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
     """The loop from the first sheet that holds it; a sheet of its name goes first."""
     named = sorted(sources, key=lambda source: getattr(source, "sheet", "") != loop.name)
     found = [_recordings(source, loop.name, [loop], None)[0] for source in named]
-    return next((one for one in found if isinstance(one, Recording)), found[0])
+    return next((entry for entry in found if isinstance(entry, Recording)), found[0])
 
 
 def first_rows(path: str | Path, rows: int) -> tuple[list[str], list[list[str]]]:

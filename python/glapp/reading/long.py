@@ -185,16 +185,16 @@ class _Store:
                     tag = wanted[int(code)].as_py()
                     if tag in self._faults:
                         continue
-                    mine = np.flatnonzero(codes == code)
+                    of_tag = np.flatnonzero(codes == code)
                     kind, reader = self.readers[tag]
-                    cells = values.take(pa.array(rows[mine]))
+                    cells = values.take(pa.array(rows[of_tag]))
                     try:
                         x = reader.flag(kind, cells).astype(np.float64) if kind in _WORDS else reader.number(cells)
                     except CellFault as fault:  # harms the loop of this tag and no other
-                        fault.index = int(rows[mine[fault.index]])
+                        fault.index = int(rows[of_tag[fault.index]])
                         self._faults[tag] = self.rows.fault(fault, done, self.at[role], tag)
                         continue
-                    parts[tag].append(_Tag(t[mine], x, bad[mine]))
+                    parts[tag].append(_Tag(t[of_tag], x, bad[of_tag]))
             except CellFault as fault:
                 if len(rows):
                     fault.index = int(rows[fault.index])

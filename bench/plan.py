@@ -34,10 +34,10 @@ import numpy as np
 import glapp
 import glapp.plan as planning
 from glapp.controller import Controller
-from glapp.many import analyze_recordings
 from glapp.plan import fit_decides, plan_test
 from glapp.plant import Plant
 from glapp.scenario import Gaussian, Manual, Scenario, Steps, Walk
+from glapp.several_recordings import analyze_recordings
 from glapp.simulate import Simulation, run_many
 
 DAYS = {"by_hand": 20, "setpoint": 10, "more_hours": 5}

@@ -16,7 +16,7 @@ from bench.loads.records import record
 
 import glapp
 from glapp.errors import InputError
-from glapp.many import analyze_recordings
+from glapp.several_recordings import analyze_recordings
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 FIRST_DAY = datetime(2026, 3, 1)

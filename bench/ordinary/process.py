@@ -10,8 +10,8 @@ import numpy as np
 
 from glapp.plant import Plant
 
+from ..loads.records import denominator
 from ..truth.design import log_uniform
-from .load import Floats
 
 
 class Service(NamedTuple):
@@ -120,16 +120,8 @@ def fractional_lag(lag: float, alpha: float, h: float, parts: int = 5) -> Plant:
     lags = np.maximum(lag / rates, h)
     num = np.zeros(parts)
     for i, weight in enumerate(weights):
-        num = num + weight * np.poly1d(1.0).coeffs * _product(np.delete(lags, i))
-    return Plant(num.tolist(), _product(lags).tolist())
-
-
-def _product(lags: Floats) -> Floats:
-    """Coefficients of the product of all (lag·s + 1)."""
-    polynomial = np.array([1.0])
-    for lag in lags:
-        polynomial = np.convolve(polynomial, [lag, 1.0])
-    return polynomial
+        num = num + weight * np.poly1d(1.0).coeffs * denominator(np.delete(lags, i))
+    return Plant(num.tolist(), denominator(lags).tolist())
 
 
 def two_digits(x: float) -> float:

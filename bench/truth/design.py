@@ -337,7 +337,7 @@ def _setpoint(random: Random, loop: Loop, size: float, apart: float, t_end: floa
     kind = random.choice(("constant", "constant", "steps", "cascade"))
     moves = loop.gain * min(size, 10.0) * random.uniform(0.1, 1.0)
     if kind == "steps":
-        return kind, (Steps(steps=((0.0, at_rest), *_steps(random, t_end, apart, moves, at_rest))),)
+        return kind, (Steps(steps=((0.0, at_rest), *random_steps(random, t_end, apart, moves, at_rest))),)
     constant = Steps(steps=((0.0, at_rest),))
     if kind == "cascade":
         return kind, (constant, Coloured(sigma=moves, tau=loop.slowest * random.uniform(1.0, 5.0)))
@@ -354,8 +354,10 @@ def filter_time(ti: float, td: float) -> float:
     return td / 5 if td > 0 else ti / 10
 
 
-def _steps(random: Random, t_end: float, apart: float, size: float, rest: float = 0.0) -> list[tuple[float, float]]:
-    """Steps at random times to random values around `rest`."""
+def random_steps(
+    random: Random, t_end: float, apart: float, size: float, rest: float = 0.0
+) -> list[tuple[float, float]]:
+    """Times [s] and values of steps, `apart` seconds from each other on average, within ± `size` of `rest`."""
     t, steps = 0.5 * apart * random.random(), []
     while t < t_end:
         steps.append((t, rest + random.uniform(-size, size)))
@@ -370,7 +372,7 @@ def _load(load: str, random: Random, t_end: float, apart: float, size: float, sl
     if load == "sine":
         period = slowest * log_uniform(random, 2.0, 20.0)
         return [Sine(amplitude=0.5 * size, period=period)]
-    steps = _steps(random, t_end, apart, size)
+    steps = random_steps(random, t_end, apart, size)
     if load in ("steps", "limit"):
         return [Steps(steps=tuple(steps))]
     over = apart * random.uniform(0.2, 0.5)

@@ -16,7 +16,6 @@ from . import _glapp
 from ._glapp import to_text
 from .arrays import column
 from .controller import Ideal
-from .cut import since_repair
 from .errors import InputError
 from .fit import Fit, fit_from_core
 from .identify import Identification, identification_from_core, identified
@@ -24,6 +23,7 @@ from .loop import Loop
 from .progress import Progress, shares
 from .quality import Finding, findings_from_core
 from .recording import Recording, with_op_unit
+from .repair_split import since_repair
 from .result import REASONS, Answer, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
 from .step_test import step_test_from_core

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from . import _glapp
 from ._glapp import to_text
 from .controller import Ideal
-from .cut import since_repair
 from .errors import InputError
 from .loop import Loop
 from .progress import Progress, shares
 from .recording import Batch, Recording, with_op_unit
+from .repair_split import since_repair
 from .samples import recording_of
 from .valve import in_order, one_valve, since
 

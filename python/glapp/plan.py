@@ -21,7 +21,7 @@ from .controller import Ideal
 from .errors import InputError
 from .estimate import analyze
 from .fit import Fit, Process, fit
-from .loop import Loop
+from .loop import Loop, op_unit
 from .planned import OPEN, Kind, Limits, Plan, Planned
 from .plant import Plant
 from .progress import Progress
@@ -246,11 +246,6 @@ def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
     return replace(result, plan=plan)
 
 
-def _op_unit(unit: str) -> str:
-    """The unit of OP as a sentence needs it."""
-    return "%OP" if unit == "%" else unit
-
-
 def _width(result: Result) -> float:
     """Width that a test is to decide on."""
     answer, found = result.answer, result.fit
@@ -298,7 +293,7 @@ class _Fitted:
     @property
     def op_unit(self) -> str:
         """Unit of OP as a sentence needs it."""
-        return _op_unit(self.fit.unit)
+        return op_unit(self.fit.unit)
 
     @property
     def pv_unit(self) -> str:
@@ -398,7 +393,7 @@ def _known_process(result: Result, loop: Loop) -> tuple[Fit, Process, tuple[floa
     if gains is None:
         raise InputError(
             f"the process gain is too uncertain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
-            f"{loop.pv_unit or 'PV unit'} per {_op_unit(result.unit)}",
+            f"{loop.pv_unit or 'PV unit'} per {op_unit(result.unit)}",
             **where,
             hint="record the loop while OP or the setpoint is stepped once or twice",
         )

@@ -13,13 +13,13 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from . import _glapp
-from .cut import moment_in, until_repair
 from .estimate import analyze
 from .fit import Fit, RecordingFit, Window
-from .many import analyze_recordings
 from .recording import Batch, Recording, joined
+from .repair_split import moment_in, until_repair
 from .repaired import Repair, Side
 from .result import Result
+from .several_recordings import analyze_recordings
 
 __all__ = ["DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
 

@@ -14,10 +14,10 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from . import _glapp
-from .cut import since_repair
 from .errors import InputError
-from .loop import Loop
+from .loop import Loop, op_unit
 from .recording import Batch, Recording, with_op_unit
+from .repair_split import since_repair
 from .samples import recording_of
 
 __all__ = ["Asked", "Hold", "Reading", "StepTest", "step_test"]
@@ -268,7 +268,7 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
         "subject": subject,
         "symbol": "PV" if subject == "PV" else "x",
         "op_unit": blank.unit,
-        "unit": "%OP" if blank.unit == "%" else blank.unit,  # % alone would leave open of what
+        "unit": op_unit(blank.unit),
         "pv_unit": blank.pv_unit + ("/s" if found["integrating"] else ""),
     }
 

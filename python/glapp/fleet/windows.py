@@ -29,11 +29,11 @@ from ..errors import InputError, unforeseen
 from ..estimate import analyze
 from ..fit import Fit, fit_recordings
 from ..loop import Loop
-from ..many import unfit
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report import words
 from ..result import HalfPeriods, Harm, Result, Settings, decide, harm_of
 from ..samples import Samples
+from ..several_recordings import unfit
 from .lake import SIGNALS, day_name
 from .problems import DataIssue
 

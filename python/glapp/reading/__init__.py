@@ -19,10 +19,10 @@ from .each import all_or_none
 from .excel import sheets
 from .files import check_file, name_of
 from .influx import annotated, is_annotated, is_line_protocol, line_protocol
-from .kinds import check_beginning
 from .long import long_recordings
 from .markup import is_markup, page
 from .meaning import is_long
+from .not_tables import check_beginning
 from .parquet import IpcSource, ParquetSource
 from .passes import Passes
 from .shape import shaped, tagged

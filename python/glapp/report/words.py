@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from .. import _glapp
 from .._glapp import count, duration, number, quantity, sentence, to_text
+from ..loop import op_unit
 
 if TYPE_CHECKING:
     from ..result import Result
 
-__all__ = ["count", "duration", "number", "quantity", "sentence"]
+__all__ = ["count", "duration", "number", "op_unit", "quantity", "sentence"]
 
 
 def _catalogue_of(subject: str) -> dict[str, str]:
@@ -130,11 +131,6 @@ def days(results: Sequence[Result]) -> str:
         for at in (0, -1)
     ]
     return to_text("answer.days", {"first": min(ends), "last": max(ends)}) if ends else ""
-
-
-def op_unit(unit: str) -> str:
-    """The unit of OP as a sentence needs it: `%` alone would leave open of what."""
-    return "%OP" if unit == "%" else unit
 
 
 def ranked(results: Sequence[Result]) -> list[Result]:

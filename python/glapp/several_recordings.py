@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from .cut import since_repair
 from .estimate import analyze
 from .fit import Verdict, fit_recordings
 from .progress import Progress, shares
 from .recording import Batch, Recording, joined
+from .repair_split import since_repair
 from .result import Result, harm_of
 from .valve import in_order, one_valve
 

@@ -299,5 +299,5 @@ def test_no_sentence_of_the_catalogue_hides_a_character() -> None:
 
 
 def test_what_the_page_takes_from_the_reader_is_there() -> None:
-    taken = build.of_reading()
+    taken = build.reader_data()
     assert taken["columns"]["separators"] and taken["values"]["number"] and taken["heads"]["lines"]

@@ -241,15 +241,15 @@ def table(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnswe
     head += ["cause right", "lost", "no gap", "claimed", "sound", "sound is true", "lost", "limits below 0", "seconds"]
     shorter: dict[tuple[str, int], LoadsAnswer] = {}
     for name in dict.fromkeys(a.truth.name for a in answers):
-        of = sorted((a for a in answers if a.truth.name == name), key=lambda a: a.truth.samples)
-        shorter |= {now.key: before for before, now in pairwise(of)}
+        by_length = sorted((a for a in answers if a.truth.name == name), key=lambda a: a.truth.samples)
+        shorter |= {now.key: before for before, now in pairwise(by_length)}
 
-    def line(title: str, of: list[LoadsAnswer]) -> list[str]:
-        gap, none = ([a for a in of if (a.truth.d > 0) == there] for there in (True, False))
+    def line(title: str, selected: list[LoadsAnswer]) -> list[str]:
+        gap, none = ([a for a in selected if (a.truth.d > 0) == there] for there in (True, False))
         sided = [a for a in gap if a.sided]
-        claims, sound = [a for a in gap if a.claims], [a for a in of if a.verdict == "sound"]
+        claims, sound = [a for a in gap if a.claims], [a for a in selected if a.verdict == "sound"]
         grown = [_width(a) / _width(b) for a in sided if (b := shorter.get(a.key)) is not None and b.sided]
-        lost_here = [a for a in of if any(lost((b, a) if (b := shorter.get(a.key)) is not None else ()))]
+        lost_here = [a for a in selected if any(lost((b, a) if (b := shorter.get(a.key)) is not None else ()))]
         return [
             title,
             *(f"{len(gap)}", f"{len(sided)}", f"{sum(a.verdict == 'at_least' for a in gap)}"),
@@ -263,8 +263,8 @@ def table(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnswe
             *(f"{len(none)}", f"{sum(a.claims for a in none)}", f"{sum(a.verdict == 'sound' for a in none)}"),
             f"{sum(a.holds for a in sound)} of {len(sound)}",
             f"{sum(a.truth.d == 0 for a in lost_here)}",
-            f"{sum(a.lowest < 0 for a in of)}",
-            _median([a.seconds for a in of], "{:.1f}"),
+            f"{sum(a.lowest < 0 for a in selected)}",
+            _median([a.seconds for a in selected], "{:.1f}"),
         ]
 
     return markdown(head, [line(*length) for length in lengths(answers) if length.answers])
@@ -297,8 +297,8 @@ def _width(answer: LoadsAnswer) -> float:
     return (np.inf if answer.high is None else answer.high) - (answer.low or 0.0)
 
 
-def _median(of: Sequence[float], form: str) -> str:
-    return form.format(float(np.median(of))) if of else ""
+def _median(values: Sequence[float], form: str) -> str:
+    return form.format(float(np.median(values))) if values else ""
 
 
 def _ask(task: tuple[str, Sequence[int], bool]) -> list[LoadsAnswer]:

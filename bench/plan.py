@@ -174,11 +174,11 @@ def _goes_on(loop: Drawn, seed: int, steps: int, period: float, t_end: float) ->
 def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     """Plan one test, and make it."""
     loop = drawn(number)
-    of = ("gap", "none")[number // 2 % 2]
-    [made] = run_many([loop.scenario(of, number, loop.t_end)], progress=False)
+    fault = ("gap", "none")[number // 2 % 2]
+    [made] = run_many([loop.scenario(fault, number, loop.t_end)], progress=False)
     recording = recorded(loop, made)
     result = glapp.analyze(recording)
-    row: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
+    row: dict[str, Any] = {"number": number, "from": fault, "confidence": result.answer.confidence}
     op, pv = (float(np.median(x[-planning.LATE :])) for x in (made.op, made.pv))
     began = monotonic()
     try:

@@ -181,7 +181,7 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
 
 
 def _judged(recording: Recording, trust: bool, fit: bool, progress: Progress | None) -> Result:
-    """All that is asked of a recording; without `fit` its texts say that it was left out."""
+    """The result of a recording; without `fit` its texts state that it was left out."""
     result = _analyzed(recording, INSPECTED_ROWS, progress, trust=trust, fit=fit)
     return result if fit else replace(result, fit_left_out="OP" in recording.columns)
 
@@ -418,7 +418,7 @@ def identify(
     Returns
     -------
     Identification
-        Whatever cannot be found is said in `reason`.
+        `reason` names what cannot be found.
 
     Raises
     ------
@@ -628,7 +628,7 @@ def nothing_accepted(rejected: dict[str, int]) -> str:
 
 
 def _given_setpoint_weight(loop: Loop) -> float | None:
-    """Setpoint weight b where a person stated it; its default says nothing about the controller."""
+    """Setpoint weight b where it was given; its default is no fact about the controller."""
     controller = loop.controller
     if controller is None or "setpoint_weight" not in controller.model_fields_set:
         return None

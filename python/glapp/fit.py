@@ -152,7 +152,7 @@ class Fit:
     why : str
         Code of what decided, which stays the same; `reason` is its sentence.
     through_pv : Fit or None
-        Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
+        Where the valve's position was recorded and settled the answer, the answer from PV alone. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
         interval holds both, and with a gap in one of them alone the verdict is *cannot_tell*.
     message : dict or None

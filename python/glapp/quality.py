@@ -162,7 +162,7 @@ def inspect(
     - `k`: controller gain used, signed [OP unit per PV unit].
     - `ti`: integral time used [s].
     - `td`: derivative time used [s], 0 for a PI controller.
-    - `identification`: what the recording itself says of K, Ti and Td; compared with `k`, `ti` and `td` when usable.
+    - `identification`: K, Ti and Td as identified from the recording; compared with `k`, `ti` and `td` when usable.
     - `pv_span`, `op_span`: ranges of the instruments, where they are known [PV unit, OP unit].
     - `pv_unit`, `op_unit`: units for the texts.
     - `t0`: time of t = 0, to name times as a person knows them.

@@ -41,7 +41,7 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
     was recorded before and after the fall, and the widths are the means of either.
 
     - `recordings`: all recordings of the loop.
-    - `result`: what `glapp.analyze` says of them.
+    - `result`: the result of `glapp.analyze` for them.
     - `trust`, `fit`: as in `glapp.analyze`.
 
     Examples
@@ -75,7 +75,7 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
 
 
 def _seen(recordings: Sequence[Recording], result: Result) -> Result:
-    """The result with the repair that a fall of the width shows, which nobody has noted."""
+    """The result with the repair that a fall of the width shows, and which is not noted in the settings."""
     if result.fit is None:
         return result
     each: list[tuple[float, float, Fit | Window]]

@@ -73,7 +73,7 @@ class Label:
 class Scored:
     """One answer with its label.
 
-    - `why`: in a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
+    - `why`: in a sentence: what does not agree, or why it is not counted; "" where it agrees or is silent.
     - `width`: measured dead band [OP unit].
     """
 

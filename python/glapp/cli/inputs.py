@@ -18,7 +18,7 @@ from .options import Options
 from .screen import CommandError, say_note
 
 _NOTES = 3
-"""Notes that are said of many loops."""
+"""Number of notes that are printed of many loops."""
 
 __all__ = ["Refused", "Valve", "open_files", "open_one", "opened_with", "read_by", "recording_of"]
 
@@ -155,7 +155,7 @@ def read_by(files: Sequence[Path]) -> list[Path]:
         if _is_toml(file):
             try:
                 loops = read_each(file)
-            except InputError:  # told where its loops are opened
+            except InputError:  # reported where its loops are opened
                 continue
             found += [file for loop in loops if isinstance(loop, Loop) for file in _files(loop)]
     return found
@@ -234,7 +234,7 @@ def _named_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | 
 
 
 def _with_paths(name: str, sources: Sequence[str]) -> list[str]:
-    """The name after as many of the last parts of its file's path as tell these apart; else after the whole path."""
+    """The name after as many of the last parts of its file's path as distinguish these; else after the whole path."""
     for stem in (name_of, lambda source: Path(source).name):  # FIC101.csv beside FIC101.parquet: with the endings
         parts = [
             (*Path(source).parent.parts, stem(source), *([] if name_of(source) == name else [name]))

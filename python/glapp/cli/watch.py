@@ -282,7 +282,7 @@ def restore(
         say_note(f"the database that was there is {aside.name} now")
 
 
-# Commands to the service go through its API, in the name of the person who asks.
+# Commands to the service go through its API, in the name of the person who gives them.
 
 
 @watch.command(epilog=examples("glapp watch login engineer"))

@@ -72,8 +72,8 @@ class StictionLoop:
     """One loop of the data base.
 
     - `name`: industry and number, such as "chemicals.loop10".
-    - `comment`: what its contributor says of it.
-    - `says`: the same in a word; None where the comment does not speak of stiction. "no stiction" does not mean that
+    - `comment`: the contributor's text.
+    - `says`: its verdict in a word; None where the comment does not mention stiction. "no stiction" does not mean that
       the valve is sound, or that the loop is well tuned.
     - `quoted`: the verdict in `QUOTED`: "stiction", or "no stiction" with the cause; None for every other loop. Where
       it differs from `says`, the literature and the contributor disagree.

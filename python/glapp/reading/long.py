@@ -65,7 +65,7 @@ class _Store:
     def __init__(self, source: Source, loops: Sequence[Loop]) -> None:
         self.source = source
         self.rows = OrderedRows(source)
-        # Columns and the way of writing times belong to the file: the first loop that says something wins.
+        # Columns and the way of writing times belong to the file: the first loop with a setting decides.
         roles = ("time", "tag", "value", "quality")
         alone = source.tags is not None
         self.at = {role: i if alone else self._column(role, loops) for i, role in enumerate(roles)}

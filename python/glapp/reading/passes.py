@@ -154,13 +154,13 @@ class Passes:
             member.held = _Held([[block[i] for i in member.types] for block in blocks], error)
 
     def _make_room(self) -> int:
-        """Let go of what has not been used for longest, until half of what may be held is free; how much is left."""
+        """Release the shares that were used longest ago, until half of `HELD` is free; the bytes still held."""
         left = 0
         holding = [share for share in self._shares if share.held is not None]
         for share in sorted(
             holding, key=lambda share: (share.used > 0, -share.used)
         ):  # first what still waits for its use
-            if (held := share.held) is None:  # whoever uses it let go of it meanwhile, in another thread
+            if (held := share.held) is None:  # another thread has released it meanwhile
                 continue
             if left + held.size > HELD // 2:
                 share.release()

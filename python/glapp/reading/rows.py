@@ -26,7 +26,7 @@ from .values import Digits, Quality, flags_of, limit_flag, mode_flag, numbers, t
 __all__ = ["OrderedRows", "Reader"]
 
 _ROWS = 1000
-"""So many rows tell how times are written."""
+"""Number of rows that decide how times are written."""
 _NOTHING = frozenset({""})
 """Words for a missing cell, where only times and tags are read."""
 

@@ -203,7 +203,7 @@ class WideRecording(Recording):
                 return False
             signals = [i for role, i in self._at.items() if role in _NUMBERS]
             return 0 < self._filled(source, signals) < 1 - _SPARSE
-        except InputError:  # told of the pass that reads the column
+        except InputError:  # reported by the pass that reads the column
             return False
 
     @staticmethod

@@ -26,7 +26,7 @@ from .html import templates
 __all__ = ["NOMINAL", "Judged", "form_page", "judged"]
 
 NOMINAL: float = _glapp.NOMINAL_LIMIT
-"""Dead band that is allowed where nobody says it: EnTech's nominal one [% of span]."""
+"""Dead band that is allowed where none is given: EnTech's nominal one [% of span]."""
 
 
 @dataclass(frozen=True, slots=True)

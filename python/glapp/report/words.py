@@ -47,7 +47,7 @@ NAMES = tuple(REASONS)
 #: The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
 VERDICTS = _catalogue_of("verdict")
 
-#: In place of the verdict: names of a confidence that says more.
+#: Names of a confidence that are shown in place of the verdict.
 LIKELY = {confidence: to_text(f"answer.{confidence}", {}) for confidence in ("likely", "likely_sound")}
 
 #: What is known of a valve.
@@ -139,7 +139,7 @@ def ranked(results: Sequence[Result]) -> list[Result]:
 
 
 def judged(result: Result) -> bool:
-    """Whether something is known of the valve. A list says of the others why not, and what would help."""
+    """Whether there is an answer on the valve. A list gives the reason of the others, and what would help."""
     return result.answer.valve in ("gap", "no_gap") or result.answer.confidence in LIKELY
 
 

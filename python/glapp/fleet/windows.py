@@ -732,7 +732,15 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
     "resolution": ("quantised_pv", "quantised_op", "noisy"),
     "manual": ("not_auto",),
     "op_rests": ("op_rests", "op_still", "op_constant", "still", "once", "hidden_by_lag", "few", "few_rows"),
-    "load": ("swings", "repeats", "opposed", "hidden_by_changes", "sinusoidal", "recordings_disagree", "windows_disagree"),
+    "load": (
+        "swings",
+        "repeats",
+        "opposed",
+        "hidden_by_changes",
+        "sinusoidal",
+        "recordings_disagree",
+        "windows_disagree",
+    ),
     "evidence": (
         "may_be_a_gap",
         "families_disagree",

@@ -121,16 +121,16 @@ def brings(pool: ProcessPoolExecutor) -> Iterator[str]:
 # --- When its warnings are wrong ------------------------------------------------------------------------------------
 
 
-def half_periods(s: Simulation, of: Scenario) -> Iterator[tuple[float, float, float]]:
+def half_periods(s: Simulation, case: Scenario) -> Iterator[tuple[float, float, float]]:
     """(end, Δt, Δy) of each half-period of the filtered error."""
-    smooth = SecondOrderFilter(of.filter_time())
-    e = s.sp - np.array([smooth.update(y, of.h) for y in s.pv.tolist()])
+    smooth = SecondOrderFilter(case.filter_time())
+    e = s.sp - np.array([smooth.update(y, case.h) for y in s.pv.tolist()])
     sign = np.sign(e)
     known = np.flatnonzero(sign)
     at = known[1:][np.diff(sign[known]) != 0]
-    area = np.concatenate([[0.0], np.cumsum(np.abs(e) * of.h)])
+    area = np.concatenate([[0.0], np.cumsum(np.abs(e) * case.h)])
     for begin, end in pairwise(at):
-        delta_t = float(end - begin) * of.h
+        delta_t = float(end - begin) * case.h
         yield float(s.t[end]), delta_t, float(area[end] - area[begin]) / delta_t
 
 
@@ -175,7 +175,7 @@ def warned(case: Case) -> tuple[Case, float, float] | None:
     size = case.ratio * GAP
     # The estimate would take what is too much away before a warning is due.
     given = Compensation(way=case.way, size=size, begin=begin, withdraw=False, estimate=False)
-    of = scenario(
+    loop = scenario(
         plant=plant,
         controller=tuned,
         d=GAP,
@@ -187,11 +187,11 @@ def warned(case: Case) -> tuple[Case, float, float] | None:
         seed=case.seed,
     )
     try:
-        s = run(of)
+        s = run(loop)
     except InputError:
         return None
     assert s.over is not None
-    ends = [round(end / of.h) for end, _, _ in half_periods(s, of) if end > 50 * unit]
+    ends = [round(end / loop.h) for end, _, _ in half_periods(s, loop) if end > 50 * unit]
     compensated = ends[-max(1, round(len(ends) / 2)) :]
     # The block acts on a half-period in the scan after it.
     over = s.over[np.minimum(np.array(compensated, dtype=int) + 1, s.over.size - 1)].astype(int)
@@ -424,10 +424,10 @@ def _harm(with_it: Scenario, compensated: Simulation, without: Simulation) -> Ha
     )
 
 
-def _never(of: Scenario) -> Scenario:
+def _never(case: Scenario) -> Scenario:
     """The loop of modules, with its compensation never enabled."""
-    assert of.compensation is not None
-    return of.model_copy(update={"compensation": of.compensation.model_copy(update={"begin": 2 * of.t_end})})
+    assert case.compensation is not None
+    return case.model_copy(update={"compensation": case.compensation.model_copy(update={"begin": 2 * case.t_end})})
 
 
 def _beside(s: Simulation, without: Simulation, rows: npt.NDArray[Any], band: float) -> tuple[float, int, int]:
@@ -436,18 +436,18 @@ def _beside(s: Simulation, without: Simulation, rows: npt.NDArray[Any], band: fl
     return pv / pv_without, reversals(s.op[rows], band), reversals(without.op[rows], band)
 
 
-def _in_time(s: Simulation, without: Simulation, of: Scenario, withdrawn: int) -> dict[str, int | None]:
+def _in_time(s: Simulation, without: Simulation, case: Scenario, withdrawn: int) -> dict[str, int | None]:
     """Number of half-periods of the filtered error until its withdrawal, at row `withdrawn`.
 
     Harm begins to show with the first half-period, from the tenth on, at whose end the bounds are exceeded from where
     the compensation came in force to there.
     """
-    assert s.standing is not None and of.compensation is not None
+    assert s.standing is not None and case.compensation is not None
     in_force = np.flatnonzero(s.standing == 0)
     first = int(in_force[0]) if in_force.size else withdrawn
-    ends = np.array([round(end / of.h) for end, _, _ in half_periods(s, of)], dtype=int)
+    ends = np.array([round(end / case.h) for end, _, _ in half_periods(s, case)], dtype=int)
     ends = ends[ends > first]
-    band = of.compensation.size / 10
+    band = case.compensation.size / 10
     spread, turned = zip(*(_so_far(x, first, ends, band) for x in (s, without)), strict=True)
     beyond = (spread[0] > 1.1 * spread[1]) | (turned[0] > 1.5 * turned[1] + 2)
     shown = np.flatnonzero(beyond[9:])
@@ -466,21 +466,21 @@ def _so_far(s: Simulation, first: int, ends: npt.NDArray[Any], band: float) -> t
     return np.sqrt(np.maximum(square - mean * mean, 0.0)), turned.astype(float)
 
 
-def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
+def _broken(s: Simulation, case: Scenario, size: float, rate: float) -> str:
     """The first promise that u_FF breaks."""
-    assert s.u_ff is not None and of.compensation is not None
+    assert s.u_ff is not None and case.compensation is not None
     # The controller holds OP in manual, and while PV is lost, and uses nothing of the feed-forward.
     held = (s.flags & (NOT_AUTO | BAD)) != 0
     if np.diff(s.op)[held[1:]].any():
         return "held"
     # A value that comes late is compared with the state when it was made.
-    late = (of.compensation.delay or 1) - 1
+    late = (case.compensation.delay or 1) - 1
     u, held = s.u_ff[late:], held[: held.size - late]
     if np.abs(u).max() > size / 2 * (1 + 1e-9):
         return "size"
-    if np.abs(np.diff(u))[~(held[1:] | held[:-1])].max() > rate * of.h * (1 + 1e-9):
+    if np.abs(np.diff(u))[~(held[1:] | held[:-1])].max() > rate * case.h * (1 + 1e-9):
         return "rate"
-    if of.limits is not None and (s.op.min() < of.limits[0] or s.op.max() > of.limits[1]):
+    if case.limits is not None and (s.op.min() < case.limits[0] or s.op.max() > case.limits[1]):
         return "limits"
     # The value handed over was made by the scan before.
     return "taken away" if u[1:][held[1:] & held[:-1]].any() else ""
@@ -621,19 +621,19 @@ class Late:
 
 def late(number: int, way: str) -> Late | None:
     """The runs of a loop; None where it cannot begin at rest within its limits."""
-    of = random_loop(number, way)
-    given = of.compensation
+    case = random_loop(number, way)
+    given = case.compensation
     assert given is not None
     try:
-        without = run(_never(of))
+        without = run(_never(case))
     except InputError:
         return None
     runs = [
-        of.model_copy(update={"compensation": given.model_copy(update={"delay": n, "longest": 1e9})}) for n in DELAYS
+        case.model_copy(update={"compensation": given.model_copy(update={"delay": n, "longest": 1e9})}) for n in DELAYS
     ]
     found = [_harm(one, run(one), without) for one in runs]
     return Late(
-        share=of.h / of.ideal().ti,
+        share=case.h / case.ideal().ti,
         settled=tuple(one.settled for one in found),
         broken=next((one.broken for one in found if one.broken), ""),
     )

@@ -210,8 +210,8 @@ def _page(rows: list[dict[str, Any]], loops: int, longest: int, size: int) -> st
     return "\n".join([*lines, "", f"The largest process took {last['memory']:.0f} MB."])
 
 
-def _share(some: int, of: int) -> str:
-    return f"{some} of {of}" + (f" ({100 * some / of:.0f} %)" if of else "")
+def _share(some: int, total: int) -> str:
+    return f"{some} of {total}" + (f" ({100 * some / total:.0f} %)" if total else "")
 
 
 def kills(lake: Path, times: int) -> None:

@@ -26,7 +26,7 @@ from glapp.scenario import Gaussian, Scenario, Walk
 from glapp.simulate import run
 
 from .truth.design import RULES as TUNINGS
-from .truth.design import time_scale
+from .truth.design import log_uniform, random_steps, time_scale
 
 Floats = NDArray[np.float64]
 
@@ -61,30 +61,32 @@ def record(name: str) -> Record | None:
     if tuned is None:
         return None
     k, ti, td = tuned
-    h = ti * _log_uniform(random, 0.01, 1.0)
+    h = ti * log_uniform(random, 0.01, 1.0)
     filtered = random.choice(("thesis", "thesis", "none", "other"))
     # Slower than half of Td, twice in series, it would take away what the D part brings.
-    other = _log_uniform(random, 0.05, 0.5) * td or _log_uniform(random, 0.02, 0.2) * ti
+    other = log_uniform(random, 0.05, 0.5) * td or log_uniform(random, 0.02, 0.2) * ti
     tf = {"thesis": td / 5 or ti / 10, "none": 0.0, "other": other}[filtered]
     every = 1
     if seen.startswith("between"):
         fast = min(ti / 40, time_scale(PLANTS[process]).lag / 20, tf / 2 or math.inf)
         every = max(math.ceil(h / fast), 2)
-    samples = max(min(round(_log_uniform(random, 600, 3000)), 400_000 // every), 400)
+    samples = max(min(round(log_uniform(random, 600, 3000)), 400_000 // every), 400)
     t_end = samples * h
     late = random.choice((0, 1)) if every > 1 else 0
     apart = max(t_end / random.uniform(8, 60), 2 * ti)
-    size = _log_uniform(random, 1.0, 10.0)
+    size = log_uniform(random, 1.0, 10.0)
     moves = [(0.0, 50.0)]
     if random.random() < 0.5:
-        moves += _steps(random, t_end, apart, random.uniform(0.1, 1.0) * size, 50.0)
-    load = Walk(rate=size / math.sqrt(apart)) if random.random() < 0.5 else _steps(random, t_end, apart, size, 0.0)
+        moves += random_steps(random, t_end, apart, random.uniform(0.1, 1.0) * size, 50.0)
+    load = (
+        Walk(rate=size / math.sqrt(apart)) if random.random() < 0.5 else random_steps(random, t_end, apart, size, 0.0)
+    )
     scenario = Scenario(
         plant=PLANTS[process],
         controller=(k, ti, td, random.choice((0.0, 1.0))),
         tf=tf,
         d=random.choice((0.0, 1.0, 3.0)),
-        noise=(Gaussian(sigma=_log_uniform(random, 0.003, 0.3)),),
+        noise=(Gaussian(sigma=log_uniform(random, 0.003, 0.3)),),
         op_resolution=random.choice((0.05, 0.1, 0.25)) if "rounded" in seen else 0.0,
         setpoint=moves,
         load=load,
@@ -111,18 +113,6 @@ def _tuned(process: str, rule: str, kind: str) -> tuple[float, float, float] | N
     except InputError:
         return None
     return (k, ti, td) if (td > 0) == (kind == "PID") else None
-
-
-def _log_uniform(random: Random, low: float, high: float) -> float:
-    return float(low * (high / low) ** random.random())
-
-
-def _steps(random: Random, t_end: float, apart: float, size: float, rest: float) -> list[tuple[float, float]]:
-    t, steps = 0.5 * apart * random.random(), []
-    while t < t_end:
-        steps.append((t, rest + random.uniform(-size, size)))
-        t += random.uniform(0.5, 1.5) * apart
-    return steps
 
 
 @dataclass(frozen=True)

@@ -91,21 +91,8 @@ def made(name: str, samples: int) -> Record:
     lag = slower * time_scale(base).lag
     every = math.ceil(h / min(ti / 20, lag / 10, filter_time(ti, td) / 2))
     t = np.arange((samples - 1) * every + 1) * (h / every)
-    rest = 50.0 * gain
-    acting: list[Piece] = [Steps(steps=((0.0, -50.0),))] if integrating else []  # so that OP rests at 50 %
-    setpoint: Piece = Steps(steps=((0.0, rest),))
-    if load == "steps":
-        acting.append(Samples(values=_stairs(of_load, size, t)))
-    elif load == "ramps":
-        acting.append(Samples(values=_ramps(of_load, size, t)))
-    elif load == "walk":
-        acting.append(_walk(size / math.sqrt(TWO_HOURS)))
-    else:
-        acting.append(_walk(0.2 * d / math.sqrt(HALF_HOUR)))
-    if load == "day":
-        acting.append(Sine(amplitude=size, period=DAY))
-    elif load == "setpoint":
-        setpoint = Samples(values=rest + gain * _stairs(of_load, size, t))
+    moving, setpoint = _moving(load, of_load, d, size, t, gain)
+    at_rest = [Steps(steps=((0.0, -50.0),))] if integrating else []  # so that OP rests at 50 %
     scenario = Scenario(
         plant=scaled(base, gain, slower),
         controller=Controller(k=abs(k), ti=ti, td=td, setpoint_weight=random.choice((0.0, 1.0)), gain_unit="OP/PV"),
@@ -115,7 +102,7 @@ def made(name: str, samples: int) -> Record:
         d=d if gap == "gap" else 0.0,
         noise=(Gaussian(sigma=sigma),),
         setpoint=(setpoint,),
-        load=tuple(acting),
+        load=(*at_rest, *moving),
         h=h / every,
         t_end=t[-1],
         seed=random.randrange(2**32),
@@ -130,6 +117,25 @@ def made(name: str, samples: int) -> Record:
     )
     loops = {"d": scenario.d, "size": size, "gain": kp, "lag": lag, "sigma": sigma}
     return _kept(run(scenario), every, loop, **loops)
+
+
+def _moving(load: str, random: Random, d: float, size: float, t: Floats, gain: float) -> tuple[list[Piece], Piece]:
+    """Pieces of the load at the process input [% of OP], and the setpoint [PV unit]; one of the two moves most.
+
+    - `d`, `size`: width of the gap, and size of the moves [% of OP].
+    - `t`: times of the simulation [s]; `gain`: PV units per per cent of OP.
+    """
+    setpoint: Piece = Steps(steps=((0.0, 50.0 * gain),))
+    if load == "steps":
+        return [Samples(values=_stairs(random, size, t))], setpoint
+    if load == "ramps":
+        return [Samples(values=_ramps(random, size, t))], setpoint
+    if load == "walk":
+        return [_walk(size / math.sqrt(TWO_HOURS))], setpoint
+    small = _walk(0.2 * d / math.sqrt(HALF_HOUR))
+    if load == "day":
+        return [small, Sine(amplitude=size, period=DAY)], setpoint
+    return [small], Samples(values=50.0 * gain + gain * _stairs(random, size, t))
 
 
 @lru_cache
@@ -241,15 +247,15 @@ def table(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnswe
     head += ["cause right", "lost", "no gap", "claimed", "sound", "sound is true", "lost", "limits below 0", "seconds"]
     shorter: dict[tuple[str, int], LoadsAnswer] = {}
     for name in dict.fromkeys(a.truth.name for a in answers):
-        of = sorted((a for a in answers if a.truth.name == name), key=lambda a: a.truth.samples)
-        shorter |= {now.key: before for before, now in pairwise(of)}
+        by_length = sorted((a for a in answers if a.truth.name == name), key=lambda a: a.truth.samples)
+        shorter |= {now.key: before for before, now in pairwise(by_length)}
 
-    def line(title: str, of: list[LoadsAnswer]) -> list[str]:
-        gap, none = ([a for a in of if (a.truth.d > 0) == there] for there in (True, False))
+    def line(title: str, selected: list[LoadsAnswer]) -> list[str]:
+        gap, none = ([a for a in selected if (a.truth.d > 0) == there] for there in (True, False))
         sided = [a for a in gap if a.sided]
-        claims, sound = [a for a in gap if a.claims], [a for a in of if a.verdict == "sound"]
+        claims, sound = [a for a in gap if a.claims], [a for a in selected if a.verdict == "sound"]
         grown = [_width(a) / _width(b) for a in sided if (b := shorter.get(a.key)) is not None and b.sided]
-        lost_here = [a for a in of if any(lost((b, a) if (b := shorter.get(a.key)) is not None else ()))]
+        lost_here = [a for a in selected if any(lost((b, a) if (b := shorter.get(a.key)) is not None else ()))]
         return [
             title,
             *(f"{len(gap)}", f"{len(sided)}", f"{sum(a.verdict == 'at_least' for a in gap)}"),
@@ -263,8 +269,8 @@ def table(answers: Sequence[LoadsAnswer], lengths: Callable[[Sequence[LoadsAnswe
             *(f"{len(none)}", f"{sum(a.claims for a in none)}", f"{sum(a.verdict == 'sound' for a in none)}"),
             f"{sum(a.holds for a in sound)} of {len(sound)}",
             f"{sum(a.truth.d == 0 for a in lost_here)}",
-            f"{sum(a.lowest < 0 for a in of)}",
-            _median([a.seconds for a in of], "{:.1f}"),
+            f"{sum(a.lowest < 0 for a in selected)}",
+            _median([a.seconds for a in selected], "{:.1f}"),
         ]
 
     return markdown(head, [line(*length) for length in lengths(answers) if length.answers])
@@ -297,8 +303,8 @@ def _width(answer: LoadsAnswer) -> float:
     return (np.inf if answer.high is None else answer.high) - (answer.low or 0.0)
 
 
-def _median(of: Sequence[float], form: str) -> str:
-    return form.format(float(np.median(of))) if of else ""
+def _median(values: Sequence[float], form: str) -> str:
+    return form.format(float(np.median(values))) if values else ""
 
 
 def _ask(task: tuple[str, Sequence[int], bool]) -> list[LoadsAnswer]:

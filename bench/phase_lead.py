@@ -105,9 +105,9 @@ def _row(loop: Loop) -> tuple[str, list[str]]:
     cycles = [one for one in backlash_cycles(loop.open, D) if one.stable]
     period = max((one.period for one in cycles), default=10 * min(loop.ti, 10.0))
     h = period / 400
-    of = {"t": 80 * period, "h": h}
+    times = {"t": 80 * period, "h": h}
     predicted = f"{cycles[-1].period:.1f} s, {cycles[-1].amplitude:.2f}" if cycles else "none"
-    without = _cycle(_run(loop, None, d=D, noise=0.0, **of), h)
+    without = _cycle(_run(loop, None, d=D, noise=0.0, **times), h)
     cells = [loop.name, f"{backlash_margin(loop.open)[0]:.2f}", predicted, without]
     try:
         found = phase_lead(loop.open, MARGIN)
@@ -116,9 +116,9 @@ def _row(loop: Loop) -> tuple[str, list[str]]:
     if found.lead == found.lag:
         return "empty", [*cells, "none needed", "", ""]
     lead = PhaseLead(found.lead, found.lag)
-    with_it = _cycle(_run(loop, lead, d=D, noise=0.0, **of), h)
-    quiet = {"d": 0.0, "noise": 0.02, **of}
-    scatter = [float(np.std(_run(loop, one, **quiet)[-int(of["t"] / h) // 3 :])) for one in (None, lead)]
+    with_it = _cycle(_run(loop, lead, d=D, noise=0.0, **times), h)
+    quiet = {"d": 0.0, "noise": 0.02, **times}
+    scatter = [float(np.std(_run(loop, one, **quiet)[-int(times["t"] / h) // 3 :])) for one in (None, lead)]
     design = f"(1 + {found.lead:.2f}s)/(1 + {found.lag:.2f}s), margin {found.margin:.2f}"
     return "designed", [*cells, design, with_it, f"{scatter[1] / scatter[0]:.2f}"]
 

@@ -34,10 +34,10 @@ import numpy as np
 import glapp
 import glapp.plan as planning
 from glapp.controller import Controller
-from glapp.many import analyze_recordings
 from glapp.plan import fit_decides, plan_test
 from glapp.plant import Plant
 from glapp.scenario import Gaussian, Manual, Scenario, Steps, Walk
+from glapp.several_recordings import analyze_recordings
 from glapp.simulate import Simulation, run_many
 
 DAYS = {"by_hand": 20, "setpoint": 10, "more_hours": 5}
@@ -174,11 +174,11 @@ def _goes_on(loop: Drawn, seed: int, steps: int, period: float, t_end: float) ->
 def ask(number: int, kind: planning.Kind) -> dict[str, Any]:
     """Plan one test, and make it."""
     loop = drawn(number)
-    of = ("gap", "none")[number // 2 % 2]
-    [made] = run_many([loop.scenario(of, number, loop.t_end)], progress=False)
+    fault = ("gap", "none")[number // 2 % 2]
+    [made] = run_many([loop.scenario(fault, number, loop.t_end)], progress=False)
     recording = recorded(loop, made)
     result = glapp.analyze(recording)
-    row: dict[str, Any] = {"number": number, "from": of, "confidence": result.answer.confidence}
+    row: dict[str, Any] = {"number": number, "from": fault, "confidence": result.answer.confidence}
     op, pv = (float(np.median(x[-planning.LATE :])) for x in (made.op, made.pv))
     began = monotonic()
     try:

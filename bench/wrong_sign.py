@@ -41,11 +41,11 @@ def _found(s: Simulation) -> float | None:
     return float(s.t[rows[0]]) if rows.size else None
 
 
-def _since_crossing(s: Simulation, of: Scenario) -> float | None:
+def _since_crossing(s: Simulation, case: Scenario) -> float | None:
     found = _found(s)
     if found is None:
         return None
-    return (found - max((end for end, _, _ in half_periods(s, of) if end <= found), default=0.0)) / of.ideal().ti
+    return (found - max((end for end, _, _ in half_periods(s, case) if end <= found), default=0.0)) / case.ideal().ti
 
 
 def loop(number: int) -> Loop | None:
@@ -58,15 +58,15 @@ def loop(number: int) -> Loop | None:
         given = drawn.compensation.model_copy(update={"begin": 2 * drawn.t_end, "k": k})  # type: ignore[union-attr]
         return drawn.model_copy(update={"limits": drawn.limits or RANGE, "compensation": given})
 
-    of = with_k(ideal.k)
-    turned = of.model_copy(update={"plant": of.plant * -1.0})
+    case = with_k(ideal.k)
+    turned = case.model_copy(update={"plant": case.plant * -1.0})
     try:
-        right, wrong, wrong_k = run(of), run(turned), _found(run(with_k(-ideal.k)))
+        right, wrong, wrong_k = run(case), run(turned), _found(run(with_k(-ideal.k)))
     except InputError:
         return None
     return Loop(
         own_limits=drawn.limits is not None,
-        right=_since_crossing(right, of),
+        right=_since_crossing(right, case),
         wrong=_since_crossing(wrong, turned),
         wrong_k=None if wrong_k is None else wrong_k / ideal.ti,
     )

@@ -35,10 +35,10 @@ from glapp.reading import (
     heads,
     influx,
     kin,
-    kinds,
     long,
     meaning,
     names,
+    not_tables,
     shape,
     structured,
     times,
@@ -61,7 +61,7 @@ READER = ("sheets", "names", "cells", "heads", "tables", "structured", "markup",
 DEBIAN = Path("/usr/bin/rustc")
 
 
-class Missing(Exception):  # noqa: N818 (it is told, and the page is skipped)
+class Missing(Exception):  # noqa: N818 (its text is printed, and the page is left out)
     """A tool that this machine lacks to make the page."""
 
 
@@ -134,7 +134,7 @@ def entities() -> dict[str, str]:
     return {name: text for name, text in html.entities.html5.items() if name.rstrip(";") in known or ";" not in name}
 
 
-def of_reading() -> dict[str, Any]:
+def reader_data() -> dict[str, Any]:
     """Data of the reader of text: names of columns, words, layouts of times."""
     return {
         "columns": {
@@ -189,7 +189,7 @@ def of_reading() -> dict[str, Any]:
             "types": heads._TYPES,
         },
         "bounds": {"columns": bounds.COLUMNS, "cells": bounds.CELLS, "whole": bounds.WHOLE},
-        "kinds": {"beginnings": kinds.BEGINNINGS, "archives": kinds.ARCHIVES},
+        "kinds": {"beginnings": not_tables.BEGINNINGS, "archives": not_tables.ARCHIVES},
         "shown": csv._SHOWN,
         "structured": {
             "lists": structured._LISTS,
@@ -200,8 +200,8 @@ def of_reading() -> dict[str, Any]:
             "shown": structured._SHOWN,
         },
         "markup": {
-            "login": kinds.LOGIN.pattern,
-            "title": kinds.TITLE.pattern,
+            "login": not_tables.LOGIN.pattern,
+            "title": not_tables.TITLE.pattern,
             "entities": entities(),
             "windows": "".join(html.unescape(f"&#{n};") for n in range(0x80, 0xA0)),
         },
@@ -339,7 +339,7 @@ def build(out: Path) -> None:
         style=Markup("\n".join(path.read_text(encoding="utf-8") for path in style) + colours),
         laboratory=Markup(laboratory),
         version=glapp.__version__,
-        data=in_json({"reading": of_reading(), "names": words.NAMES, "laboratory": of_laboratory()}),
+        data=in_json({"reading": reader_data(), "names": words.NAMES, "laboratory": of_laboratory()}),
         example=in_script(example()),
         wasm=Markup(base64.b64encode(gzip.compress(module, mtime=0)).decode()),
         kept=[(name, in_script(path.read_text(encoding="utf-8"))) for name, path in kept.items()],

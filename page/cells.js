@@ -157,11 +157,11 @@ const Cells = (data, folded) => {
    */
   function quality(first, name, marked) {
     const sure = name.split(/[\s._/:-]+/).some((part) => confidence.has(folded(part)));
-    const one = sure ? 100 : validity.has(folded(name)) ? 1 : null;
+    const only_good = sure ? 100 : validity.has(folded(name)) ? 1 : null;
     const da = first.some((text) => /^\d+$/.test(text) && Number(text) < 65536 && (Number(text) & 0xc0) === 0xc0);
     return (text, cell, i) => {
       if (marked && text.length < 2) return text ? BAD : 0;
-      if (one !== null && /^-?\d+$/.test(text)) return Number(text) === one ? 0 : BAD;
+      if (only_good !== null && /^-?\d+$/.test(text)) return Number(text) === only_good ? 0 : BAD;
       if (/^\d+$/.test(text)) {
         const code = Number(text);
         if (da && code < 65536) return (code & 0xc0) === 0xc0 ? 0 : BAD;

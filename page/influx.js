@@ -76,7 +76,7 @@ const Influx = (data, { understand }, { noRows, records, raggedly, ofColumns }) 
       else if (ANNOTATIONS.includes(cells[0])) [names, notes[cells[0]]] = [null, cells];
       else if (cells[0].startsWith(EXTENDED)) [names, notes] = [null, { "#datatype": [cells[0].slice(EXTENDED.length), ...cells.slice(1)] }];
       else if (names === null) [names, roles] = [cells, rolesOf(cells, notes)];
-      else for (const one of samples(record, names, roles)) rows.push(one);
+      else for (const row of samples(record, names, roles)) rows.push(row);
     }
     return tableOf(rows);
   }

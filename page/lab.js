@@ -145,9 +145,9 @@ const Laboratory = (() => {
     if (!t.length || !late.size) return;
     const { range, first } = window_of();
     const times = t.slice(first);
-    for (const one of late) {
-      const [plot, which] = one;
-      late.delete(one);
+    for (const waiting of late) {
+      const [plot, which] = waiting;
+      late.delete(waiting);
       let drawn;
       if (which) drawn = thinned(times, which.map((i) => columns[i].slice(first)), 2400);
       else {
@@ -233,8 +233,8 @@ const Laboratory = (() => {
   }
 
   async function fit() {
-    const mine = new Worker(worker_address);
-    fitter = mine;
+    const started = new Worker(worker_address);
+    fitter = started;
     $("lab-fit").textContent = "End the fit";
     const [began, now] = [performance.now(), values()];
     const columns_of = { t, sp: columns[SP], pv: columns[PV], op: columns[OP] };
@@ -251,7 +251,7 @@ const Laboratory = (() => {
       ready() {},
       windows({ windows }) {
         if (windows.length > 1) $("lab-fitted").textContent = `${stage} 0 of ${windows.length} windows`;
-        fitting = new Windows(module, windows, mine, { broke: (reason) => end_fit(`The fit broke off (${reason}).`) });
+        fitting = new Windows(module, windows, started, { broke: (reason) => end_fit(`The fit broke off (${reason}).`) });
       },
       so_far(reply) {
         $("lab-fitted").textContent = `${stage} ${reply.windows} of ${reply.of} windows so far: ${sentence_of(reply)}`;
@@ -261,15 +261,15 @@ const Laboratory = (() => {
       },
       wrong: ({ text }) => end_fit(text),
     };
-    mine.onmessage = ({ data: reply }) => mine === fitter && hears[reply.kind](reply);
-    mine.onerror = (event) => mine === fitter && end_fit(`The fit broke off (${event.message || "its worker died"}).`);
-    mine.postMessage({ kind: "begin", module, data: data.reading });
+    started.onmessage = ({ data: reply }) => started === fitter && hears[reply.kind](reply);
+    started.onerror = (event) => started === fitter && end_fit(`The fit broke off (${event.message || "its worker died"}).`);
+    started.postMessage({ kind: "begin", module, data: data.reading });
     const controller = { k: now["pid.k"], ti: now["pid.ti"], td: now["pid.td"], b: now["pid.b"] };
-    mine.postMessage({ kind: "fit", columns: columns_of, task: { controller, op_percent: true } });
+    started.postMessage({ kind: "fit", columns: columns_of, task: { controller, op_percent: true } });
   }
 
   /** Settings in a link behind #laboratory?, as gap.d=4&pid.k=1.5; the first that is refused ends it. */
-  function asked() {
+  function set_from_link() {
     for (const [path, value] of new URLSearchParams(location.hash.split("?")[1] ?? "")) {
       set([path], Number(value));
       if (!$("lab-wrong").hidden) break;
@@ -298,7 +298,7 @@ const Laboratory = (() => {
     await words_ready;
     engine = await Engine.of(await module_ready);
     anew();
-    asked();
+    set_from_link();
     build();
     ahead(AHEAD);
     requestAnimationFrame(picture);

@@ -37,12 +37,12 @@ let turn = 0; // of the analysis that was asked for last
 async function begin() {
   worker?.terminate();
   dismiss();
-  const mine = new Worker(worker_address);
-  worker = mine;
-  mine.onmessage = ({ data: reply }) => mine === worker && hears[reply.kind](reply);
-  mine.onerror = (event) => mine === worker && broke("analysis", event.message || "its worker died");
+  const started = new Worker(worker_address);
+  worker = started;
+  started.onmessage = ({ data: reply }) => started === worker && hears[reply.kind](reply);
+  started.onerror = (event) => started === worker && broke("analysis", event.message || "its worker died");
   await words_ready;
-  mine.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
+  started.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
 }
 
 const hears = {
@@ -495,11 +495,11 @@ $("example").addEventListener("click", () => take("FIC201.csv", new TextEncoder(
 // --- the two halves of the page
 
 function go(name) {
-  for (const one of ["recording", "laboratory"]) {
-    $(one).hidden = one !== name;
-    $(`go-${one}`).setAttribute("aria-selected", String(one === name));
+  for (const half of ["recording", "laboratory"]) {
+    $(half).hidden = half !== name;
+    $(`go-${half}`).setAttribute("aria-selected", String(half === name));
   }
   dispatchEvent(new CustomEvent("gone", { detail: name }));
   redraw();
 }
-for (const one of ["recording", "laboratory"]) $(`go-${one}`).addEventListener("click", () => go(one));
+for (const half of ["recording", "laboratory"]) $(`go-${half}`).addEventListener("click", () => go(half));

@@ -7,7 +7,7 @@ const SHOWN = 5; // rows that a person sees beside the choice of columns
 let engine = null;
 let reading = null;
 let file = null;
-let asked = null; // what is told with the answer of the recording whose windows are being fitted
+let current = null; // the recording whose windows are being fitted: what its answer is shown with
 
 const tell = (kind, more = {}) => postMessage({ kind, ...more });
 
@@ -38,14 +38,14 @@ const does = {
       unit = engine.ask("begin", { task: { ...known, fit }, op_unit: typed || read.units.op || null });
       for (let from = 0; from < n; from += AT_ONCE) engine.ask("rows", { from, to: Math.min(n, from + AT_ONCE) });
     };
-    // The fit takes long: what the crossings say by themselves is told before it.
+    // The fit takes long: the answer of the crossings alone is shown before it.
     if (columns.op && n <= AT_ONCE) {
       crossings(false);
       tell("first", { ...engine.ask("finish", { reader: reader_of({ read, unit }) }), read, unit, took: performance.now() - began });
     }
     crossings(true);
     tell("progress", { stage: "Fitting the gap", share: null });
-    asked = { read, unit, began };
+    current = { read, unit, began };
     fit_windows({ turn });
   },
 
@@ -55,18 +55,18 @@ const does = {
     tell("alone", { place, alone: engine.ask("alone", { window }) });
   },
 
-  /** Joins what the windows say, those that are fitted. */
+  /** Joins the answers of the windows that are fitted. */
   join({ alone, so_far = null }) {
     if (so_far === null) answered("join", { alone });
     else {
-      const said = answer("join", { alone });
-      if (said.pv !== null) tell("so_far", { ...said, windows: so_far, of: alone.length });
+      const joined = answer("join", { alone });
+      if (joined.pv !== null) tell("so_far", { ...joined, windows: so_far, of: alone.length });
     }
   },
 
   /** Columns that are there already, from the laboratory. */
   fit({ columns, task }) {
-    asked = { read: { loop: "The loop", units: { pv: "%" }, t0: null }, unit: "%", began: performance.now() };
+    current = { read: { loop: "The loop", units: { pv: "%" }, t0: null }, unit: "%", began: performance.now() };
     for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
     engine.ask("begin", { task });
     engine.ask("rows", { from: 0, to: columns.t.length });
@@ -74,10 +74,10 @@ const does = {
   },
 };
 
-/** The answer of the recording that was asked for. */
+/** The answer on the current recording. */
 function answer(what, more) {
-  const { read, unit, began } = asked;
-  return { ...engine.ask(what, { ...more, reader: reader_of(asked) }), read, unit, took: performance.now() - began };
+  const { read, unit, began } = current;
+  return { ...engine.ask(what, { ...more, reader: reader_of(current) }), read, unit, took: performance.now() - began };
 }
 
 const answered = (what, more) => tell("answered", answer(what, more));
@@ -93,7 +93,7 @@ onmessage = async ({ data: { kind, ...more } }) => {
   try {
     await does[kind](more);
   } catch (wrong) {
-    const told = wrong instanceof InputError || !(wrong instanceof WebAssembly.RuntimeError);
-    tell("wrong", { text: told ? wrong.message : `the analysis broke off (${wrong.message}): please report it with the recording` });
+    const foreseen = wrong instanceof InputError || !(wrong instanceof WebAssembly.RuntimeError);
+    tell("wrong", { text: foreseen ? wrong.message : `the analysis broke off (${wrong.message}): please report it with the recording` });
   }
 };

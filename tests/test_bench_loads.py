@@ -49,7 +49,7 @@ class TestRecords:
             lengths.made(name, 100)
 
     @pytest.mark.slow
-    def test_what_there_is_of_loops(self) -> None:
+    def test_loops_have_the_sample_times_of_the_docs_and_a_valve_that_reverses(self) -> None:
         """The times between samples that the page on the bench names, and a valve that OP takes back and forth."""
         for load in lengths.LOADS[1:]:
             for kind in ("PI", "PID"):
@@ -97,20 +97,20 @@ class TestAnswers:
         ],
         ids=lambda x: x if isinstance(x, str) else f"{x.truth.name} {x}",
     )
-    def test_right_wrong_silent(self, answer: LoadsAnswer, outcome: str) -> None:
+    def test_an_answer_is_right_wrong_or_silent(self, answer: LoadsAnswer, outcome: str) -> None:
         assert answer.outcome == outcome
 
-    def test_a_gap_and_none_at_once(self) -> None:
+    def test_a_bound_beside_a_clean_sinusoid_contradicts_itself(self) -> None:
         assert answer_to(NONE, "at_least", 1.0, sinusoidal=True).contradicts
         assert not answer_to(NONE, "oscillation", 1.0, sinusoidal=True).contradicts
 
-    def test_what_is_lost(self) -> None:
+    def test_an_answer_that_is_not_right_with_more_rows_is_lost(self) -> None:
         right, silent = answer_to(GAP, "backlash", 1.5, 2.5), answer_to(GAP, "cannot_tell")
         wrong = answer_to(GAP, "backlash", 3.0, 4.0)
         assert list(lengths.lost([silent, right, right, silent, wrong, right])) == [(right, silent)]
         assert list(lengths.lost([right, wrong])) == [(right, wrong)]
 
-    def test_before_and_now(self) -> None:
+    def test_answers_of_two_runs_are_compared_by_record(self) -> None:
         table = against(
             [answer_to(GAP, "backlash", 1.5, 2.5), answer_to(NONE, "at_least", 1.0)], [answer_to(GAP, "cannot_tell")]
         )
@@ -118,7 +118,7 @@ class TestAnswers:
         assert "right -> silent: backlash 1.5 (1.5 to 2.5) -> cannot_tell" in table
         assert "no gap" not in table
 
-    def test_the_tables_count(self) -> None:
+    def test_the_tables_count_right_wrong_and_silent_answers(self) -> None:
         short = replace(GAP, samples=1000)
         of = [
             answer_to(short, "backlash", 1.5, 2.5),

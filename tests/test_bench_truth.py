@@ -50,7 +50,7 @@ class TestRecords:
 
     @pytest.mark.verify
     @pytest.mark.parametrize("cell", CELLS, ids=str)
-    def test_what_is_drawn_is_what_the_cell_says(self, cell: Cell) -> None:
+    def test_cause_and_departure_of_a_design_are_those_of_its_cell(self, cell: Cell) -> None:
         for number in range(4):
             drawn = draw(f"{cell}/{number}")
             if drawn is None:
@@ -73,7 +73,7 @@ CLEAR = {"d": 2.0, "up": 5, "down": 5, "op_range": 3.0, "gain": 1.0, "sigma": 2 
 
 
 class TestIdentifiable:
-    def test_just_so(self) -> None:
+    def test_a_gap_at_every_limit_is_identifiable(self) -> None:
         assert identifiable(**CLEAR)
         assert identifiable(**(CLEAR | {"gain": -1.0}))
 
@@ -82,7 +82,7 @@ class TestIdentifiable:
         [{"d": 0.0}, {"up": 4}, {"down": 4}, {"op_range": 2.99}, {"sigma": 0.67}, {"h": 0.21}, {"gain": 0.99}],
         ids=lambda change: next(iter(change)),
     )
-    def test_just_not(self, change: dict[str, Any]) -> None:
+    def test_a_gap_beyond_one_limit_is_not_identifiable(self, change: dict[str, Any]) -> None:
         assert not identifiable(**(CLEAR | change))
 
     def test_traversals_are_reversals_of_the_valve(self) -> None:
@@ -91,7 +91,7 @@ class TestIdentifiable:
         assert traversals(position) == (1, 1)
         assert traversals(np.zeros(10)) == (0, 0)
 
-    def test_of_a_simulated_gap(self) -> None:
+    def test_a_sine_of_op_traverses_a_gap_twice_a_period(self) -> None:
         # A sine of OP crosses the gap twice a period; the first quarter only takes up half of it.
         op = 3 * np.sin(np.linspace(0, 10 * 2 * np.pi, 5000))
         low, held = 0.0, []
@@ -176,7 +176,7 @@ class TestMethods:
             ("ellipse", "noise", "cannot_tell"),
         ],
     )
-    def test_says_of_a_clear_case_what_its_paper_does(
+    def test_a_method_answers_a_clear_case_as_its_paper_does(
         self, method: str, record_name: str, verdict: str, clear: dict[str, Record]
     ) -> None:
         answer = METHODS[method](clear[record_name])
@@ -256,14 +256,14 @@ class TestTables:
 
 class TestOracle:
     @pytest.mark.slow
-    def test_it_sees_what_a_record_holds(self) -> None:
+    def test_the_oracle_finds_a_gap_only_where_the_load_leaves_it_visible(self) -> None:
         # A gap of ten times the noise under eleven steps of the load, and one of a tenth of what the load walks.
         clear, hidden = told("backlash/steps/inside/21"), told("backlash/walk/inside/1")
         assert clear.lr_no_gap > 500 and abs(clear.lr_no_jump) < 1
         assert abs(hidden.lr_no_gap) < 12
 
     @pytest.mark.slow
-    def test_it_tells_a_jump_from_a_gap(self) -> None:
+    def test_the_oracle_distinguishes_a_jump_from_a_gap(self) -> None:
         assert told("both/steps/inside/1").lr_no_jump > 1000
 
 
@@ -274,7 +274,7 @@ def stuck() -> Known:
 
 
 class TestLadder:
-    def test_it_knows_how_the_valve_moves(self, stuck: Known) -> None:
+    def test_the_known_valve_moves_as_the_simulated_one(self, stuck: Known) -> None:
         assert np.array_equal(stuck.valve(stuck.simulation.op), stuck.simulation.position)
         assert not np.allclose(stuck.valve(stuck.simulation.op, stuck.drawn.d), stuck.simulation.position)
         gone = np.array([0.0, 1.0, 2.0, 1.0, 0.0, -1.0])
@@ -282,7 +282,7 @@ class TestLadder:
         assert list(stuck.valve(stood + gone, 2.0) - stood) == [0.0, 0.0, 1.0, 1.0, 1.0, 0.0]
 
     @pytest.mark.slow
-    def test_steps_that_are_sought_are_found_where_they_are(self, stuck: Known) -> None:
+    def test_steps_of_the_load_are_found_at_their_times(self, stuck: Known) -> None:
         move = stuck.simulation.position - stuck.rest
         (told,), (found,) = known(stuck, stuck.true, [move]), sought(stuck, stuck.true, [move], 1.0)
         # Half of the steps are as large as this at least, and each of these has one where it was found.
@@ -292,7 +292,7 @@ class TestLadder:
         assert told.cost < found.cost < told.cost + 40 * len(found.changes)
 
     @pytest.mark.slow
-    def test_who_knows_less_sees_less(self) -> None:
+    def test_an_oracle_without_the_process_has_less_evidence(self) -> None:
         clear, hidden = Rungs.of("both/walk/inside/129"), Rungs.of("backlash/walk/inside/1")
         assert len(clear.lr_no_gap) == len(RUNGS)
         # Only an oracle that knows the process can separate it from the gap.
@@ -301,7 +301,7 @@ class TestLadder:
         none = Rungs.of("none/walk/inside/28")
         assert max(none.lr_no_gap) < 12 and not none.lr_no_jump
 
-    def test_what_op_moves_as_the_valve_leaves_its_gap(self) -> None:
+    def test_op_travel_while_the_valve_leaves_its_gap(self) -> None:
         op = np.array([0.0, 1.0, 2.0, 1.5, 0.5, -1.5, -2.0, 0.5])
         position = np.array([0.0, 1.0, 2.0, 2.0, 1.5, -0.5, -1.0, -0.5])
         # The valve turns down while OP goes 1.5 to 0.5, and up while OP goes −2 to 0.5.
@@ -309,7 +309,7 @@ class TestLadder:
         assert math.isnan(leaving(op, np.zeros(8), np.arange(8)))
 
     @pytest.mark.slow
-    def test_tables_count_what_is_lost_where(self) -> None:
+    def test_tables_count_the_gaps_that_each_step_loses(self) -> None:
         with ThreadPoolExecutor(1) as pool:
             truths = list(chosen(Cell("backlash", "steps", "inside"), 2, pool))
         truths.sort(key=lambda truth: not truth.identifiable)

@@ -83,7 +83,7 @@ def test_a_person_says_what_a_number_of_days_counts_from(run, monkeypatch):
 
 
 @pytest.mark.slow
-def test_what_is_not_read_is_told_with_what_to_write(run):
+def test_signals_that_are_not_read_are_listed_with_the_option_to_add(run):
     """Regression: SP and MODE whose names show another loop were lost without a word."""
     write("plant.csv", rows(header="t,[A]F1.SP,F1.PV,F1.OP"))
     code, _, printed = run("analyze", "plant.csv", "--report", "r.html")
@@ -100,14 +100,14 @@ def test_what_is_not_read_is_told_with_what_to_write(run):
     assert printed.count("SP is not read") == 3 and "note: 2 more signals are not read" in printed
 
 
-def test_nobody_answers(run, monkeypatch):
+def test_without_an_answer_to_the_question_the_error_names_the_options(run, monkeypatch):
     write("plant.csv", rows(header="a,b,c,d"))
     answering(monkeypatch)
     code, _, printed = run("analyze", "plant.csv", "--no-fit")
     assert code == 1 and "name them: --pv NAME --op NAME" in printed and not Path("loops.toml").exists()
 
 
-def test_init_is_told_of_columns_as_analyze_is(run):
+def test_init_takes_the_column_options_of_analyze(run):
     write("plant.csv", rows(header="a,b,c,d"))
     code, text, printed = run("init", "plant.csv", "--pv", "c", "--op", "d", "--sp", "b", "--sample-time", 2)
     assert code == 0, printed
@@ -333,7 +333,7 @@ def test_mypy_finds_the_types_from_outside(tmp_path):
     assert "py.typed" not in done.stdout
 
 
-def test_version(run):
+def test_version_is_printed(run):
     assert run("--version") == (0, f"glapp {glapp.__version__}\n", "")
 
 
@@ -378,7 +378,7 @@ def test_a_report_says_that_the_fit_was_left_out(run, demo, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_demonstration_says_what_is_true(run, demo):
+def test_the_demonstration_gets_the_answers_of_its_known_valves(run, demo):
     code, out, err = run("analyze", demo, "--json", "--no-fit")
     loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
     assert err == ""
@@ -480,7 +480,7 @@ def test_time_that_runs_backwards_is_refused_with_its_row(run):
 
 
 @pytest.mark.slow
-def test_rows_from_the_newest_to_the_oldest_are_turned_and_that_is_told(run):
+def test_rows_from_the_newest_to_the_oldest_are_reversed_with_a_finding(run):
     write("up.csv", rows(200, time=lambda k: datetime.fromtimestamp(1.7e9 + 60 * k, UTC).strftime("%Y-%m-%d %H:%M")))
     [upward] = json.loads(run("analyze", "up.csv", "--json", "--no-fit")[1])["loops"]
     for form, step in (("%Y-%m-%d %H:%M", 60), ("%d.%m.%Y %H:%M:%S", 3600)):  # an hour back each row, not summer time
@@ -673,7 +673,7 @@ def test_the_words_that_mean_automatic_are_an_option_and_are_written(run):
     assert batch.flags.tolist() == [NOT_AUTO if words[k % 3] == "2" else 0 for k in range(30)]
 
 
-def test_init_writes_what_it_is_told_of_the_controller_as_its_maker_writes_it(run):
+def test_init_writes_the_controller_in_the_form_and_units_that_were_given(run):
     """It knew no option of the controller, and left out the time zone that it was given."""
     write("plant.csv", rows(header="t,SP,PV,CO", time=lambda k: f"2026-03-01 10:{k // 60:02d}:{k % 60:02d}"))
     line = (
@@ -852,7 +852,7 @@ def test_init_writes_settings_that_work_where_they_lie(run):
     assert run("analyze", "settings/loops.toml")[0] == 0
 
 
-def test_init_overwrites_only_when_told_to(run):
+def test_init_overwrites_only_with_the_option(run):
     write("plant.csv", rows())
     write("loops.toml", "mine")
     code, _, err = run("init", "plant.csv", "-o", "loops.toml")
@@ -1007,7 +1007,7 @@ def test_a_file_name_that_is_not_text(run):
 
 @pytest.mark.slow
 @pytest.mark.xdist_group("demonstration")
-def test_what_is_slow_to_import_is_not_imported(demo):
+def test_slow_packages_are_not_imported(demo):
     code = (
         "import sys\nfrom fits import remember\nfrom glapp.cli import main\nremember()\n"
         "sys.argv = ['glapp', 'analyze', sys.argv[1]]\n"
@@ -1035,7 +1035,7 @@ def test_real_loops_with_nothing_but_their_files(run):
 
 
 @pytest.mark.slow
-def test_thesis_writes_a_page_and_says_what_is_wrong(run):
+def test_thesis_writes_a_page_and_names_what_is_wrong(run):
     code, out, _ = run("thesis", "1.2", "figure 4.1", "--out", "pages")
     assert code == 0
     assert "Figures: 2" in out and "width between the flanks" in out

@@ -125,7 +125,7 @@ def test_a_loop_whose_valve_is_worn_out_is_left_alone() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
-def test_random_loops(way: str) -> None:
+def test_compensation_of_random_loops_does_no_harm_or_is_withdrawn_in_time(way: str) -> None:
     found = [one for one in (harm(number, way) for number in range(16)) if one is not None]
     assert len(found) >= 14
     assert not [one for one in found if one.broken]
@@ -198,7 +198,7 @@ def test_together_as_alone() -> None:
             assert np.array_equal(getattr(alone, name), getattr(together, name))
 
 
-def test_in_toml() -> None:
+def test_settings_survive_toml() -> None:
     scenario = loop(bad=[(10.0, 20.0)], compensation=compensated("error", share=0.8, begin=5.0))
     assert (
         'compensation = { way = "error", size = 0.05, share = 0.8, withdraw = false, begin = 5.0 }\n'

@@ -74,7 +74,7 @@ def test_every_command_in_the_docs_can_be_typed() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def test_every_target_and_bench_in_the_docs_is_there() -> None:
+def test_every_target_and_bench_in_the_docs_exists() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z]+):", makefile, flags=re.MULTILINE))
     lines = [line for page in PAGES for line in typed(page)]
@@ -127,7 +127,7 @@ def test_the_program_of_the_fleet_has_functions_that_are_there() -> None:
             assert called and all(callable(getattr(fleet, name)) for name in called)
 
 
-def test_every_test_that_a_table_names_is_there() -> None:
+def test_every_test_that_a_table_names_exists() -> None:
     """Tables list the tried cases, each row with its test."""
     there = {name for path in (ROOT / "tests").glob("*.py") for name in re.findall(r"def test_(\w+)", path.read_text())}
     files = {path.name for path in (ROOT / "tests").glob("test_*.py")}

@@ -35,7 +35,7 @@ def shown(s: Simulation, **changes: Any) -> glapp.Result:
 
 
 @pytest.mark.slow
-def test_estimate(worn: Simulation) -> None:
+def test_a_worn_valve_gets_an_estimate_within_its_repeatability(worn: Simulation) -> None:
     result = shown(worn, tf=0.1)
     assert (result.verdict, result.reason) == ("estimate", None)
     assert result.d_hat == pytest.approx(0.05, rel=0.15)
@@ -308,7 +308,7 @@ def test_a_stream_shows_no_width_below_the_noise_limit(noisy: Simulation) -> Non
     assert (last.noise_floor, np.isnan(last.d_hat)) == (floor, True)
 
 
-def test_a_stream_shows_the_width_that_is_there(worn: Simulation) -> None:
+def test_a_stream_shows_the_true_width(worn: Simulation) -> None:
     estimator = feed(worn, tf=FILTER)
     assert estimator.estimate == estimator.median_mean
     assert estimator.estimate is not None and estimator.estimate[0] == pytest.approx(0.05, rel=0.15)

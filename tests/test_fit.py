@@ -155,7 +155,7 @@ def test_a_load_that_walks_shows_no_gap(seed: int) -> None:
 
 
 @pytest.mark.verify
-def test_the_derivative_does_not_bias_it() -> None:
+def test_derivative_action_does_not_bias_the_width() -> None:
     """Equation (7.5) reads 18 % low in this loop: the derivative part opposes the integral."""
     f = simulated("P2", (1.12, 2.40, 0.619), 0.05, h=0.2, t_end=700, load=[(100, 0.3), (300, -0.2), (500, 0.2)])
     assert f.verdict == "backlash", f.reason
@@ -163,7 +163,7 @@ def test_the_derivative_does_not_bias_it() -> None:
 
 
 @pytest.mark.slow
-def test_units_scale_through() -> None:
+def test_the_width_scales_with_the_units() -> None:
     s = simulation(**LOADS)
     f = fitted(s.t, s.pv, s.op)
     g = fitted(s.t * 60.0, 1000.0 - 50.0 * s.pv, s.op * 10.0 + 3.0)
@@ -235,7 +235,7 @@ def test_a_load_along_lines_leaves_a_valve_sound(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["triangle slow/gap/14", "random ramps/gap/15", "random ramps/gap/18"])
-def test_a_gap_is_told_under_a_load_along_lines(name: str) -> None:
+def test_a_gap_is_found_under_a_load_of_straight_lines(name: str) -> None:
     made = confusing(name)
     f = glapp.fit(made.recording(1500))
     assert f.verdict == "backlash", f.reason
@@ -272,7 +272,7 @@ LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 
 @pytest.mark.verify
 @pytest.mark.parametrize("name", MARKED + UNKNOWN + WIDE + LINED)
-def test_what_is_said_under_such_loads_is_true(name: str) -> None:
+def test_answers_under_loads_that_resemble_a_gap_are_true(name: str) -> None:
     assert LoadsAnswer.to(confusing(name), 1500).outcome != "wrong"
 
 
@@ -303,7 +303,7 @@ def test_a_bound_that_noise_hides_needs_as_much_as_any_other(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [18, 706])
-def test_a_gap_is_told_though_samples_are_off(number: int) -> None:
+def test_a_gap_is_found_in_spite_of_outliers(number: int) -> None:
     """A sample that the controller saw as far off leaves two innovations against each other."""
     made = confusing(f"outliers/gap/{number}")
     f = glapp.fit(made.recording(1500))
@@ -321,7 +321,7 @@ def test_spikes_of_pv_are_left_out(number: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", ["transmitter shifts/gap/2", "recorder shifts/gap/708"])
-def test_a_gap_is_told_though_pv_is_shifted(number: str) -> None:
+def test_a_gap_is_found_in_spite_of_shifts_of_pv(number: str) -> None:
     """A model that has to explain the shifts does not tell."""
     made = confusing(number)
     f = glapp.fit(made.recording(1500))
@@ -422,7 +422,7 @@ def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
 
 
 @pytest.mark.slow
-def test_the_valve_position_settles_it() -> None:
+def test_a_recorded_valve_position_decides_the_verdict() -> None:
     """PV alone cannot tell: OP hardly moves through the gap, and the noise is as large as what PV shows of it."""
     s = filtered("P2", (0.4, 2.3, 0, 0), d=0.05, noise=0.05, h=0.2, t_end=300, load=walk(0.02, 0.2, 300, 1), seed=1)
     positioned = glapp.Loop(name="P2", op_unit="1", positioner={"dead_band": 0.2})
@@ -513,7 +513,7 @@ def test_a_clean_sinusoid_is_no_backlash(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["FIC41004_1108", "LIC30102_0825"])
-def test_sound_valves(name: str) -> None:
+def test_sound_valves_of_a_refinery_get_no_gap(name: str) -> None:
     assert refinery(name).verdict in {"sound", "cannot_tell"}
 
 
@@ -562,7 +562,7 @@ def flow(every: float, follows: bool = True) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.slow
-def test_a_flow_with_a_row_a_minute_is_told_to_be_recorded_faster():
+def test_the_answer_asks_for_faster_sampling_of_a_flow_with_a_row_a_minute():
     """It ended in "PV does not follow OP", without a word of the sampling."""
     result = glapp.analyze(**flow(60.0))
     assert result.fit.why == "no_answer"
@@ -576,7 +576,7 @@ def test_a_flow_with_a_row_a_minute_is_told_to_be_recorded_faster():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("every", [1.0, 60.0])
-def test_where_pv_does_not_follow_op_nothing_is_said_of_the_sampling(every):
+def test_the_answer_does_not_ask_for_faster_sampling_where_pv_does_not_follow_op(every):
     result = glapp.analyze(**flow(every, follows=False))
     texts = result.texts()
     assert result.fit.why in ("no_answer", "winding_up")

@@ -140,7 +140,7 @@ def test_interval_of_the_scatter_covers_with_correlated_residuals() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("op_step", [0.02, 0.1])
-def test_quantised_op(op_step: float) -> None:
+def test_k_and_ti_are_found_from_a_coarse_op(op_step: float) -> None:
     for seed in range(3):
         found = identified(*loop(op_step=op_step, seed=seed, load=0.1))
         assert pick(found) == pytest.approx((1, 20), rel=0.1)
@@ -268,7 +268,7 @@ def test_repeated_rows_of_a_historian_that_stood_still_are_left_out() -> None:
 @pytest.mark.parametrize("scale_pv", [1e-3, 1e4])
 @pytest.mark.parametrize("scale_op", [1e-3, 1e4])
 @pytest.mark.parametrize("scale_t", [0.01, 60.0])
-def test_scaling(scale_pv: float, scale_op: float, scale_t: float) -> None:
+def test_k_scales_with_the_units_and_ti_with_time(scale_pv: float, scale_op: float, scale_t: float) -> None:
     t, sp, pv, op = loop(n=800, op_step=0.05, setpoints={300: 51.0})
     one = identified(t, sp, pv, op)
     other = identified(t * scale_t, sp * scale_pv, pv * scale_pv, op * scale_op)
@@ -278,7 +278,7 @@ def test_scaling(scale_pv: float, scale_op: float, scale_t: float) -> None:
 
 
 @pytest.mark.slow
-def test_sign_symmetry() -> None:
+def test_a_reversed_op_changes_only_the_sign_of_k() -> None:
     t, sp, pv, op = loop(n=800, op_step=0.05)
     one, other = identified(t, sp, pv, op), identified(t, sp, pv, -op)
     assert other.k == pytest.approx(-one.k) and other.ti == pytest.approx(one.ti)
@@ -363,7 +363,7 @@ def test_any_numbers_give_an_answer_without_nan(data: np.ndarray) -> None:
         ("LIC30102_0825", (-2.2, -1.7), (100, 300)),
     ],
 )
-def test_real_loops(name: str, k: tuple[float, float], ti: tuple[float, float]) -> None:
+def test_controllers_of_a_refinery_are_identified(name: str, k: tuple[float, float], ti: tuple[float, float]) -> None:
     found = identified(*refinery(name))
     assert k[0] < found.k < k[1] and ti[0] < found.ti < ti[1], found
     assert found.usable and found.r2 >= R2_USABLE

@@ -26,7 +26,7 @@ def answers(name: str) -> list[LoadsAnswer]:
 
 
 @every_record
-def test_what_is_said_of_the_width_is_true(name: str) -> None:
+def test_widths_and_bounds_hold_the_true_width(name: str) -> None:
     assert [(a.truth.samples, str(a)) for a in answers(name) if not a.holds] == []
 
 
@@ -49,7 +49,7 @@ def test_a_mere_gap_does_not_jump(name: str) -> None:
 
 
 @pytest.mark.xdist_group("levels/PI/gap/0")
-def test_a_gap_is_told_and_not_less_exactly_with_more_rows() -> None:
+def test_a_gap_is_found_with_an_interval_that_does_not_grow_with_more_rows() -> None:
     of = answers("levels/PI/gap/0")
     assert all(a.sided for a in of)
     few, _, many = ((a.high or np.inf) - (a.low or 0.0) for a in of)

@@ -46,7 +46,7 @@ def named(name: str) -> list[Requirement]:
     ]
 
 
-def test_every_group_is_in_a_lock_and_every_lock_is_there() -> None:
+def test_every_group_has_a_lock() -> None:
     assert sorted(group for groups in LOCKS.values() for group in groups if group != BASE) == sorted(
         PROJECT["dependency-groups"]
     )
@@ -117,7 +117,7 @@ def osv() -> Iterator[str]:
         server.shutdown()
 
 
-def test_an_advisory_is_told_with_its_lock_and_an_error(osv: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_advisory_is_printed_with_its_lock_and_an_error(osv: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--database", osv]) == KNOWN
     printed = capsys.readouterr().out.splitlines()
     assert printed and all(
@@ -130,7 +130,7 @@ def test_an_advisory_is_told_with_its_lock_and_an_error(osv: str, capsys: pytest
     assert main(["--database", osv]) == 0 and "no advisory names" in capsys.readouterr().out
 
 
-def test_where_no_data_base_can_be_reached_that_is_said_with_an_error_of_its_own() -> None:
+def test_an_unreachable_data_base_has_an_exit_code_of_its_own() -> None:
     with HTTPServer(("127.0.0.1", 0), _Osv) as server:
         closed = server.server_port
     command = [sys.executable, str(ROOT / "requirements" / "audit.py"), "--database", f"http://127.0.0.1:{closed}"]

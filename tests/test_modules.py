@@ -229,7 +229,7 @@ def wrong_loop(gain: float, way: Way) -> Graph:
 
 
 @pytest.mark.parametrize("way", list(Way))
-def test_a_process_of_the_wrong_sign_is_told_and_recovers_without_a_bump(way: Way) -> None:
+def test_a_process_of_the_wrong_sign_is_reported_and_recovers_without_a_bump(way: Way) -> None:
     """Somebody turns the valve's action round while it compensates; then somebody turns K round."""
     loop = wrong_loop(1.0, way)
     loop["pid.compensate"] = 1
@@ -629,7 +629,7 @@ def test_a_worn_valve_and_a_noisy_transmitter() -> None:
         assert np.array_equal(seen[name], column), name
 
 
-def test_what_is_not_known_any_more_is_none() -> None:
+def test_values_that_are_no_longer_known_are_none() -> None:
     loop = scheduled()
     loop["pid.kp"] = 2.0
     loop["pid.kp"] = None
@@ -872,7 +872,7 @@ def test_the_half_period_in_which_it_is_taken_over_ends_as_a_gap() -> None:
         ({"schedule": [(0.0, 0.5, 8.0, 0.0)]}, True, "pid: rows = 1: must be 0: under a gain schedule"),
     ],
 )
-def test_what_is_not_offered_is_not_taken_over(given: dict[str, Any], begin: bool, message: str) -> None:
+def test_settings_that_are_not_offered_are_not_taken_over(given: dict[str, Any], begin: bool, message: str) -> None:
     loop = tank(**given)
     loop["pid.tune"] = int(begin)
     loop.run(200.0)

@@ -65,7 +65,7 @@ WIDE = "t,FIC1.SP,FIC1.PV,FIC1.OP,FIC2.SP,FIC2.PV,FIC2.OP\n" + "".join(
 
 
 @pytest.mark.slow
-def test_the_same_name_in_two_folders_is_told_apart(run):
+def test_one_name_in_two_folders_gets_the_folders_prefix(run):
     """Regression: the rows of two loops of one name looked the same."""
     for folder in ("north", "south"):
         Path(folder).mkdir()
@@ -290,7 +290,7 @@ def test_a_folder_is_refused(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_day_number_is_told_where_the_answer_is(run):
+def test_a_time_read_as_a_day_number_is_noted_beside_the_answer(run):
     write("plant.csv", rows(600, time=lambda k: f"{45000.5 + k / 86400:.8f}"))
     _, out, _ = run("analyze", "plant.csv", "--json", "--no-fit")
     [loop] = json.loads(out)["loops"]

@@ -53,7 +53,7 @@ class TestDescribingFunctions:
         """N(A, d/c) = N(cA, d) (thesis 1.2)."""
         assert n_backlash(ratio * d, d / c * c) == pytest.approx(n_backlash(ratio * d * c, d * c), rel=1e-9)
 
-    def test_ends(self) -> None:
+    def test_the_describing_function_at_the_ends_of_its_range(self) -> None:
         assert n_backlash(5.0, 0.0) == 1
         assert abs(n_backlash(0.5 + 1e-9, 1.0)) < 1e-4
         curve = negative_inverse(n_backlash(np.geomspace(0.51, 1e6, 500), 1.0))
@@ -79,7 +79,7 @@ class TestDescribingFunctions:
             (lambda: nyquist_figure(PLANTS["P2"], window=0), "window"),
         ],
     )
-    def test_bounds(self, call: Any, parameter: str) -> None:
+    def test_amplitudes_and_widths_out_of_bounds_are_refused(self, call: Any, parameter: str) -> None:
         with pytest.raises(InputError) as error:
             call()
         assert error.value.parameter == parameter

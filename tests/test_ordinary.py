@@ -9,7 +9,8 @@ import pytest
 from bench.ordinary import design, oracle
 from bench.ordinary.__main__ import answers, tasks
 from bench.ordinary.answers import Claim, Line, ask, done
-from bench.ordinary.design import FAULTS, ROWS, SEEDS, draw, fractional_lag, half, names, sensitivity
+from bench.ordinary.design import FAULTS, ROWS, SEEDS, draw, half, names
+from bench.ordinary.process import fractional_lag, sensitivity
 from bench.ordinary.records import record, reversals, swept
 from bench.ordinary.score import tables
 
@@ -165,7 +166,7 @@ def test_a_line_is_read_as_it_was_written():
     assert (back.fit["d"], back.fit["low"], back.fit["high"]) == (5.0, None, None)
 
 
-def test_what_is_claimed_is_read_from_the_new_fields_or_from_the_verdict():
+def test_a_claim_is_read_from_the_confidence_or_in_old_files_from_the_verdict():
     line = a_line("bends/gap/1/1", verdict="at_least", d=5.0, low=2.0)
     assert line.claim() == Claim("found", None, "bound", 5.0, 2.0, None)
     assert a_line("bends/gap/1/1", verdict="sound", high=0.9).claim().confidence == "sound"
@@ -207,7 +208,7 @@ def test_the_tables_count():
     assert tables([]).startswith("0 records")
 
 
-def test_what_is_asked_keeps_to_its_half():
+def test_tasks_keep_to_their_part():
     asked = list(tasks(["steps", "perstorp"], "A", 3, 1, several=False))
     assert {int(name.split("/")[2]) for name, _ in asked} == {0, 2, 4}
     assert len(asked) == 3 * (2 + 3) and {count for _, count in asked} == {1}

@@ -281,7 +281,7 @@ UNAIDED = [name for name in MAKERS if name not in ASKED]
 def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     """Result of the page's reader for each text, and its place."""
     folder = tmp_path_factory.mktemp("page")
-    (folder / "data.json").write_text(json.dumps(build.of_reading()), encoding="utf-8")
+    (folder / "data.json").write_text(json.dumps(build.reader_data()), encoding="utf-8")
     scripts = json.dumps([str(path) for path in (PAPA, FORMATS, *(ROOT / "page" / f"{n}.js" for n in build.READER))])
     files: dict[str, Path] = {}
     answers: dict[str, dict[str, Any]] = {}
@@ -371,7 +371,7 @@ def compare(found: dict[str, Any], recordings: list[Recording]) -> None:
         assert (ours is None) == (theirs is None), column
         if ours is not None:
             np.testing.assert_array_equal(ours.astype(float), np.array(theirs, float), err_msg=column)
-    labels = build.of_reading()["columns"]["labels"]
+    labels = build.reader_data()["columns"]["labels"]
     assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
     assert {labels[role]: unit for role, unit in found["units"].items()} == recording.units
     assert found["loop"] == recording.name

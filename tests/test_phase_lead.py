@@ -103,7 +103,7 @@ REFUSED: dict[str, tuple[dict[str, Module], list[str], str]] = {
 
 
 @pytest.mark.parametrize("where", REFUSED)
-def test_where_something_jumps_in_the_same_loop_it_is_refused(where: str) -> None:
+def test_a_lead_in_a_loop_with_a_jump_is_refused(where: str) -> None:
     modules, wires, names = REFUSED[where]
     with pytest.raises(InputError, match=names):
         Graph(0.1, {**modules, "lead": LEAD}, wires)
@@ -130,13 +130,13 @@ ALLOWED: dict[str, tuple[dict[str, Module], list[str]]] = {
 
 
 @pytest.mark.parametrize("where", ALLOWED)
-def test_where_nothing_jumps_through_it_it_is_not(where: str) -> None:
+def test_a_lead_in_a_loop_without_a_jump_runs(where: str) -> None:
     modules, wires = ALLOWED[where]
     Graph(0.1, {**modules, "lead": LEAD}, wires).run(1.0)
 
 
 @pytest.mark.parametrize(("name", "value"), [("pid.comp_size", 1.0), ("pid.tune_amplitude", 1.0)])
-def test_what_jumps_cannot_be_added_while_it_runs(name: str, value: float) -> None:
+def test_a_jump_cannot_be_switched_on_behind_a_lead(name: str, value: float) -> None:
     pid = PidAdvanced(k=1.0, ti=5.0, low=0, high=9, **{f"tune_{key}": x for key, x in RELAY.items()})
     modules: dict[str, Any] = {"pid": pid, "lead": LEAD, "process": PROCESS}
     graph = Graph(0.1, modules, ["pid -> lead -> process -> pid.pv"])
@@ -149,7 +149,7 @@ def test_what_jumps_cannot_be_added_while_it_runs(name: str, value: float) -> No
 
 
 @pytest.mark.parametrize(("lead", "lag", "name"), [(1.0, 0.0, "lag"), (0.5, 1.0, "lead"), (float("nan"), 1.0, "lead")])
-def test_bounds(lead: float, lag: float, name: str) -> None:
+def test_times_out_of_bounds_are_refused(lead: float, lag: float, name: str) -> None:
     with pytest.raises(InputError, match=f"lead: {name} = "):
         Graph(0.1, {"in": Input(), "lead": PhaseLead(lead, lag), "out": Output()}, ["in -> lead -> out"])
 

@@ -133,7 +133,7 @@ def test_a_loop_that_runs_away_in_the_simulation_gets_no_infinite_limits(monkeyp
 
 
 @pytest.mark.slow
-def test_where_nothing_fits_the_reason_is_told():
+def test_without_a_test_that_decides_the_plan_gives_the_reason():
     stands = by_hand().moves[0]
     no_room = by_hand(op_within=(stands - 1.2, stands + 1.2))
     assert no_room.power is None
@@ -219,7 +219,7 @@ def an_hour(fit, rows=3600, law=LAW):
         ({3.0: 0.3, 9.0: 0.4}, None, None),
     ],
 )
-def test_the_shortest_of_more_hours_is_told_that_shows_the_gap(monkeypatch, shown, hours, power):
+def test_the_plan_names_the_fewest_hours_that_show_the_gap(monkeypatch, shown, hours, power):
     monkeypatch.setattr(glapp.plan, "_shown", lambda loop, recording, law, times: shown[times])
     test = _more_hours(an_hour(a_fit(30.0)), None)
     assert (test.power, test.minutes and test.minutes / 60) == (power, hours)
@@ -228,7 +228,7 @@ def test_the_shortest_of_more_hours_is_told_that_shows_the_gap(monkeypatch, show
         assert test.reason == "9 h more of the same operation would show the gap in only 40 % of cases"
 
 
-def test_more_hours_are_refused_where_they_tell_nothing_new():
+def test_more_hours_are_refused_where_they_add_no_evidence():
     assert "nothing new" in _more_hours(an_hour(a_fit(30.0, "swings")), None).reason
     assert "need not show more" in _more_hours(an_hour(a_fit(0.0)), None).reason
     assert "K and Ti are not known" in _more_hours(an_hour(a_fit(30.0), law=None), None).reason
@@ -244,7 +244,7 @@ def test_a_few_simulations_that_all_decide_are_no_certainty():
 
 
 @pytest.mark.slow
-def test_what_goes_on_from_a_recording_shows_a_gap_that_is_there_and_no_other(monkeypatch):
+def test_a_continued_recording_shows_the_simulated_gap_and_no_other(monkeypatch):
     monkeypatch.setattr(glapp.plan, "FITTED", 4)
     recording, result = analysed()
     loop = glapp.plan._Fitted.of(recording, result, TRUE_GAP, *LIMITS.values(), recording)
@@ -366,7 +366,7 @@ def asked_of(tmp_path, *more):
 
 
 @pytest.mark.verify
-def test_the_command_tells_the_plan(tmp_path, monkeypatch):
+def test_the_command_prints_the_plan(tmp_path, monkeypatch):
     told = asked_of(tmp_path, "--op-within", "45", "65", "--json")
     assert told.exit_code == 0, told.output
     plan = json.loads(told.stdout)
@@ -381,7 +381,7 @@ def test_the_command_tells_the_plan(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_command_tells_why_nothing_fits(tmp_path):
+def test_the_command_prints_why_no_test_decides(tmp_path):
     told = asked_of(tmp_path, "--op-within", "45", "65", "--minutes", "2")
     assert told.exit_code == 1
     text = " ".join(told.stdout.split())

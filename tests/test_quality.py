@@ -130,7 +130,7 @@ def test_sampling_against_ti() -> None:
     )
 
 
-def test_samples_that_stand_alone_are_told_by_their_rows() -> None:
+def test_spikes_are_listed_by_their_rows() -> None:
     t, sp, pv, op = loop(n=2500)
     assert "spikes" not in look(t, sp, pv, op)
     pv[[300, 700]] += 8 * np.ptp(pv)
@@ -143,7 +143,7 @@ def test_samples_that_stand_alone_are_told_by_their_rows() -> None:
     assert "row 702, row 1002, row 1082, row 1162 and more" in many.text
 
 
-def test_levels_that_pv_goes_to_at_once_are_told_by_their_rows() -> None:
+def test_shifts_of_pv_are_listed_by_their_rows() -> None:
     t, sp, pv, op = loop(n=2500)
     pv[900:] += 8 * np.ptp(pv)
     found = look(t, sp, pv, op)["shifts"]
@@ -201,7 +201,7 @@ def test_a_historian_that_stood_still() -> None:
 
 
 @pytest.mark.parametrize("step", [0.25, 0.1])
-def test_coarse_steps(step: float) -> None:
+def test_coarse_pv_and_op_are_found_with_their_step(step: float) -> None:
     t, sp, pv, op = loop(load=0.1)
     for code, signals in {"quantised_pv": (pv, op), "quantised_op": (op, pv)}.items():
         coarse = np.round(signals[0] / step) * step
@@ -400,7 +400,7 @@ def test_sinusoid() -> None:
 
 
 @pytest.mark.parametrize("sigma", [0.001, 0.2, 5.0])
-def test_noise_is_told_from_movement(sigma: float) -> None:
+def test_noise_is_distinguished_from_movement(sigma: float) -> None:
     for seed in range(3):
         noise = np.random.default_rng(seed).normal(0, sigma, 4000)
         for slow in (0.0, 100 * sigma * np.sin(np.arange(4000) / 60), np.arange(4000) * sigma):
@@ -439,7 +439,7 @@ def test_any_numbers_are_inspected_without_error(data: np.ndarray, flags: np.nda
             assert sigma is None or sigma >= 0
 
 
-def test_gravest_first() -> None:
+def test_findings_are_listed_gravest_first() -> None:
     t, sp, pv, op = loop(n=300)
     pv[10] = np.nan
     flags = np.zeros(300, dtype=np.uint8)
@@ -465,7 +465,7 @@ def test_gravest_first() -> None:
         ("FIC40102B_0825", {"sampling", "cascade_slave"}),
     ],
 )
-def test_real_loops(name: str, codes: set[str]) -> None:
+def test_refinery_loops_have_their_known_findings(name: str, codes: set[str]) -> None:
     signals = refinery(name)
     seen = identified(*signals)
     found = look(*signals, k=seen.k, ti=seen.ti, identification=seen)

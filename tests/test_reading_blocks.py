@@ -162,7 +162,7 @@ def test_a_hole_of_nul_bytes_is_no_date(blocks):
 
 @pytest.mark.verify
 @pytest.mark.parametrize("first", [0, 1704067200, 1704067200000, 1704067200000000, 1704067200000000000])
-def test_what_is_a_time_does_not_hang_on_rows_of_other_tags(blocks, first):
+def test_times_do_not_depend_on_rows_of_other_tags(blocks, first):
     """`1e`, which no loop reads, makes text of the times in its block; they mean what they mean in any other."""
     for number in [*NUMBERS, "+.5", "-.5e3", "0x1F", "nan(1)", "9223372036854775808", f"{first}.", f"+{first}"]:
         rows = [f"{first + i},F1.{'SP' if i % 2 else 'PV'},{i}" for i in range(12)]
@@ -184,7 +184,7 @@ def test_a_mark_that_begins_a_row_is_no_part_of_a_number(blocks):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("column", ["t", "SP", "PV", "OP", "unread"])
-def test_numbers(blocks, column):
+def test_numbers_are_read_alike_in_any_block(blocks, column):
     row = {"t": "1", "SP": "50", "PV": "40", "OP": "30", "unread": "7"}
     head, good = ",".join(row) + "\n", ",".join(row.values())
     for number, end in zip(NUMBERS, itertools.cycle(["\n", "\r\n"]), strict=False):
@@ -195,7 +195,7 @@ def test_numbers(blocks, column):
 
 @pytest.mark.verify
 @pytest.mark.parametrize("first", ["2024-01-01 00:00:00", "2024-01-01T00:00:00Z", "2024-01-01", "1704067200"])
-def test_times(blocks, first):
+def test_times_are_read_alike_in_any_block(blocks, first):
     for stamp in STAMPS:
         rows = [f"{first},1,2", f"{first},1,2", f"{stamp},1,2", f"{first},1,2"]
         blocks.compare(text(rows, "t,SP,PV\n"), sample=8 + 2 * len(rows[0]) + 3)
@@ -204,7 +204,7 @@ def test_times(blocks, first):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("role", ["MODE", "Quality", "LO", "unread"])
-def test_words(blocks, role):
+def test_words_are_read_alike_in_any_block(blocks, role):
     loop = Loop(name="x", columns={"op_low_flag": "LO"} if role == "LO" else {})
     good = {"Quality": "Good", "LO": "0"}.get(role, "AUTO")
     for word in WORDS:
@@ -214,7 +214,7 @@ def test_words(blocks, role):
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
-def test_encodings(blocks, encoding):
+def test_encodings_are_read_alike_in_any_block(blocks, encoding):
     for extra in ("å", "\ufeff", "\0", "€"):
         rows = [f"{i},1,2,AUTO,{'' if i < 5 else extra}".encode(encoding, "ignore") for i in range(9)]
         head = "t,SP,PV,MODE,NOTE".encode(encoding)
@@ -224,7 +224,7 @@ def test_encodings(blocks, encoding):
 @pytest.mark.verify
 @given(st.data())
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_long_tables(blocks, data):
+def test_long_tables_are_read_alike_in_any_block(blocks, data):
     stamp = data.draw(st.sampled_from(["{}", "2024-01-01 00:00:{:02d}", "2024-01-01T00:00:{:02d}Z"]))
     rows = []
     for i in range(data.draw(st.integers(3, 20))):

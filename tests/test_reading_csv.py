@@ -211,7 +211,7 @@ def test_one_damaged_cell_is_found_in_its_row_and_column(tmp_path, monkeypatch, 
         ("1709287200000000001", "1709287210000000001", "2024-03-01T10:00:00+00:00"),
     ],
 )
-def test_time_stamps(tmp_path, first, second, t0):
+def test_time_stamps_of_every_form_are_read(tmp_path, first, second, t0):
     path = write(tmp_path, f"t;SP;PV\n{first};1;2\n{second};1;2\n")
     recording, got = read(path)
     assert recording.t0.isoformat() == t0
@@ -224,7 +224,7 @@ def test_plain_seconds_are_kept_as_they_are(tmp_path):
     assert got["t"].tolist() == [3, 1.5, 1.5, 4]
 
 
-def test_day_and_month_are_told_apart_by_the_end_of_the_file_or_by_following_days(tmp_path):
+def test_day_and_month_are_distinguished_by_the_end_of_the_file_or_by_following_days(tmp_path):
     rows = [f"{1 + i // 1440:02d}/03/2024 {i // 60 % 24:02d}:{i % 60:02d}:00,1,2.000000" for i in range(1440 * 14)]
     recording, got = read(write(tmp_path, "\n".join(["t,SP,PV", *rows])))
     assert recording.t0 == datetime(2024, 3, 1)
@@ -257,7 +257,7 @@ def test_no_time_column_needs_sample_time(tmp_path):
     assert (recording.t0, got["t"].tolist()) == (None, [0, 0.5, 1])
 
 
-def test_a_setting_that_is_not_used_is_told(tmp_path):
+def test_an_unused_setting_is_reported(tmp_path):
     """Both were passed over in silence."""
     path = write(tmp_path, "Zeit,SP,PV\n" + "".join(f"{k},1,{k % 3}\n" for k in range(9)))
     recording, got = read(path, Loop(name="x", sample_time=0.5, auto_values=["AUTO", 1]))
@@ -352,7 +352,7 @@ def test_modes_limits_and_named_words(tmp_path):
         (["good", "", "Not Connected", "OK"], [0, BAD, BAD, 0]),
     ],
 )
-def test_qualities(tmp_path, words, flags):
+def test_words_and_numbers_of_quality_mark_bad_rows(tmp_path, words, flags):
     path = write(tmp_path, "t,SP,PV,Quality\n" + "".join(f"{i},1,2,{w}\n" for i, w in enumerate(words)))
     _, got = read(path)
     assert got["flags"].tolist() == flags
@@ -600,7 +600,7 @@ def test_a_mode_by_other_names(tmp_path, name, auto, manual):
     assert recording.columns["MODE"] == name and got["flags"].tolist() == [NOT_AUTO] * 3 + [0] * 6
 
 
-def test_wrong_column_is_told_with_the_nearest_one(tmp_path):
+def test_a_wrong_column_is_reported_with_the_nearest_one(tmp_path):
     path = write(tmp_path, GOOD)
     with pytest.raises(InputError, match=r"columns\.pv: no column 'PVX' for PV, did you mean 'PV'\? There are: t, SP"):
         read(path, Loop(name="x", columns={"pv": "PVX"}))

@@ -226,7 +226,7 @@ def test_numbers_near_the_largest_there_is_warn_of_nothing():
     assert batch.pv.tolist() == [1.7e308, 1.7e308, 1.0] and batch.flags is None
 
 
-def test_the_row_of_a_fault_is_told_though_the_file_breaks_off_behind_it(tmp_path):
+def test_a_fault_is_reported_with_its_row_though_the_file_breaks_off_behind_it(tmp_path):
     """The row was looked for in what cannot be unpacked: of 3000 packed files four ended in a traceback."""
     text = "time,SP,PV,OP\n" + "".join(f"{k},50,{50 + 7919 * k % 97},40\n" for k in range(50_000))
     path = tmp_path / "plant.csv.bz2"

@@ -236,7 +236,7 @@ def test_bad_cells_cost_their_own_half_periods_and_no_other():
     assert 0 < len(bad) <= 20  # a stretch ends one half-period, and the next begins in it
 
 
-def test_without_sp_what_is_lost_is_told():
+def test_without_sp_a_finding_says_that_the_gap_is_fitted():
     made = simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, t_end=60, load=[(30, 0.5)])
     result = analyze(recording_from({"t": made.t, "PV": made.pv, "OP": made.op}), fit=False)
     [findings] = [finding for finding in result.quality if finding.code == "no_sp"]

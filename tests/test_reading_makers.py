@@ -105,7 +105,7 @@ def test_a_table_within_a_web_page_spans_rows_and_columns(tmp_path):
         ("x.html", "<table><tr><td colspan=999999>a</td></tr></table>", "has 999999 columns"),
     ],
 )
-def test_what_is_damaged_is_told(tmp_path, name, text, line):
+def test_damaged_cells_are_reported(tmp_path, name, text, line):
     with pytest.raises(InputError, match=line):
         read(tmp_path, name, text)
 

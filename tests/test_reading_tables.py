@@ -88,7 +88,7 @@ def test_structured_array_and_fraction():
 
 @pytest.mark.parametrize("kind", ["parquet", "one row group", "ipc", "stream", "feather", "csv"])
 @pytest.mark.slow
-def test_files(table, kind, tmp_path):
+def test_files_give_the_batches_of_the_table(table, kind, tmp_path):
     path = tmp_path / "F1.data"
     match kind:
         case "parquet":
@@ -140,7 +140,7 @@ def test_a_loop_is_chosen_by_its_name():
         recording_from(data, Loop(name="C"))
 
 
-def test_damaged_files(tmp_path, table):
+def test_damaged_files_are_refused(tmp_path, table):
     path = tmp_path / "F1.parquet"
     pq.write_table(table, path)
     data = path.read_bytes()

@@ -161,7 +161,7 @@ def test_seconds_in_the_range_of_day_numbers_stay_seconds(start, step, name):
 
 
 @pytest.mark.parametrize(("step", "name"), [(0.04, "t"), (0.01, "time"), (1.0, "Date"), (0.0, "t")])
-def test_what_may_be_either_is_read_as_seconds_and_told(step, name):
+def test_a_number_that_may_be_a_day_is_read_as_seconds_with_a_finding(step, name):
     clock, t = clock_of(45000.5 + step * np.arange(20), name=name)
     assert t[0] == 45000.5
     [found] = clock.found

@@ -16,7 +16,7 @@ from bench.loads.records import record
 
 import glapp
 from glapp.errors import InputError
-from glapp.many import analyze_recordings
+from glapp.several_recordings import analyze_recordings
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 FIRST_DAY = datetime(2026, 3, 1)
@@ -125,7 +125,7 @@ class TestReplays:
         assert "100\N{NO-BREAK SPACE}% of memory (2) is in an earlier recording too" in answer.reason
 
     @pytest.mark.verify
-    def test_the_share_is_told_and_the_rest_counts(self) -> None:
+    def test_repeated_rows_are_reported_and_count_once(self) -> None:
         first, second = (record(f"steps/gap/0/{number}", SAMPLES) for number in (0, 1))
         half = pa.concat_tables([first.table.slice(0, 375), second.table.slice(375)])
         answer = glapp.fit([dated(first.table, first.loop, 0), dated(half, first.loop, 1)])
@@ -154,7 +154,7 @@ class TestRefused:
         assert named in str(refused.value)
         assert refused.value.parameter == next(iter(settings))
 
-    def test_what_is_no_recording(self) -> None:
+    def test_arguments_that_are_no_recordings_are_refused(self) -> None:
         with pytest.raises(InputError, match="recording: holds no recording"):
             glapp.fit([])
         with pytest.raises(InputError, match=r"FIC101\.csv: no such file"):

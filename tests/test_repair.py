@@ -10,13 +10,13 @@ from typer.testing import CliRunner
 
 import glapp
 from glapp.cli import app
-from glapp.cut import moment_in, since_repair, until_repair
 from glapp.errors import InputError
 from glapp.fit import Window
-from glapp.many import analyze_recordings
 from glapp.reading.settings import read_settings, write_settings
 from glapp.repair import fall_of, with_repair
+from glapp.repair_split import moment_in, since_repair, until_repair
 from glapp.report.html import write_report
+from glapp.several_recordings import analyze_recordings
 
 HOURS = 3
 AT = "2026-03-01 13:00"

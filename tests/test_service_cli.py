@@ -14,7 +14,7 @@ import service
 from service import BEGIN, Clock, fed, loops, values
 from typer.testing import CliRunner
 
-from glapp.cli import app
+from glapp.cli import app, watch_run
 from glapp.cli.screen import CommandError
 from glapp.cli.watch import _printed
 from glapp.errors import InputError
@@ -49,13 +49,13 @@ def test_numbers_of_the_api_are_printed_without_their_rounding() -> None:
     assert [_printed(value) for value in values] == ["0.9", "no limit", "1234567.25", "", "3", "typed"]
 
 
-def test_a_disk_that_is_full_at_the_start_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_at_the_start_is_an_error_with_a_hint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Regression: it ended with a traceback."""
 
     async def full(*_: object) -> None:
         raise StoreFull(f"{tmp_path}/glapp.db cannot be written: database or disk is full")
 
-    monkeypatch.setattr(sys.modules["glapp.cli.watch"], "_serve", full)
+    monkeypatch.setattr(watch_run, "serve", full)
     with pytest.raises(InputError, match="disk is full; make room, then start it again"):
         glapp("run", "--demo", "--data", tmp_path)
 

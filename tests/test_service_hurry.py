@@ -10,7 +10,7 @@ import pytest
 from service import Clock, Table
 
 from glapp import Loop
-from glapp.cli.watch import _clock_of
+from glapp.cli.watch_run import clock_of
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
 from glapp.service.monitor import Monitor
@@ -51,7 +51,7 @@ def test_the_clock_on_the_wall_counts_once_the_plant_has_caught_up(monkeypatch: 
 
     plant, wall = Plant(), 1e6
     monkeypatch.setattr("time.time", lambda: wall)
-    clock = _clock_of(plant, SCAN)
+    clock = clock_of(plant, SCAN)
     assert clock() == 0.0
     plant.time = wall - 2.0 * SCAN
     assert clock() == plant.time

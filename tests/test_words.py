@@ -19,10 +19,8 @@ VECTORS = json.loads((ROOT / "crates/analysis/src/words/vectors.json").read_text
 
 #: Modules that show an answer.
 SHOWING = [
-    *(
-        f"{name}.py"
-        for name in ("quality", "fit", "estimate", "identify", "step_test", "valve", "result", "row", "many")
-    ),
+    *(f"{name}.py" for name in ("quality", "fit", "estimate", "identify", "step_test", "valve", "result", "row")),
+    "several_recordings.py",
     *(f"report/{name}.py" for name in ("words", "view", "html", "figures", "fit_figure")),
     *(f"cli/{name}.py" for name in ("analyze", "step_test", "screen", "explain")),
     *(f"fleet/{name}.py" for name in ("report", "windows")),
@@ -299,5 +297,5 @@ def test_no_sentence_of_the_catalogue_hides_a_character() -> None:
 
 
 def test_what_the_page_takes_from_the_reader_is_there() -> None:
-    taken = build.of_reading()
+    taken = build.reader_data()
     assert taken["columns"]["separators"] and taken["values"]["number"] and taken["heads"]["lines"]

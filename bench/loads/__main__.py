@@ -38,14 +38,14 @@ def table(answers: Sequence[LoadsAnswer]) -> str:
     head = ["row", *COUNTED, "identifiable", "right", "silent"]
     body = []
     for row in [*ROWS, "all"]:
-        of = [answer for answer in answers if row in (answer.truth.row, "all")]
-        if not of:
+        selected = [answer for answer in answers if row in (answer.truth.row, "all")]
+        if not selected:
             continue
-        gap = [a for a in of if a.truth.d > 0]
+        gap = [a for a in selected if a.truth.d > 0]
         known = [a for a in gap if a.truth.identifiable]
         sided = [a for a in gap if a.sided]
         numbers = [
-            *counted(of),
+            *counted(selected),
             len(known),
             *(sum(a.outcome == outcome for a in known) for outcome in ("right", "silent")),
         ]

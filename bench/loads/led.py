@@ -60,8 +60,8 @@ def table(answers: dict[str, LoadsAnswer]) -> str:
     """A line for each load."""
     body = []
     for row in [*ROWS, "all"]:
-        of = [answer for name, answer in answers.items() if row in ("all", name.split("/")[0])]
-        body.append([row, *map(str, counted(of))])
+        selected = [answer for name, answer in answers.items() if row in ("all", name.split("/")[0])]
+        body.append([row, *map(str, counted(selected))])
     return markdown(["load", *COUNTED], body)
 
 

@@ -9,7 +9,7 @@ at 1 s, in which the controller runs too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from random import Random
@@ -139,7 +139,7 @@ def record(name: str, samples: int = SAMPLES, moves: Callable[[float], Piece] | 
         kp, size = kp * log_uniform(today, 0.8, 1.25), size * log_uniform(today, 0.5, 2.0)
         seed = today.randrange(2**32)
     scenario = Scenario(
-        plant=Plant([kp], list(_denominator(lags)), dead_time),
+        plant=Plant([kp], list(denominator(lags)), dead_time),
         controller=Controller(k=k, ti=ti, setpoint_weight=1.0, gain_unit="OP/PV"),
         tf=tf,
         pv_span=(0, 100),
@@ -178,7 +178,7 @@ def _process(random: Random) -> tuple[list[float], float]:
 
 def _tuned(random: Random, kp: float, lags: list[float], dead_time: float) -> tuning.Tuning:
     # The controller answers a sample later.
-    plant = Plant([kp], list(_denominator(lags)), dead_time + H)
+    plant = Plant([kp], list(denominator(lags)), dead_time + H)
     rule: Callable[..., tuning.Tuning] = random.choice(
         (
             tuning.simc,
@@ -190,7 +190,8 @@ def _tuned(random: Random, kp: float, lags: list[float], dead_time: float) -> tu
     return rule(plant, kind="PI")
 
 
-def _denominator(lags: list[float]) -> Floats:
+def denominator(lags: Iterable[float]) -> Floats:
+    """Coefficients of the product of all (lag·s + 1)."""
     polynomial = np.array([1.0])
     for lag in lags:
         polynomial = np.convolve(polynomial, [lag, 1.0])

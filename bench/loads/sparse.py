@@ -43,16 +43,16 @@ def sparse(name: str) -> Record:
 
 def ask(name: str) -> tuple[float, LoadsAnswer]:
     """Number of samples in the lag, and the answer."""
-    of = sparse(name)
-    return of.lag / of.truth(SAMPLES).h, LoadsAnswer.to(of, SAMPLES)
+    record = sparse(name)
+    return record.lag / record.truth(SAMPLES).h, LoadsAnswer.to(record, SAMPLES)
 
 
 def table(answers: list[tuple[float, LoadsAnswer]]) -> str:
     """A line for each range of samples in a lag."""
     body, low = [], 0.0
     for high in BORDERS:
-        of = [answer for lag, answer in answers if low <= lag < high]
-        body.append([f"{low:g} to {high:g}", *map(str, counted(of))])
+        selected = [answer for lag, answer in answers if low <= lag < high]
+        body.append([f"{low:g} to {high:g}", *map(str, counted(selected))])
         low = high
     return markdown(["samples in a lag", *COUNTED], body)
 

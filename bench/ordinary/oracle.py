@@ -35,7 +35,7 @@ from ..truth.ladder import Record as Known
 from ..truth.oracle import NO_GAP
 from ..truth.score import markdown
 from .answers import Line, read
-from .design import Floats
+from .load import Floats
 from .records import record, simulated
 from .score import share
 

@@ -20,18 +20,16 @@ from ..truth.records import identifiable
 from .design import (
     Drawn,
     Fault,
-    Floats,
     Half,
     NoSuchLoopError,
     cycle_of,
     draw,
     half,
     kept_values,
-    lagged,
     names,
-    swing,
     swing_of,
 )
+from .load import Floats, lagged, swing
 
 LIMIT = 1.0
 """Width that is acceptable where nobody gives one [% of OP]."""

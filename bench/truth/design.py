@@ -167,6 +167,52 @@ def scaled(base: Plant, gain: float, slower: float) -> Plant:
     return Plant(num, den, base.dead_time * slower)
 
 
+class Loop(NamedTuple):
+    """Process and controller of a record.
+
+    - `base`, `gain`, `slower`: the process is `base` with so many times its gain and its times.
+    - `k`, `ti`, `td`: the controller [OP/PV], [s], [s].
+    - `scale`: the process' time scale, slowed down [s].
+    """
+
+    base: Plant
+    gain: float
+    slower: float
+    k: float
+    ti: float
+    td: float
+    scale: TimeScale
+
+    @property
+    def integrates(self) -> bool:
+        """Whether the process has no static gain."""
+        return self.base.gain is None
+
+    @property
+    def kp(self) -> float:
+        """Kp [PV unit/%]; for an integrating process what a change of OP by 1 % makes of PV within Ti."""
+        if self.integrates:
+            return self.gain * (self.base.velocity_gain or 0.0) * self.ti / self.slower
+        return self.gain
+
+    @property
+    def slowest(self) -> float:
+        """Ti, or T + L of the process where that is longer [s]."""
+        return max(self.ti, self.scale.whole)
+
+
+class Timing(NamedTuple):
+    """Recorded sample time [s], steps of the simulation in it, length of the record [s]."""
+
+    h: float
+    every: int
+    t_end: float
+
+
+# Every function below draws from one generator: the order of its calls is part of the design, and a record changes
+# where a draw is added, removed or moved.
+
+
 def draw(name: str) -> Drawn | None:
     """The loop of that name, "cause/load/family/number"; None where the tuning that was drawn does not exist."""
     cause, load, family, _ = name.split("/")
@@ -175,86 +221,42 @@ def draw(name: str) -> Drawn | None:
     departure = random.choice(DEPARTURES + (FRICTION,) * sticks) if family == "outside" else ""
     process = random.choice(list(OUTSIDE if departure == "process" else INSIDE))
     rule, kind = random.choice(list(RULES)), random.choice(KINDS)
-    tuned = tuned_for(process, rule, kind)
-    if tuned is None:
+    loop = _loop(random, process, rule, kind, near_limit=load == "limit")
+    if loop is None:
         return None
-    base = base_plant(process)
-    gain, slower = random.choice((0.5, 1.0, 1.6)), random.choice((1.0, 10.0, 60.0))
-    integrating = base.gain is None
-    k, ti, td, _ = tuned.controller
-    k, ti, td = k / gain, ti * slower, td * slower
-    scale = TimeScale(*(slower * x for x in time_scale(base)))
-    if load == "limit":
-        try:
-            margin = tuning.assess(base, tuned.controller[:3], tf=filter_time(ti, td) / slower).gain_margin
-        except InputError:
-            return None
-        if margin > 20:
-            return None
-        k *= margin * random.uniform(0.85, 0.97)
-    loop_time = max(ti, scale.whole)
-
-    h = ti * log_uniform(random, 0.01, 0.5)
-    step = min(ti / 50, scale.lag / 20, filter_time(ti, td) / 2)
-    every = math.ceil(h / step)
-    samples = max(min(round(log_uniform(random, 600, 3000)), 400_000 // every), 400)
-    t_end = samples * h
+    h, every, t_end = _timing(random, loop)
 
     width = random.choice(WIDTHS)
-    d, friction = 0.0, None
-    if sticks:
-        # A valve with j < s is, seen from outside, one with a gap of s − j and friction of s = j.
-        gap, slip = (width * random.uniform(0.3, 0.7), random.uniform(0.3, 1.0)) if cause == "both" else (0.0, 1.0)
-        s = width - gap
-        friction = Friction(model="he" if departure == FRICTION else "kano", s=s, j=s * slip)
-        d = gap
-    elif cause == "backlash":
-        d = width
-
-    kp = gain * (base.velocity_gain or 0.0) * ti / slower if integrating else gain
-    noise = kp * min(max(width * log_uniform(random, 0.01, 1.0), 0.01), 1.0)
-    coloured = departure == "coloured noise"
-    noises: Piece
-    if coloured:
-        noises = Coloured(sigma=noise, tau=h * log_uniform(random, 1.0, 20.0))
-    elif random.random() < 0.5:
-        noises = Gaussian(sigma=noise)
-    else:
-        noises = Uniform(amplitude=noise * math.sqrt(3))
+    d, friction = _valve(random, cause, width, "he" if departure == FRICTION else "kano")
+    noise = loop.kp * min(max(width * log_uniform(random, 0.01, 1.0), 0.01), 1.0)
+    noise_piece = _noise(random, noise, h, coloured=departure == "coloured noise")
 
     size = min(width * log_uniform(random, 0.3, 6.0), 20.0)
-    apart = max(t_end / random.uniform(8, 60), 2 * loop_time)
-    at_rest = [Steps(steps=((0.0, -50.0),))] if integrating else []  # so that OP rests at 50 %
-    acting = _load(load, random, t_end, apart, size, loop_time)
+    apart = max(t_end / random.uniform(8, 60), 2 * loop.slowest)
+    at_rest = [Steps(steps=((0.0, -50.0),))] if loop.integrates else []  # so that OP rests at 50 %
+    moving = _load(load, random, t_end, apart, size, loop.slowest)
     limits = (0.0, 100.0)
     if departure == "saturation":
         reach = size * random.uniform(0.3, 0.9)
         limits = (50.0 - reach, 50.0 + reach)
+    setpoint_kind, setpoint = _setpoint(random, loop, size, apart, t_end)
 
-    pv_at_rest = 50.0 * gain
-    kind_of_setpoint = random.choice(("constant", "constant", "steps", "cascade"))
-    moves = gain * min(size, 10.0) * random.uniform(0.1, 1.0)
-    setpoint: list[Piece] = [Steps(steps=((0.0, pv_at_rest),))]
-    if kind_of_setpoint == "steps":
-        setpoint = [Steps(steps=((0.0, pv_at_rest), *_steps(random, t_end, apart, moves, pv_at_rest)))]
-    elif kind_of_setpoint == "cascade":
-        setpoint.append(Coloured(sigma=moves, tau=loop_time * random.uniform(1.0, 5.0)))
-
-    weight = random.choice((0.0, 1.0))
-    controller = Controller(k=abs(k), ti=ti, td=td, setpoint_weight=weight, gain_unit="OP/PV")
+    controller = Controller(
+        k=abs(loop.k), ti=loop.ti, td=loop.td, setpoint_weight=random.choice((0.0, 1.0)), gain_unit="OP/PV"
+    )
     scenario = Scenario(
         name=name,
-        plant=scaled(base, gain, slower),
+        plant=scaled(loop.base, loop.gain, loop.slower),
         controller=controller,
         pv_span=(0, 100),
         op_span=(0, 100),
         limits=limits,
         d=d,
         friction=friction,
-        noise=(noises,),
+        noise=(noise_piece,),
         op_resolution=random.choice((0.05, 0.1, 0.25)) if random.random() < 0.2 else 0.0,
-        setpoint=tuple(setpoint),
-        load=(*at_rest, *acting),
+        setpoint=setpoint,
+        load=(*at_rest, *moving),
         h=h / every,
         t_end=t_end,
         seed=random.randrange(2**32),
@@ -263,18 +265,83 @@ def draw(name: str) -> Drawn | None:
     return Drawn(
         scenario=scenario,
         every=every,
-        band=kp * width * log_uniform(random, 0.03, 0.5) if departure == "compression" else 0.0,
+        band=loop.kp * width * log_uniform(random, 0.03, 0.5) if departure == "compression" else 0.0,
         process=process,
         rule=f"{rule} {kind}",
         departure=departure,
-        lag=scale.lag,
-        gain=kp,
+        lag=loop.scale.lag,
+        gain=loop.kp,
         noise=noise,
         d=width if cause in ("backlash", "stiction", "both") else 0.0,
         jump=friction.j if friction else 0.0,
         load_size=size,
-        setpoint=kind_of_setpoint,
+        setpoint=setpoint_kind,
     )
+
+
+def _loop(random: Random, process: str, rule: str, kind: str, near_limit: bool) -> Loop | None:
+    """Process and controller; None where the rule has no tuning for this process.
+
+    `near_limit`: K is 85 to 97 % of the one at the limit of stability. None where that is more than 20 times the
+    rule's K.
+    """
+    tuned = tuned_for(process, rule, kind)
+    if tuned is None:
+        return None
+    base = base_plant(process)
+    gain, slower = random.choice((0.5, 1.0, 1.6)), random.choice((1.0, 10.0, 60.0))
+    k, ti, td, _ = tuned.controller
+    k, ti, td = k / gain, ti * slower, td * slower
+    if near_limit:
+        try:
+            margin = tuning.assess(base, tuned.controller[:3], tf=filter_time(ti, td) / slower).gain_margin
+        except InputError:
+            return None
+        if margin > 20:
+            return None
+        k *= margin * random.uniform(0.85, 0.97)
+    return Loop(base, gain, slower, k, ti, td, TimeScale(*(slower * x for x in time_scale(base))))
+
+
+def _timing(random: Random, loop: Loop) -> Timing:
+    """Sample time of 1 to 50 % of Ti, 400 to 3000 samples of it, and at most 400 000 steps of the simulation."""
+    h = loop.ti * log_uniform(random, 0.01, 0.5)
+    step = min(loop.ti / 50, loop.scale.lag / 20, filter_time(loop.ti, loop.td) / 2)
+    every = math.ceil(h / step)
+    samples = max(min(round(log_uniform(random, 600, 3000)), 400_000 // every), 400)
+    return Timing(h, every, samples * h)
+
+
+def _valve(random: Random, cause: str, width: float, model: Literal["kano", "he"]) -> tuple[float, Friction | None]:
+    """Clearance [% of OP] and friction of a valve whose whole dead band is `width` [% of OP]."""
+    if cause not in ("stiction", "both"):
+        return (width if cause == "backlash" else 0.0), None
+    # A valve with j < s is, seen from outside, one with a gap of s − j and friction of s = j.
+    gap, slip = (width * random.uniform(0.3, 0.7), random.uniform(0.3, 1.0)) if cause == "both" else (0.0, 1.0)
+    s = width - gap
+    return gap, Friction(model=model, s=s, j=s * slip)
+
+
+def _noise(random: Random, sigma: float, h: float, coloured: bool) -> Piece:
+    """Measurement noise of standard deviation `sigma` [PV unit]; `h`: recorded sample time [s]."""
+    if coloured:
+        return Coloured(sigma=sigma, tau=h * log_uniform(random, 1.0, 20.0))
+    if random.random() < 0.5:
+        return Gaussian(sigma=sigma)
+    return Uniform(amplitude=sigma * math.sqrt(3))
+
+
+def _setpoint(random: Random, loop: Loop, size: float, apart: float, t_end: float) -> tuple[str, tuple[Piece, ...]]:
+    """Kind of the setpoint, and its pieces; `size`: that of the load [% of OP], `apart`: time between steps [s]."""
+    at_rest = 50.0 * loop.gain
+    kind = random.choice(("constant", "constant", "steps", "cascade"))
+    moves = loop.gain * min(size, 10.0) * random.uniform(0.1, 1.0)
+    if kind == "steps":
+        return kind, (Steps(steps=((0.0, at_rest), *random_steps(random, t_end, apart, moves, at_rest))),)
+    constant = Steps(steps=((0.0, at_rest),))
+    if kind == "cascade":
+        return kind, (constant, Coloured(sigma=moves, tau=loop.slowest * random.uniform(1.0, 5.0)))
+    return kind, (constant,)
 
 
 def log_uniform(random: Random, low: float, high: float) -> float:
@@ -287,8 +354,10 @@ def filter_time(ti: float, td: float) -> float:
     return td / 5 if td > 0 else ti / 10
 
 
-def _steps(random: Random, t_end: float, apart: float, size: float, rest: float = 0.0) -> list[tuple[float, float]]:
-    """Steps at random times to random values around `rest`."""
+def random_steps(
+    random: Random, t_end: float, apart: float, size: float, rest: float = 0.0
+) -> list[tuple[float, float]]:
+    """Times [s] and values of steps, `apart` seconds from each other on average, within ± `size` of `rest`."""
     t, steps = 0.5 * apart * random.random(), []
     while t < t_end:
         steps.append((t, rest + random.uniform(-size, size)))
@@ -296,14 +365,14 @@ def _steps(random: Random, t_end: float, apart: float, size: float, rest: float 
     return steps
 
 
-def _load(load: str, random: Random, t_end: float, apart: float, size: float, loop_time: float) -> list[Piece]:
-    """Pieces of the load at the process input [% of OP]."""
+def _load(load: str, random: Random, t_end: float, apart: float, size: float, slowest: float) -> list[Piece]:
+    """Pieces of the load at the process input [% of OP]; `slowest`: the loop's [s]."""
     if load == "walk":
         return [Walk(rate=size / math.sqrt(apart))]
     if load == "sine":
-        period = loop_time * log_uniform(random, 2.0, 20.0)
+        period = slowest * log_uniform(random, 2.0, 20.0)
         return [Sine(amplitude=0.5 * size, period=period)]
-    steps = _steps(random, t_end, apart, size)
+    steps = random_steps(random, t_end, apart, size)
     if load in ("steps", "limit"):
         return [Steps(steps=tuple(steps))]
     over = apart * random.uniform(0.2, 0.5)

@@ -331,11 +331,11 @@ def _by(rows: Rows, **equal: Any) -> list[Scored]:
     ]
 
 
-def _share(of: Sequence[bool | None]) -> str:
-    if not of:
+def _share(hits: Sequence[bool | None]) -> str:
+    if not hits:
         return ""
-    share = 100 * sum(bool(x) for x in of) / len(of)
-    return f"{share:.0f} %" if share in (0, 100) or len(of) < 200 else f"{share:.1f} %"
+    share = 100 * sum(bool(x) for x in hits) / len(hits)
+    return f"{share:.0f} %" if share in (0, 100) or len(hits) < 200 else f"{share:.1f} %"
 
 
 def markdown(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:

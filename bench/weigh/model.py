@@ -104,12 +104,12 @@ def balanced(gap: Bools, rows: Names) -> Floats:
     """Weights with which half of each row has a gap, and a row counts as many records as it has."""
     weight = np.zeros(gap.size)
     for row in np.unique(rows):
-        of = rows == row
-        for there in (False, True):
-            one = of & (gap == there)
+        members = rows == row
+        for with_gap in (False, True):
+            alike = members & (gap == with_gap)
             # A row with one kind alone tells nothing of the other.
-            if one.any() and one.sum() < of.sum():
-                weight[one] = 0.5 * of.sum() / one.sum()
+            if alike.any() and alike.sum() < members.sum():
+                weight[alike] = 0.5 * members.sum() / alike.sum()
     return weight
 
 

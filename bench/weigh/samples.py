@@ -161,8 +161,8 @@ def _truth_number(cell: str, number: int) -> int:
 
 def ask(name: str) -> Sample | None:
     """The evidence that today's fit has for a record; None where nothing can be fitted."""
-    source, of = name.split(" ", 1)
-    facts, recording = {"ordinary": _ordinary, "loads": _loads, "truth": _truth, "lengths": _lengths}[source](of)
+    source, rest = name.split(" ", 1)
+    facts, recording = {"ordinary": _ordinary, "loads": _loads, "truth": _truth, "lengths": _lengths}[source](rest)
     begin = process_time()
     try:
         fit = glapp.fit(recording)
@@ -214,68 +214,68 @@ def _ordinary(name: str) -> tuple[dict[str, Any], glapp.Recording]:
     return _of_ordinary(made.truth), made.recording
 
 
-def _of_ordinary(of: ordinary.Truth) -> dict[str, Any]:
+def _of_ordinary(known: ordinary.Truth) -> dict[str, Any]:
     recorders = {"exceptions": "held", "swinging door": "swinging door", "historian": "far apart"}
     return {
-        **_facts(of.number, of.d, of.gain, of.sigma, of.h, of.samples, of.lag),
-        "half": of.half,
-        "row": f"ordinary {of.row}",
+        **_facts(known.number, known.d, known.gain, known.sigma, known.h, known.samples, known.lag),
+        "half": known.half,
+        "row": f"ordinary {known.row}",
         # Twins are left out together: one swings by itself, or is driven as if it did.
-        "load": "own cycle" if of.row in ordinary_design.CYCLES else LOADS[of.kind],
-        "process": of.service,
-        "recorder": recorders.get(of.row, "every row"),
-        "friction": "none" if of.fault == "driven" else of.fault,
-        "identifiable": of.identifiable,
+        "load": "own cycle" if known.row in ordinary_design.CYCLES else LOADS[known.kind],
+        "process": known.service,
+        "recorder": recorders.get(known.row, "every row"),
+        "friction": "none" if known.fault == "driven" else known.fault,
+        "identifiable": known.identifiable,
     }
 
 
 def _loads(name: str) -> tuple[dict[str, Any], glapp.Recording]:
     made = loads.record(name)
-    of = made.truth(loads.SAMPLES)
+    known = made.truth(loads.SAMPLES)
     row, gap, number = name.split("/")
     recorders = {"swinging door": "swinging door", "recorder shifts": "shifts", "transmitter shifts": "shifts"}
     recorders |= {"outliers": "outliers", "PV filtered": "filtered"}
     return {
-        **_facts(int(number), made.d, made.gain, made.sigma, of.h, of.samples, made.lag),
+        **_facts(int(number), made.d, made.gain, made.sigma, known.h, known.samples, made.lag),
         "row": f"loads {row}",
         "load": LOADS.get(row, "drift"),
         "process": "lags",
         "recorder": recorders.get(row, "every row"),
         "friction": gap,
-        "identifiable": of.identifiable,
+        "identifiable": known.identifiable,
     }, made.recording(loads.SAMPLES)
 
 
 def _truth(name: str) -> tuple[dict[str, Any], glapp.Recording]:
     made = truth.record(name)
     assert made is not None
-    record, of = made
+    record, known = made
     number = (int(name.rsplit("/", 1)[1]) - FIRST["truth"]) // 100
     faults = {"backlash": "gap", "stiction": "friction", "both": "both"}
     kept = {"compression": "held", "saturation": "saturated"}
     return {
-        **_facts(number, of.d, of.gain, of.sigma, of.h, of.samples, of.lag),
-        "row": f"truth {of.load}" if of.load in truth_design.LOADS else "truth oscillation",
-        "load": LOADS[of.load],
-        "process": of.process,
-        "recorder": kept.get(of.departure, "every row"),
-        "friction": faults.get(of.cause, "none"),
-        "identifiable": of.identifiable,
+        **_facts(number, known.d, known.gain, known.sigma, known.h, known.samples, known.lag),
+        "row": f"truth {known.load}" if known.load in truth_design.LOADS else "truth oscillation",
+        "load": LOADS[known.load],
+        "process": known.process,
+        "recorder": kept.get(known.departure, "every row"),
+        "friction": faults.get(known.cause, "none"),
+        "identifiable": known.identifiable,
     }, record.recording
 
 
 def _lengths(name: str) -> tuple[dict[str, Any], glapp.Recording]:
     made = lengths.made(name, LENGTH)
     load, _, gap, number = name.split("/")
-    of = made.truth(LENGTH)
+    known = made.truth(LENGTH)
     return {
-        **_facts(int(number), made.d, made.gain, made.sigma, of.h, LENGTH, made.lag),
+        **_facts(int(number), made.d, made.gain, made.sigma, known.h, LENGTH, made.lag),
         "row": f"lengths {load}",
         "load": LOADS[load],
         "process": "long",
         "recorder": "every row",
         "friction": gap,
-        "identifiable": of.identifiable,
+        "identifiable": known.identifiable,
     }, made.recording(LENGTH)
 
 

@@ -69,7 +69,7 @@ def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
     """Turn one of pydantic's findings into our line: key, value, bound."""
     found = error.errors(include_url=False)
     # A misspelt key is not the missing one: the misspelling is reported.
-    first = next((one for one in found if one["type"] == "extra_forbidden"), found[0])
+    first = next((fault for fault in found if fault["type"] == "extra_forbidden"), found[0])
     path = [str(p) for p in first["loc"] if not (isinstance(p, str) and ("[" in p or p in {"str", "int", "float"}))]
     inner = first.get("ctx", {}).get("error")
     if isinstance(inner, InputError):

@@ -246,7 +246,7 @@ class Limit(_Part):
     width: Value
     """Limit as a width [`unit`]; null where the span is not known."""
     origin: Literal["given", "nominal"]
-    """given: by a person, for this loop; nominal: by nobody, and 1 % of span is taken (EnTech's nominal dead band)."""
+    """given: in the settings of the loop; nominal: not given, and 1 % of span is taken (EnTech's nominal dead band)."""
 
 
 class Trend(_Part):
@@ -377,20 +377,20 @@ class Answer(_Part):
     p_beyond: Value
     """Probability of one beyond the limit."""
     terms: Terms | None
-    """Contribution of each kind of evidence to the log-odds of a dead band; above 0 it speaks for one."""
+    """Contribution of each kind of evidence to the log-odds of a dead band; above 0 is evidence for one."""
     log_bayes_factor: Value
     """ln of how many times likelier the evidence is with a dead band than without."""
     prior: Value
     """Share of valves with a dead band that `p_gap` starts from."""
     limit: Limit | None
-    """Acceptable limit; null where nobody stated it and the span is not known."""
+    """Acceptable limit; null where it is not given and the span is not known."""
     acceptable: Literal["within", "beyond", "open"] | None
     """The width compared with the acceptable limit; open: the interval holds the limit. Null where either is not known.
     """
     next: Next
     """Next step."""
     urgency: Literal["none", "low", "medium", "high"]
-    """Urgency; at most medium by a limit that nobody gave."""
+    """Urgency; at most medium by a limit that was not given."""
     health: Literal["NORMAL", "MAINTENANCE_REQUIRED"]
     """Health of the valve by NAMUR NE 107."""
     trend: Trend | None
@@ -511,7 +511,7 @@ class Repair(_Part):
     """The valve before and after its repair."""
 
     noted: str | None
-    """Time of the repair, as a person states it; null where the width was seen to fall and nobody said so."""
+    """Time of the repair in the settings; null where only a fall of the width shows it."""
     before: RepairSide
     """Up to 7 days before."""
     after: RepairSide

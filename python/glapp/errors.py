@@ -105,6 +105,6 @@ def unforeseen(error: Exception, file: str | None, loop: str | None = None) -> I
 
 
 def _one_line(text: str) -> str:
-    """Keep the promise of one line whatever the value holds (line breaks, control characters, a page of text)."""
+    """One line, whatever the value holds (line breaks, control characters, a page of text)."""
     clean = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
     return clean if len(clean) <= 600 else clean[:597] + "..."

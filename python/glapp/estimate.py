@@ -16,7 +16,6 @@ from . import _glapp
 from ._glapp import to_text
 from .arrays import column
 from .controller import Ideal
-from .cut import since_repair
 from .errors import InputError
 from .fit import Fit, fit_from_core
 from .identify import Identification, identification_from_core, identified
@@ -24,6 +23,7 @@ from .loop import Loop
 from .progress import Progress, shares
 from .quality import Finding, findings_from_core
 from .recording import Recording, with_op_unit
+from .repair_split import since_repair
 from .result import REASONS, Answer, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
 from .step_test import step_test_from_core
@@ -175,13 +175,13 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         opened = _all_of(recording, loop, signals)
         parts = shares(progress, *[1 / max(len(opened), 1)] * len(opened))
         pairs = zip(opened, parts, strict=True)
-        return [_judged(one, trust, fit, part) for one, part in pairs]
+        return [_judged(single, trust, fit, part) for single, part in pairs]
     recording = recording_of(recording, loop, **signals)
     return _judged(recording, trust, fit, progress)
 
 
 def _judged(recording: Recording, trust: bool, fit: bool, progress: Progress | None) -> Result:
-    """All that is asked of a recording; without `fit` its texts say that it was left out."""
+    """The result of a recording; without `fit` its texts state that it was left out."""
     result = _analyzed(recording, INSPECTED_ROWS, progress, trust=trust, fit=fit)
     return result if fit else replace(result, fit_left_out="OP" in recording.columns)
 
@@ -192,11 +192,11 @@ def _all_of(several: list[Any], loop: Loop | None, signals: dict[str, Any]) -> l
 
     plain = loop is None and all(column is None for column in signals.values())
     opened: list[Recording] = []
-    for one in several:
-        if plain and isinstance(one, str | os.PathLike):
-            opened += open_recordings(Path(one))
+    for source in several:
+        if plain and isinstance(source, str | os.PathLike):
+            opened += open_recordings(Path(source))
         else:
-            opened.append(recording_of(one, loop, **signals))
+            opened.append(recording_of(source, loop, **signals))
     return opened
 
 
@@ -418,7 +418,7 @@ def identify(
     Returns
     -------
     Identification
-        Whatever cannot be found is said in `reason`.
+        `reason` names what cannot be found.
 
     Raises
     ------
@@ -628,7 +628,7 @@ def nothing_accepted(rejected: dict[str, int]) -> str:
 
 
 def _given_setpoint_weight(loop: Loop) -> float | None:
-    """Setpoint weight b where a person stated it; its default says nothing about the controller."""
+    """Setpoint weight b where it was given; its default is no fact about the controller."""
     controller = loop.controller
     if controller is None or "setpoint_weight" not in controller.model_fields_set:
         return None

@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike
 from . import _glapp
 from ._glapp import to_text
 from .controller import Ideal
-from .cut import since_repair
 from .errors import InputError
 from .loop import Loop
 from .progress import Progress, shares
 from .recording import Batch, Recording, with_op_unit
+from .repair_split import since_repair
 from .samples import recording_of
 from .valve import in_order, one_valve, since
 
-__all__ = ["Fit", "OneOfMany", "Process", "Trend", "Window", "fit", "fit_batches", "fit_recordings", "history"]
+__all__ = ["Fit", "Process", "RecordingFit", "Trend", "Window", "fit", "fit_batches", "fit_recordings", "history"]
 __all__ += ["process_sign"]
 
 Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
@@ -74,16 +74,16 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class OneOfMany:
-    """One of several recordings of a valve.
+class RecordingFit:
+    """The fit of one of several recordings of a valve.
 
     - `source`: file name as the user wrote it, or "memory".
     - `t0`: time of its first row.
-    - `fit`: what it says alone.
-    - `repeated`: share of its rows that an earlier recording holds already: their PV counts there and not here.
+    - `fit`: answer from this recording alone.
+    - `repeated`: share of its rows that an earlier recording holds too; their PV counts in the earlier one only.
     - `left_out`: why it does not count in the joint answer; None where it does.
-    - `adds`: likelihood ratio of no gap that it adds to the joint one.
-    - `shown`: whether it is the one that shows best what all say.
+    - `adds`: its part of the joint likelihood ratio of no gap.
+    - `shown`: whether figures and windows are those of this recording.
     """
 
     source: str
@@ -100,8 +100,8 @@ class Trend:
     """Trend of the width from window to window.
 
     - `slope`, `error`: change of the width and its standard error [OP unit/day].
-    - `windows`: Windows with a width that it is based on.
-    - `t`, `d`: from when to when [s since the recording's first row], and the line's widths there [OP unit].
+    - `windows`: number of windows with a width.
+    - `t`, `d`: begin and end of the line [s since the recording's first row], and its widths there [OP unit].
     - `changes`: whether the width clearly changes: five windows or more, and three standard errors.
     """
 
@@ -142,7 +142,7 @@ class Fit:
         and limits are those of the newest window that gave a width; else they are those of all windows together.
     windows : list of Window
         The windows of the recording that were fitted; of several recordings, those of the one that shows best.
-    recordings : list of OneOfMany
+    recordings : list of RecordingFit
         Where several recordings of one valve were given, each of them in the order of time, with its own answer.
     best : dict
         All results of the clearest window's fit, as the core gives them, with the time `t` of each cell and the
@@ -152,7 +152,7 @@ class Fit:
     why : str
         Code of what decided, which stays the same; `reason` is its sentence.
     through_pv : Fit or None
-        Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
+        Where the valve's position was recorded and settled the answer, the answer from PV alone. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
         interval holds both, and with a gap in one of them alone the verdict is *cannot_tell*.
     message : dict or None
@@ -178,7 +178,7 @@ class Fit:
     process: Process | None = None
     trend: Trend | None = None
     windows: list[Window] = field(default_factory=list)
-    recordings: list[OneOfMany] = field(default_factory=list)
+    recordings: list[RecordingFit] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
     why: str = ""
     through_pv: Fit | None = None
@@ -313,7 +313,7 @@ def fit(
     """
     if isinstance(recording, Sequence):
         signals = {"t": t, "sp": sp, "pv": pv, "op": op, "position": position, "flags": flags}
-        every = [recording_of(one, loop, **signals) for one in recording]
+        every = [recording_of(source, loop, **signals) for source in recording]
         if not every:
             raise InputError("holds no recording", parameter="recording")
         every = since_repair(every)
@@ -357,22 +357,22 @@ def fit_recordings(
     one_valve(recordings)
     place = {id(recording): i for i, recording in enumerate(recordings)}
     recordings = in_order(recordings)
-    known = [None if unfit is None else unfit[place[id(recording)]] for recording in recordings]
+    ruled_out = [None if unfit is None else unfit[place[id(recording)]] for recording in recordings]
     loop = recordings[0].loop
     sign = process_sign(loop, loop.ideal())
     *reading, fitting = shares(progress, *[0.3 / len(recordings)] * len(recordings), 0.7)
     batches = [
-        _read(one, sign, progress_of)[0] if why is None else []
-        for one, progress_of, why in zip(recordings, reading, known, strict=True)
+        _read(recording, sign, progress_of)[0] if why is None else []
+        for recording, progress_of, why in zip(recordings, reading, ruled_out, strict=True)
     ]
     starts = since(recordings)
-    fitted = [pair for pair, why in zip(zip(starts, batches, strict=True), known, strict=True) if why is None]
+    fitted = [pair for pair, why in zip(zip(starts, batches, strict=True), ruled_out, strict=True) if why is None]
     found: dict[str, Any] = {"pv": {"unfit": ("few", 0.0)}, "position": None}
     if fitted:
         found = _glapp.fit_valve(fitted, sign, fitting)
     decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement", "weighed")}
     loop = with_op_unit(loop, *(batch for parts in batches for batch in parts))
-    through_pv = replace(_valve(found["pv"], recordings, known, loop.op_label), **decided)
+    through_pv = replace(_valve(found["pv"], recordings, ruled_out, loop.op_label), **decided)
     if found["position"] is None:
         return through_pv
     both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
@@ -382,13 +382,13 @@ def fit_recordings(
 def _valve(
     answer: dict[str, Any],
     recordings: Sequence[Recording],
-    known: Sequence[tuple[Verdict, str, str] | None],
+    ruled_out: Sequence[tuple[Verdict, str, str] | None],
     unit: str,
 ) -> Fit:
     """The answer of several recordings, in words."""
-    own = iter(answer.get("recordings") or [answer] * len(known))
-    each = []
-    for recording, why in zip(recordings, known, strict=True):
+    own = iter(answer.get("recordings") or [answer] * len(ruled_out))
+    singles = []
+    for recording, why in zip(recordings, ruled_out, strict=True):
         found: dict[str, Any] = {} if why is not None else next(own)
         if why is not None:
             alone = Fit(why[0], why[2], unit, why=why[1])
@@ -397,8 +397,8 @@ def _valve(
         else:
             alone = _fit_from_answer(found, unit)
         word = found.get("left_out", "unfit")
-        each.append(
-            OneOfMany(
+        singles.append(
+            RecordingFit(
                 source=recording.source,
                 t0=recording.t0,
                 fit=alone,
@@ -409,15 +409,17 @@ def _valve(
             )
         )
     if "unfit" in answer:
-        verdict: Verdict = "oscillation" if all(one.fit.verdict == "oscillation" for one in each) else "cannot_tell"
-        reason = to_text("fit.no_recording", {"all": len(each), "said": each[0].fit.reason})
-        return Fit(verdict, reason, unit, recordings=each)
+        verdict: Verdict = (
+            "oscillation" if all(single.fit.verdict == "oscillation" for single in singles) else "cannot_tell"
+        )
+        reason = to_text("fit.no_recording", {"all": len(singles), "said": singles[0].fit.reason})
+        return Fit(verdict, reason, unit, recordings=singles)
     best = answer["recordings"][answer["shown"]]
     return replace(
         _fit_from_answer(answer | {"windows": best["windows"], "shown": best["shown"]}, unit),
-        reason=_of_many(answer, each, unit),
-        message=_joint(answer, each),
-        recordings=each,
+        reason=_of_many(answer, singles, unit),
+        message=_joint(answer, singles),
+        recordings=singles,
     )
 
 
@@ -426,37 +428,39 @@ def _left_out(word: str, alone: Fit) -> str:
     return alone.reason if word == "unfit" else to_text(f"left_out.{word}")
 
 
-def _of_many(answer: dict[str, Any], each: list[OneOfMany], unit: str) -> str:
+def _of_many(answer: dict[str, Any], singles: list[RecordingFit], unit: str) -> str:
     """Verdict and evidence of several recordings: how many count, and why the others do not."""
-    names = _names(each)
-    numbers = _joint(answer, each)["numbers"] | {"said": _sentence(answer, unit)}
+    names = _names(singles)
+    numbers = _joint(answer, singles)["numbers"] | {"said": _sentence(answer, unit)}
     sentences = [to_text("fit.recordings", numbers)]
     reasons: dict[str, list[str]] = {}
-    for name, one in zip(names, each, strict=True):
-        if one.left_out is not None:
-            reasons.setdefault(one.left_out, []).append(name)
-    sentences += [to_text("fit.not_counted", {"why": why, "names": ", ".join(of)}) for why, of in reasons.items()]
+    for name, single in zip(names, singles, strict=True):
+        if single.left_out is not None:
+            reasons.setdefault(single.left_out, []).append(name)
     sentences += [
-        to_text("fit.repeated", {"share": one.repeated, "name": name})
-        for name, one in zip(names, each, strict=True)
-        if one.repeated
+        to_text("fit.not_counted", {"why": why, "names": ", ".join(sources)}) for why, sources in reasons.items()
+    ]
+    sentences += [
+        to_text("fit.repeated", {"share": single.repeated, "name": name})
+        for name, single in zip(names, singles, strict=True)
+        if single.repeated
     ]
     return ". ".join(sentences)
 
 
-def _joint(answer: dict[str, Any], each: list[OneOfMany]) -> dict[str, Any]:
+def _joint(answer: dict[str, Any], singles: list[RecordingFit]) -> dict[str, Any]:
     """Verdict and evidence of several recordings, as a message."""
     alone = None
     if not answer["shared"]:
-        alone = next(name for name, one in zip(_names(each), each, strict=True) if one.shown)
-    counted = sum(one.left_out is None for one in each)
-    numbers = {"counted": counted, "all": len(each), "alone": alone, "said": answer["message"]}
+        alone = next(name for name, single in zip(_names(singles), singles, strict=True) if single.shown)
+    counted = sum(single.left_out is None for single in singles)
+    numbers = {"counted": counted, "all": len(singles), "alone": alone, "said": answer["message"]}
     return {"code": "fit.recordings", "numbers": numbers}
 
 
-def _names(each: list[OneOfMany]) -> list[str]:
+def _names(singles: list[RecordingFit]) -> list[str]:
     """Names of recordings, made different where several have the same one."""
-    names = [one.source for one in each]
+    names = [single.source for single in singles]
     if len(set(names)) < len(names):
         return [f"{name} ({place})" for place, name in enumerate(names, 1)]
     return names

@@ -148,7 +148,7 @@ def identified(
     Returns
     -------
     Identification
-        Never raises on data: whatever cannot be found is said in `reason`.
+        Never raises on data: `reason` names what cannot be found.
 
     Examples
     --------

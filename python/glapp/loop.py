@@ -17,7 +17,7 @@ from .controller import Controller, Ideal, Span
 from .errors import InputError
 from .notebook import table
 
-__all__ = ["Cascade", "Columns", "Loop", "Positioner", "Process", "Tags", "TimeFormat"]
+__all__ = ["Cascade", "Columns", "Loop", "Positioner", "Process", "Tags", "TimeFormat", "op_unit"]
 
 TimeFormat = Literal[
     "day first",
@@ -361,3 +361,8 @@ class Loop(Checked):
                 bound="'%/%' or 'PV/OP'",
             )
         return kp * ratio
+
+
+def op_unit(unit: str) -> str:
+    """The unit of OP as a sentence needs it: `%` alone does not say of what."""
+    return "%OP" if unit == "%" else unit

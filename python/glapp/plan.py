@@ -21,7 +21,7 @@ from .controller import Ideal
 from .errors import InputError
 from .estimate import analyze
 from .fit import Fit, Process, fit
-from .loop import Loop
+from .loop import Loop, op_unit
 from .planned import OPEN, Kind, Limits, Plan, Planned
 from .plant import Plant
 from .progress import Progress
@@ -116,21 +116,21 @@ def plan_test(
     process, the valve follows OP with a gap of the width, or without, and w is what is left of the recorded PV, taken
     from a place of the recording that is another one in each simulation. It is the same w with the gap and without:
     that of the two which leaves less of the recording. Gain and times of the process are drawn from within their 95 %
-    limits, separately for each simulation: a process that is not well known makes a promise smaller.
+    limits, separately for each simulation: a process that is not well known makes the power smaller.
 
     More hours: the loop with its gap is simulated in automatic, with the recorded course of SP backwards and forwards
-    in turn, and fitted together with the recording. Told is the shortest of once, three and nine times its length that
-    shows the gap in 80 %.
+    in turn, and fitted together with the recording. The plan names the shortest of once, three and nine times its
+    length that shows the gap in 80 %.
 
     Known bias: valve and load are those of the fit. Where the true gain is below its limits, or the process slower than
-    its limits allow, less is decided than promised. A valve that sticks is simulated as one with a gap.
+    its limits allow, the true power is below the stated one. A valve that sticks is simulated as one with a gap.
 
     Parameters
     ----------
     recording : Recording
         The loop's recording.
     result : Result
-        What `glapp.analyze` says of it.
+        The result of `glapp.analyze` for it.
     begins : Recording, optional
         A later recording of the loop, at whose end the test begins; the same where not given.
     op_within, pv_within : (float, float), optional
@@ -153,8 +153,8 @@ def plan_test(
     Raises
     ------
     InputError
-        Where OP and PV were not fitted or do not show the process, a limit is out of its bounds, or nobody knows which
-        width is asked for.
+        Where OP and PV were not fitted or do not show the process, a limit is out of its bounds, or no width in
+        question is given or follows from the answer.
 
     Examples
     --------
@@ -213,7 +213,7 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
     """Plan a test for a loop with one recording or several: from the newest one whose fit shows the process.
 
     - `recordings`: in the order of time; the test begins where the last one ends.
-    - `result`: what `glapp.analyze` says of all of them; it names the width in question where `asked` does not.
+    - `result`: the result of `glapp.analyze` for all of them; it gives the width in question where `asked` does not.
     - `**asked`: as in `plan_test`.
 
     Raises InputError as `plan_test`, of the newest recording that could be fitted.
@@ -226,7 +226,7 @@ def plan_from(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
             return plan_test(recording, alone, width=width, begins=recordings[-1], **asked)
         except InputError as error:
             refused.append((alone.fit is None or alone.fit.process is None, error))
-    raise min(refused, key=lambda one: one[0])[1]  # the reason against a long recording says more
+    raise min(refused, key=lambda refusal: refusal[0])[1]  # the reason against a long recording helps more
 
 
 def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> Result:
@@ -244,11 +244,6 @@ def with_plan(recordings: Sequence[Recording], result: Result, **asked: Any) -> 
         unit, pv_unit = result.unit, result.loop.pv_unit or "PV unit"
         plan = Plan(result.name, result.source, unit, pv_unit, math.nan, none, none, within, (), str(error))
     return replace(result, plan=plan)
-
-
-def _op_unit(unit: str) -> str:
-    """The unit of OP as a sentence needs it."""
-    return "%OP" if unit == "%" else unit
 
 
 def _width(result: Result) -> float:
@@ -298,7 +293,7 @@ class _Fitted:
     @property
     def op_unit(self) -> str:
         """Unit of OP as a sentence needs it."""
-        return _op_unit(self.fit.unit)
+        return op_unit(self.fit.unit)
 
     @property
     def pv_unit(self) -> str:
@@ -324,7 +319,7 @@ class _Fitted:
         settling = _settling(plant)
         skip = min(len(pv) // 4, int(settling / h))
         either = [_Left.of(plant, op, pv, d, h, skip) for d in (width, 0.0)]
-        left = min(either, key=lambda one: one.moves_by(max(1, round(settling / h))))
+        left = min(either, key=lambda residual: residual.moves_by(max(1, round(settling / h))))
         last = _last_values(begins)
         s = result.settings
         known = s.k is not None and s.ti is not None
@@ -398,7 +393,7 @@ def _known_process(result: Result, loop: Loop) -> tuple[Fit, Process, tuple[floa
     if gains is None:
         raise InputError(
             f"the process gain is too uncertain: {process.kp[1]:.3g} to {process.kp[2]:.3g} "
-            f"{loop.pv_unit or 'PV unit'} per {_op_unit(result.unit)}",
+            f"{loop.pv_unit or 'PV unit'} per {op_unit(result.unit)}",
             **where,
             hint="record the loop while OP or the setpoint is stepped once or twice",
         )

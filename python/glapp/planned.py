@@ -97,17 +97,17 @@ class Plan:
     @property
     def by_hand(self) -> Planned | None:
         """The test with OP by hand, where one can be proposed."""
-        return next((one for one in self.tests if one.kind == "by_hand" and one.power is not None), None)
+        return next((test for test in self.tests if test.kind == "by_hand" and test.power is not None), None)
 
     def __repr__(self) -> str:
         tests = ", ".join(
-            f"{one.kind} {'refused' if one.power is None else f'{one.power:.0%} in {one.minutes:.0f} min'}"
-            for one in self.tests
+            f"{test.kind} {'refused' if test.power is None else f'{test.power:.0%} in {test.minutes:.0f} min'}"
+            for test in self.tests
         )
         return f"<Plan {self.name}: a gap of {self.width:.3g} {self.unit}; {tests}>"
 
     def __getitem__(self, kind: Kind) -> Planned:
-        return next(one for one in self.tests if one.kind == kind)
+        return next(test for test in self.tests if test.kind == kind)
 
     def to_dict(self) -> dict[str, Any]:
         """The plan in plain types, as `glapp plan-test --json` writes it."""

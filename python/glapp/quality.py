@@ -162,7 +162,7 @@ def inspect(
     - `k`: controller gain used, signed [OP unit per PV unit].
     - `ti`: integral time used [s].
     - `td`: derivative time used [s], 0 for a PI controller.
-    - `identification`: what the recording itself says of K, Ti and Td; compared with `k`, `ti` and `td` when usable.
+    - `identification`: K, Ti and Td as identified from the recording; compared with `k`, `ti` and `td` when usable.
     - `pv_span`, `op_span`: ranges of the instruments, where they are known [PV unit, OP unit].
     - `pv_unit`, `op_unit`: units for the texts.
     - `t0`: time of t = 0, to name times as a person knows them.
@@ -208,10 +208,10 @@ def findings_from_core(
     first_row: int = 2,
 ) -> list[Finding]:
     """Put findings of the core into words and list them behind those that are known, gravest first."""
-    findings = [*known, *(_finding(one, pv_unit, op_unit, t0, first_row) for one in found)]
-    # Findings that depend on an assumed gain are known last.
+    findings = [*known, *(_finding(finding, pv_unit, op_unit, t0, first_row) for finding in found)]
+    # A finding that rests on an assumed gain comes after all others.
     grave = ("refuse", "warning", "info")
-    return sorted(findings, key=lambda one: (one.code == "kp_assumed", grave.index(one.severity)))
+    return sorted(findings, key=lambda finding: (finding.code == "kp_assumed", grave.index(finding.severity)))
 
 
 def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:

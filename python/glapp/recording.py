@@ -231,7 +231,7 @@ class Recording(ABC):
         """Share of the file or table that the latest pass has read, 0..1; None before the first pass."""
 
     def release(self) -> None:
-        """Let go of rows that are held in memory; they are read again where they are asked for again."""
+        """Free the rows that are held in memory; they are read again where they are needed again."""
         return None
 
 

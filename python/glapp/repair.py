@@ -13,13 +13,13 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from . import _glapp
-from .cut import moment_in, until_repair
 from .estimate import analyze
-from .fit import Fit, OneOfMany, Window
-from .many import analyze_recordings
+from .fit import Fit, RecordingFit, Window
 from .recording import Batch, Recording, joined
+from .repair_split import moment_in, until_repair
 from .repaired import Repair, Side
 from .result import Result
+from .several_recordings import analyze_recordings
 
 __all__ = ["DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
 
@@ -41,7 +41,7 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
     was recorded before and after the fall, and the widths are the means of either.
 
     - `recordings`: all recordings of the loop.
-    - `result`: what `glapp.analyze` says of them.
+    - `result`: the result of `glapp.analyze` for them.
     - `trust`, `fit`: as in `glapp.analyze`.
 
     Examples
@@ -75,19 +75,19 @@ def with_repair(recordings: Sequence[Recording], result: Result, *, trust: bool 
 
 
 def _seen(recordings: Sequence[Recording], result: Result) -> Result:
-    """The result with the repair that a fall of the width shows, which nobody has noted."""
+    """The result with the repair that a fall of the width shows, and which is not noted in the settings."""
     if result.fit is None:
         return result
     each: list[tuple[float, float, Fit | Window]]
     if result.fit.recordings:
-        if any(one.t0 is None for one in result.fit.recordings):
+        if any(single.t0 is None for single in result.fit.recordings):
             return result
-        counted = [one for one in result.fit.recordings if one.left_out is None]
-        each = [(_since_1970(one), math.inf, one.fit) for one in counted]
+        counted = [single for single in result.fit.recordings if single.left_out is None]
+        each = [(_since_1970(single), math.inf, single.fit) for single in counted]
     else:
         begin = _since_1970(recordings[0])
-        each = [(begin + one.t_start, begin + one.t_end, one) for one in result.fit.windows]
-    found = fall_of([{"t": t} | {name: getattr(one, name) for name in _WIDTH} for t, _, one in each])
+        each = [(begin + single.t_start, begin + single.t_end, single) for single in result.fit.windows]
+    found = fall_of([{"t": t} | {name: getattr(single, name) for name in _WIDTH} for t, _, single in each])
     if found is None:
         return result
     end = next(end for t, end, _ in each if t == found["t"][0])
@@ -111,7 +111,7 @@ def fall_of(widths: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     >>> found["t"], round(found["before"][0], 2), round(found["after"][0], 2)
     ([1.0, 2.0], 2.05, 0.35)
     """
-    return _glapp.width_fall(json.dumps([_for_core(one) for one in widths if one["verdict"] in _VERDICTS]))
+    return _glapp.width_fall(json.dumps([_for_core(width) for width in widths if width["verdict"] in _VERDICTS]))
 
 
 def _for_core(width: Mapping[str, Any]) -> dict[str, Any]:
@@ -180,7 +180,7 @@ def ends_of(rows: Batch) -> tuple[float, float]:
     return float(rows.t.min()), float(rows.t.max())
 
 
-def _since_1970(recording: Recording | OneOfMany) -> float:
+def _since_1970(recording: Recording | RecordingFit) -> float:
     """Time 0 of a recording [s since 1970], by its own clocks where it has no zone; 0 without a date."""
     if recording.t0 is None:
         return 0.0

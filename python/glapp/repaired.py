@@ -19,7 +19,7 @@ class Side:
 
     - `begin`, `end`: first and last row that was looked at; seconds where the recording has no date, None where there
       are no rows.
-    - `verdict`, `confidence`: what the answer of that side says; None where there is none.
+    - `verdict`, `confidence`: those of the answer of that side; None where there is none.
     - `d`, `low`, `high`: its width and limits [OP unit].
     - `days`: time in automatic that was looked at [d]; None, as all that follows, where too little was.
     - `deviation`: standard deviation of PV about SP with its 95 % limits [PV unit].
@@ -55,7 +55,7 @@ class Difference:
 class Repair:
     """Before and after.
 
-    - `noted`: when a person says that the valve was repaired; None where the width was seen to fall and nobody said so.
+    - `noted`: time of the repair in the settings; None where only a fall of the width shows it.
     - `width`, `deviation`, `travel`, `reversals`: the difference; None where it is not known on both sides.
     """
 

@@ -185,7 +185,7 @@ class Corrected:
 
     It is shown in addition to the estimate, never instead of it.
 
-    Between two turns OP travels d and all that PV's way from plateau to plateau asks of the valve, not half of it:
+    Between two reversals OP travels d, and PV's whole way from plateau to plateau over Kp, not half of it:
     travel = d + way/Kp. Where Kp is not known, several half-periods of different Δy give d and Kp together.
 
     Attributes
@@ -338,7 +338,7 @@ class Answer:
     p_gap, p_beyond : float or None
         Probability of a dead band, and of one beyond the limit, 0.02 to 0.98; None where no evidence was weighed.
     terms : dict or None
-        What each kind of evidence adds to the log-odds of a dead band; above 0 it speaks for one.
+        What each kind of evidence adds to the log-odds of a dead band; above 0 is evidence for one.
     log_bayes_factor : float or None
         ln of how many times more probable the evidence is with a dead band than without.
     prior : float or None
@@ -462,7 +462,7 @@ def decide(
         "prior": loop.prior(),
         "step_test": test
         and {"d": test.d, "low": test.low, "high": test.high, "decided": test.asked and test.asked.found},
-        "harm": [{"pv_share": one.pv_share, "op_share": one.op_share} for one in harm],
+        "harm": [{"pv_share": part.pv_share, "op_share": part.op_share} for part in harm],
     }
     return Answer.of(_glapp.summary(json.dumps(facts)))
 
@@ -772,7 +772,7 @@ class Result:
                 "jump": f.jump,
                 "position": "contradicts" if contradicts else None,
                 "reason": f.reason,
-                "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
+                "recordings": [sum(single.left_out is None for single in f.recordings), len(f.recordings)],
             },
             "fit_left_out": self.fit_left_out,
             **{

@@ -26,14 +26,14 @@ class Column(NamedTuple):
 
     name: str
     kind: Kind
-    of: Callable[[dict[str, Any]], Any]
+    get: Callable[[dict[str, Any]], Any]
 
 
 def columns() -> list[Column]:
     """The columns of a loop's row, in the order in which the models declare their fields.
 
-    A part of the answer has its name before those of its fields, but the controller. Of a list of findings their codes
-    are told, of windows how many there are; notes are left out.
+    A part of the answer has its name before those of its fields, but the controller. A list of findings gives their
+    codes, the windows give their number; notes are left out.
 
     Examples
     --------
@@ -43,49 +43,49 @@ def columns() -> list[Column]:
     return list(_of_model(LoopAnswer, "", lambda answer: answer))
 
 
-def _of_model(model: type[BaseModel], prefix: str, of: Callable[[dict[str, Any]], Any]) -> Iterator[Column]:
+def _of_model(model: type[BaseModel], prefix: str, get: Callable[[dict[str, Any]], Any]) -> Iterator[Column]:
     """Columns of a row, by the fields of a model."""
     for name, field in model.model_fields.items():
         given = next((x for x in field.metadata if isinstance(x, Columns)), None)
-        yield from _of_field(f"{prefix}{name}", field.annotation, given, _at(of, name))
+        yield from _of_field(f"{prefix}{name}", field.annotation, given, _at(get, name))
 
 
-def _at(of: Callable[[dict[str, Any]], Any], key: Any) -> Callable[[dict[str, Any]], Any]:
+def _at(get: Callable[[dict[str, Any]], Any], key: Any) -> Callable[[dict[str, Any]], Any]:
     """Function for a part of the answer; None where the whole is None."""
 
     def value(answer: dict[str, Any]) -> Any:
-        whole = of(answer)
+        whole = get(answer)
         return None if whole is None else whole[key]
 
     return value
 
 
-def _of_field(name: str, kind: Any, given: Columns | None, of: Callable[[dict[str, Any]], Any]) -> Iterator[Column]:
+def _of_field(name: str, kind: Any, given: Columns | None, get: Callable[[dict[str, Any]], Any]) -> Iterator[Column]:
     """Columns of a row, by one field."""
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
-        (kind,) = {one for one in typing.get_args(kind) if one is not type(None)}
+        (kind,) = {member for member in typing.get_args(kind) if member is not type(None)}
     if typing.get_origin(kind) is typing.Annotated:
         kind, *more = typing.get_args(kind)
         given = given or next((x for x in more if isinstance(x, Columns)), None)
     if given is not None:
-        yield from (Column(f"{name}{end}", "float64", _at(of, i)) for i, end in enumerate(given.ends))
+        yield from (Column(f"{name}{end}", "float64", _at(get, i)) for i, end in enumerate(given.ends))
     elif typing.get_origin(kind) is Literal:
-        yield Column(name, "string", of)
+        yield Column(name, "string", get)
     elif kind in KINDS:
-        yield Column(name, KINDS[kind], of)
+        yield Column(name, KINDS[kind], get)
     elif isinstance(kind, type) and issubclass(kind, BaseModel):
-        yield from _of_model(kind, "" if kind is Controller else f"{name}_", of)
+        yield from _of_model(kind, "" if kind is Controller else f"{name}_", get)
     elif name == "reasons":
-        yield from (Column(f"rejected_{reason}", "int64", _count(of, reason)) for reason in REASONS[1:])
+        yield from (Column(f"rejected_{reason}", "int64", _count(get, reason)) for reason in REASONS[1:])
     elif kind == list[Finding]:
-        yield Column(name, "string", lambda answer: " ".join(f"{f['code']}:{f['severity']}" for f in of(answer)))
+        yield Column(name, "string", lambda answer: " ".join(f"{f['code']}:{f['severity']}" for f in get(answer)))
     elif typing.get_origin(kind) is list:
-        yield Column(name, "int64", lambda answer: None if (found := of(answer)) is None else len(found))
+        yield Column(name, "int64", lambda answer: None if (found := get(answer)) is None else len(found))
 
 
-def _count(of: Callable[[dict[str, Any]], Any], reason: str) -> Callable[[dict[str, Any]], int]:
+def _count(get: Callable[[dict[str, Any]], Any], reason: str) -> Callable[[dict[str, Any]], int]:
     """Column that counts one reason of rejection."""
-    return lambda answer: int(of(answer).get(reason, 0))
+    return lambda answer: int(get(answer).get(reason, 0))
 
 
 def rows(results: Sequence[Result]) -> Iterator[list[Any]]:
@@ -93,7 +93,7 @@ def rows(results: Sequence[Result]) -> Iterator[list[Any]]:
     made = columns()
     for result in results:
         answer = result.to_dict()
-        yield [column.of(answer) for column in made]
+        yield [column.get(answer) for column in made]
 
 
 def to_arrow(results: Sequence[Result]) -> pa.Table:

@@ -321,7 +321,7 @@ class Valve(Checked):
     lag : float
         Time constant of the actuator's pressure [s], ≥ 0; > 0 with a positioner and no stem.
     positioner : float
-        Gain g of the positioner, ≥ 0; 0 for none. The pressure is asked to be op + g·(op − stem).
+        Gain g of the positioner, ≥ 0; 0 for none. It sets the pressure to op + g·(op − stem).
     stem : Stem, optional
         Where not given the stem follows the pressure.
     d : float

@@ -73,7 +73,7 @@ class Label:
 class Scored:
     """One answer with its label.
 
-    - `why`: in a sentence: what does not agree, or why it is not counted; "" where it agrees or says nothing.
+    - `why`: in a sentence: what does not agree, or why it is not counted; "" where it agrees or is silent.
     - `width`: measured dead band [OP unit].
     """
 
@@ -260,7 +260,7 @@ def counted(scored: Sequence[Scored]) -> list[Count]:
     )
     counts = []
     for confidence in order:
-        outcomes = [one.outcome for one in scored if _outcome(one.result.answer) == confidence]
+        outcomes = [valve.outcome for valve in scored if _outcome(valve.result.answer) == confidence]
         right, wrong, silent = (outcomes.count(kind) for kind in ("right", "wrong", "silent"))
         if right or wrong or silent:
             counts.append(Count(confidence, right, wrong, silent))
@@ -302,31 +302,31 @@ def calibrated(scored: Sequence[Scored]) -> list[Calibrated]:
     """
     rows = []
     for of in ("p_gap", "p_beyond"):
-        known = [
+        events = [
             (stated, so)
-            for one in scored
-            if one.outcome != "not counted"
-            and (stated := getattr(one.result.answer, of)) is not None
-            and (so := _is_so(of, one)) is not None
+            for valve in scored
+            if valve.outcome != "not counted"
+            and (stated := getattr(valve.result.answer, of)) is not None
+            and (so := _is_so(of, valve)) is not None
         ]
         for low, high in pairwise(EDGES):
-            here = [(p, so) for p, so in known if low <= p < high or p == high == EDGES[-1]]
-            if here:
-                stated = sum(p for p, _ in here) / len(here)
-                rows.append(Calibrated(of, low, high, len(here), sum(so for _, so in here), stated))
+            within = [(p, so) for p, so in events if low <= p < high or p == high == EDGES[-1]]
+            if within:
+                stated = sum(p for p, _ in within) / len(within)
+                rows.append(Calibrated(of, low, high, len(within), sum(so for _, so in within), stated))
     return rows
 
 
-def _is_so(of: str, one: Scored) -> bool | None:
+def _is_so(of: str, valve: Scored) -> bool | None:
     """Whether an event of a probability is true; None where that is not known."""
-    if one.label.found == "sound":
+    if valve.label.found == "sound":
         return False
-    if one.label.found == "other":
+    if valve.label.found == "other":
         return None
     if of == "p_gap":
         return True
-    limit = one.result.answer.limit
-    return None if one.width is None or limit is None or limit.width is None else one.width > limit.width
+    limit = valve.result.answer.limit
+    return None if valve.width is None or limit is None or limit.width is None else valve.width > limit.width
 
 
 def share(right: int, wrong: int) -> tuple[float, float, float] | None:
@@ -351,24 +351,24 @@ def to_dict(scored: Sequence[Scored]) -> dict[str, Any]:
     """The score for programs: a row a valve, the counts, and the calibration of the probabilities."""
     valves = [
         {
-            "row": one.label.row,
-            "file": str(one.label.file),
-            "loop": one.result.name,
-            "found": one.label.found,
-            "measured_width": one.width,
-            "unit": one.result.unit,
-            "confidence": one.result.answer.confidence,
-            "cause": one.result.answer.cause,
-            "width": one.result.answer.width,
-            "low": one.result.answer.low,
-            "high": one.result.answer.high,
-            "outcome": one.outcome,
-            "why": one.why or None,
+            "row": valve.label.row,
+            "file": str(valve.label.file),
+            "loop": valve.result.name,
+            "found": valve.label.found,
+            "measured_width": valve.width,
+            "unit": valve.result.unit,
+            "confidence": valve.result.answer.confidence,
+            "cause": valve.result.answer.cause,
+            "width": valve.result.answer.width,
+            "low": valve.result.answer.low,
+            "high": valve.result.answer.high,
+            "outcome": valve.outcome,
+            "why": valve.why or None,
         }
-        for one in scored
+        for valve in scored
     ]
     counts = [
-        {"confidence": one.confidence, "right": one.right, "wrong": one.wrong, "silent": one.silent}
-        for one in counted(scored)
+        {"confidence": count.confidence, "right": count.right, "wrong": count.wrong, "silent": count.silent}
+        for count in counted(scored)
     ]
-    return {"valves": valves, "counts": counts, "calibration": [asdict(one) for one in calibrated(scored)]}
+    return {"valves": valves, "counts": counts, "calibration": [asdict(row) for row in calibrated(scored)]}

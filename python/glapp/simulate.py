@@ -423,8 +423,8 @@ def _simulations(checked: Sequence[_glapp.Scenario], scenarios: Sequence[Scenari
     """The signals of each, or why it could not be believed."""
     names = [_columns(scenario) for scenario in scenarios]
     # One piece of NumPy memory comes in large pages; fetching small ones would take longer than the run.
-    signals = [np.empty((len(rows), one.samples)) for rows, one in zip(names, checked, strict=True)]
-    flags = [np.empty(one.samples, dtype=np.uint8) for one in checked]
+    signals = [np.empty((len(rows), scenario.samples)) for rows, scenario in zip(names, checked, strict=True)]
+    flags = [np.empty(scenario.samples, dtype=np.uint8) for scenario in checked]
     return [
         Simulation(**{name: row[:n] for name, row in zip(rows, columns, strict=True)}, flags=bits[:n])
         if error is None

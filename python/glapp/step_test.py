@@ -14,10 +14,10 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from . import _glapp
-from .cut import since_repair
 from .errors import InputError
-from .loop import Loop
+from .loop import Loop, op_unit
 from .recording import Batch, Recording, with_op_unit
+from .repair_split import since_repair
 from .samples import recording_of
 
 __all__ = ["Asked", "Hold", "Reading", "StepTest", "step_test"]
@@ -268,7 +268,7 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
         "subject": subject,
         "symbol": "PV" if subject == "PV" else "x",
         "op_unit": blank.unit,
-        "unit": "%OP" if blank.unit == "%" else blank.unit,  # % alone would leave open of what
+        "unit": op_unit(blank.unit),
         "pv_unit": blank.pv_unit + ("/s" if found["integrating"] else ""),
     }
 
@@ -276,7 +276,7 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
         return "" if code is None else _glapp.to_text(f"step_test.{code['code']}", words | code)
 
     reason, notes, asked = found.pop("reason"), tuple(found.pop("notes")), found.pop("asked")
-    readings = [one | {"op": tuple(one["op"]), "pv": tuple(one["pv"])} for one in found.pop("readings")]
+    readings = [reading | {"op": tuple(reading["op"]), "pv": tuple(reading["pv"])} for reading in found.pop("readings")]
     return replace(
         blank,
         reason=None if reason is None else sentence(reason),
@@ -286,7 +286,8 @@ def _with_answer(blank: StepTest, found: dict[str, Any], subject: str) -> StepTe
         asked=None if asked is None else Asked(**asked),
         holds=tuple(Hold(**hold) for hold in found.pop("holds")),
         readings=tuple(
-            Reading(**one | {"evidence": sentence(one["evidence"])}, evidence_code=one["evidence"]) for one in readings
+            Reading(**reading | {"evidence": sentence(reading["evidence"])}, evidence_code=reading["evidence"])
+            for reading in readings
         ),
         **found,
     )

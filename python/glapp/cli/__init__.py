@@ -138,7 +138,7 @@ def main() -> None:
     try:
         code = _run()
         sys.stdout.flush()
-    except BrokenPipeError:  # whoever read it has read enough
+    except BrokenPipeError:  # the reader of the pipe has closed it
         code = 1
         _silence()
     except OSError as error:

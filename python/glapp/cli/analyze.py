@@ -128,7 +128,7 @@ def _rows(results: Sequence[Result]) -> str:
 
 #: So many loops have a block each; more are a table.
 _BLOCKS = 5
-#: Of so many loops of a table it is said why they were not analysed.
+#: Number of loops below a table for which the reason is printed why they were not analysed.
 _REFUSED = 3
 
 
@@ -157,7 +157,7 @@ def _show(answers: Sequence[Result | Refused], why: bool) -> None:
 
 
 def _show_refused(refused: Sequence[Result]) -> None:
-    """Why the first loops were not analysed: the table has no room for what to correct, `--why` tells it of all."""
+    """Why the first loops were not analysed: the table has no room for what to correct, `--why` prints it for all."""
     for result in refused[:_REFUSED]:
         out.print(Padding(one_line(words.lead(result)), (1, 0, 0, 0)))
     if refused:

@@ -38,7 +38,9 @@ def can_ask() -> bool:
 
 def asked(opened: Sequence[Recording | Valve | Refused], settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
     """Opened entries, with recordings in place of files that can be read after a question; the answers are written."""
-    return [one for entry in opened for one in (_ask(entry, settings) if isinstance(entry, Refused) else [entry])]
+    return [
+        answered for entry in opened for answered in (_ask(entry, settings) if isinstance(entry, Refused) else [entry])
+    ]
 
 
 def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
@@ -52,10 +54,10 @@ def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | R
         except (EOFError, InputError):
             break
         found = opened_with(file, given)
-        if recordings := [one for one in found if isinstance(one, Recording)]:
+        if recordings := [opened for opened in found if isinstance(opened, Recording)]:
             _write(file, recordings)
             return found
-        error = next(one.error for one in found if isinstance(one, Refused))
+        error = next(opened.error for opened in found if isinstance(opened, Refused))
     return [Refused(entry.name, entry.source, error, entry.loop)]
 
 

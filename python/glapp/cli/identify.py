@@ -32,9 +32,9 @@ def identify(
     faults: list[InputError | str] = []
     shown = False
     recordings = [
-        one
+        recording
         for entry in open_files(files, options)
-        for one in (entry.recordings if isinstance(entry, Valve) else [entry])
+        for recording in (entry.recordings if isinstance(entry, Valve) else [entry])
     ]
     for entry in recordings:
         try:
@@ -43,7 +43,7 @@ def identify(
         except InputError as error:
             faults.append(error)
             continue
-        if found.k is not None or found.ti is not None:  # else there is only the reason to tell
+        if found.k is not None or found.ti is not None:  # else there is only a reason to print
             if shown:
                 out.print()
             out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
@@ -110,5 +110,5 @@ def _rows(recording: Recording, found: Identification, op: str) -> list[tuple[st
 
 
 def _rounded(value: float) -> float:
-    """Four digits: more than any recording tells."""
+    """Four digits: more than any recording determines."""
     return float(f"{value:.4g}")

@@ -18,7 +18,7 @@ from .options import Options
 from .screen import CommandError, say_note
 
 _NOTES = 3
-"""Notes that are said of many loops."""
+"""Number of notes that are printed of many loops."""
 
 __all__ = ["Refused", "Valve", "open_files", "open_one", "opened_with", "read_by", "recording_of"]
 
@@ -81,16 +81,16 @@ def open_files(
 
 def _say_left_out(opened: Sequence[Recording | Valve | Refused]) -> None:
     """Say which signals of the first loops are not read, and what to write."""
-    said = [
+    notes = [
         f"{entry.name}: {text}"
         for entry in opened
         if not isinstance(entry, Refused)
         for text in (entry.recordings[0] if isinstance(entry, Valve) else entry).left_out
     ]
-    for text in said[:_NOTES]:
+    for text in notes[:_NOTES]:
         say_note(text)
-    if len(said) > _NOTES:
-        say_note(f"{len(said) - _NOTES} more signals are not read; the report has them")
+    if len(notes) > _NOTES:
+        say_note(f"{len(notes) - _NOTES} more signals are not read; the report has them")
 
 
 def open_one(file: Path, options: Options) -> Recording:
@@ -102,10 +102,10 @@ def open_one(file: Path, options: Options) -> Recording:
     if len(opened) > 1:
         names = ", ".join(entry.name for entry in opened)
         raise CommandError(f"{file} holds {len(opened)} loops; add --loop NAME with one of: {names}")
-    [one] = opened
-    if isinstance(one, Valve):
-        raise CommandError(f"{one.name} has {len(one.recordings)} recordings; give one of them: {one.source}")
-    return recording_of(one)
+    [entry] = opened
+    if isinstance(entry, Valve):
+        raise CommandError(f"{entry.name} has {len(entry.recordings)} recordings; give one of them: {entry.source}")
+    return recording_of(entry)
 
 
 def recording_of(entry: Recording | Refused) -> Recording:
@@ -155,7 +155,7 @@ def read_by(files: Sequence[Path]) -> list[Path]:
         if _is_toml(file):
             try:
                 loops = read_each(file)
-            except InputError:  # told where its loops are opened
+            except InputError:  # reported where its loops are opened
                 continue
             found += [file for loop in loops if isinstance(loop, Loop) for file in _files(loop)]
     return found
@@ -234,7 +234,7 @@ def _named_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | 
 
 
 def _with_paths(name: str, sources: Sequence[str]) -> list[str]:
-    """The name after as many of the last parts of its file's path as tell these apart; else after the whole path."""
+    """The name after as many of the last parts of its file's path as distinguish these; else after the whole path."""
     for stem in (name_of, lambda source: Path(source).name):  # FIC101.csv beside FIC101.parquet: with the endings
         parts = [
             (*Path(source).parent.parts, stem(source), *([] if name_of(source) == name else [name]))
@@ -251,7 +251,7 @@ def _renamed(entry: Recording | Valve | Refused, name: str) -> Recording | Valve
     if isinstance(entry, Refused):
         return replace(entry, name=name)
     if isinstance(entry, Valve):
-        return replace(entry, name=name, recordings=[_called(one, name) for one in entry.recordings])
+        return replace(entry, name=name, recordings=[_called(recording, name) for recording in entry.recordings])
     return _called(entry, name)
 
 

@@ -82,21 +82,21 @@ the reason is told.
         except InputError as error:
             faults.append(error)
     if json:
-        answers = [one.to_dict() for one in plans]
+        answers = [made.to_dict() for made in plans]
         text = json_format.dumps(answers[0] if len(answers) == 1 else answers, indent=2, ensure_ascii=False)
         typer.echo(in_quotes(text).encode())
     else:
-        for i, one in enumerate(plans):
+        for i, made in enumerate(plans):
             if i:
                 out.print()
-            _show(one)
+            _show(made)
     for fault in faults:
         say_error(fault)
-    if faults or any(all(test.power is None for test in one.tests) for one in plans):
+    if faults or any(all(test.power is None for test in made.tests) for made in plans):
         raise typer.Exit(1)
 
 
-def _show(one: Plan) -> None:
+def _show(plan: Plan) -> None:
     """Print a plan."""
-    out.print(one_line(f"{one.name}  ({one.source})"), style="bold", soft_wrap=True)
-    out.print(key_values([(name, one_line(text)) for name, text in planned.rows(one)]))
+    out.print(one_line(f"{plan.name}  ({plan.source})"), style="bold", soft_wrap=True)
+    out.print(key_values([(name, one_line(text)) for name, text in planned.rows(plan)]))

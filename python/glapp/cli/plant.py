@@ -110,10 +110,10 @@ def plant(
     need_opcua()
     from ..service.plant import FAULTS, SimPlant
 
-    for one in wanted:
-        if one.kind not in FAULTS and one.kind not in _WHOLE:
+    for requested in wanted:
+        if requested.kind not in FAULTS and requested.kind not in _WHOLE:
             known = "\n".join(f"  {kind:10} {what}" for kind, what in {**FAULTS, **_WHOLE}.items())
-            raise CommandError(f"--fault: there is no {one.kind!r}; there are\n{known}")
+            raise CommandError(f"--fault: there is no {requested.kind!r}; there are\n{known}")
     if settings is not None:
         check_output("--settings", settings, [], ("a loops.toml of a simulated plant", rb"urn:glapp:plant"))
     made = SimPlant(
@@ -130,9 +130,9 @@ def plant(
         ramp=ramp,
         repair=repair,
     )
-    for one in wanted:
-        if one.loop is not None:
-            made.width(one.loop)  # refuses a loop that there is not
+    for requested in wanted:
+        if requested.loop is not None:
+            made.width(requested.loop)  # refuses a loop that there is not
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_serve(made, settings, wanted))
 
@@ -148,7 +148,7 @@ async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]
         err.print(f"Wrote {settings}.", soft_wrap=True)
     async with made:
         out.print(f"{len(made.names)} loops at {made.url} (Ctrl-C ends it)", soft_wrap=True)
-        tasks = [asyncio.create_task(_happen(made, one)) for one in faults]
+        tasks = [asyncio.create_task(_happen(made, fault)) for fault in faults]
         try:
             await made.failure()
         finally:
@@ -216,7 +216,7 @@ async def _variables(connection: Connection) -> list[tuple[str, str]]:
     from ..service.opcua_values import reason
 
     try:
-        return [(one.path, one.node) for one in await browse(connection)]
+        return [(tag.path, tag.node) for tag in await browse(connection)]
     except InputError:
         raise
     except Exception as error:  # whatever a server answers

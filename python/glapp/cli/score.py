@@ -74,7 +74,7 @@ def score(
         except InputError as wrong:
             wrong.file = str(labels)
             faults.append(wrong)
-    differ = [one for one in scored if one.outcome == "wrong"]
+    differ = [valve for valve in scored if valve.outcome == "wrong"]
     if json:
         typer.echo(js.dumps(to_dict(scored), ensure_ascii=False, allow_nan=False, indent=2))
     elif scored:
@@ -140,20 +140,20 @@ def _show(scored: list[Scored], differ: list[Scored]) -> None:
     if stated:
         out.print()
         _table(("probability of", "stated", "valves", "it was so in (95 %)"), stated)
-    left = [one for one in scored if one.outcome == "not counted"]
+    left = [valve for valve in scored if valve.outcome == "not counted"]
     if left:
         out.print()
-        for one in left:
-            out.print(f"{one.result.name}, row {one.label.row}: not counted, {one.why}.")
+        for valve in left:
+            out.print(f"{valve.result.name}, row {valve.label.row}: not counted, {valve.why}.")
     if differ:
         out.print()
         show_table(
             [
-                Column("differs", [one.result.name for one in differ]),
-                Column("row", [str(one.label.row) for one in differ], True),
-                Column("the workshop found", [texts.workshop(one) for one in differ]),
-                Column("the answer", [words.headline(one.result) or "–" for one in differ]),
-                Column("why", [one.why for one in differ]),
+                Column("differs", [valve.result.name for valve in differ]),
+                Column("row", [str(valve.label.row) for valve in differ], True),
+                Column("the workshop found", [texts.workshop(valve) for valve in differ]),
+                Column("the answer", [words.headline(valve.result) or "–" for valve in differ]),
+                Column("why", [valve.why for valve in differ]),
             ]
         )
 

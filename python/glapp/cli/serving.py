@@ -51,7 +51,7 @@ def say_first_login(data: Path) -> None:
 
 async def until_stopped(*work: Awaitable[None]) -> None:
     """Run all tasks until one ends or fails, or the process is stopped."""
-    tasks = [asyncio.ensure_future(one) for one in work]
+    tasks = [asyncio.ensure_future(awaitable) for awaitable in work]
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for name in ("SIGTERM", "SIGINT"):

@@ -75,15 +75,15 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
             except InputError as error:
                 faults.append(error)
     if json:
-        answers = [one.to_dict() for one in found]
+        answers = [test.to_dict() for test in found]
         answer = answers[0] if len(answers) == 1 and not faults else {"tests": answers}
         text = json_format.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False)
         typer.echo(in_quotes(text).encode())
     else:
-        for i, one in enumerate(one for one in found if one.reason is None or one.readings):
+        for i, test in enumerate(test for test in found if test.reason is None or test.readings):
             if i:
                 out.print()
-            _show(one)
+            _show(test)
     if plot is not None and found:
         save(plot, _page(found))
         if not json:
@@ -97,10 +97,10 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
             out.print(f"\nPage: {page}", soft_wrap=True)
     for fault in faults:
         say_error(fault)
-    for one in found:
-        if one.reason is not None:
-            say_error(f"{one.source}, loop {one.name}: {one.reason}")
-    if faults or any(one.reason is not None for one in found):
+    for test in found:
+        if test.reason is not None:
+            say_error(f"{test.source}, loop {test.name}: {test.reason}")
+    if faults or any(test.reason is not None for test in found):
         raise typer.Exit(1)
 
 
@@ -108,9 +108,9 @@ def _page(found: Sequence[StepTest]) -> str:
     """The pictures of all tests in one page."""
     from ..report.figures import CONFIG, step_test_figure
 
-    figures = [step_test_figure(one) for one in found]
+    figures = [step_test_figure(test) for test in found]
     page: str = figures[0].to_html(config=CONFIG)
-    others = "".join(one.to_html(config=CONFIG, full_html=False, include_plotlyjs=False) for one in figures[1:])
+    others = "".join(figure.to_html(config=CONFIG, full_html=False, include_plotlyjs=False) for figure in figures[1:])
     head, body = page.replace("<head>", f"<head>{GENERATOR}", 1), "</body>"
     at = head.rindex(body)
     return head[:at] + others + head[at:]
@@ -149,16 +149,16 @@ def _show(found: StepTest) -> None:
     read = [reading.value is not None for reading in found.readings]
     show_table(
         [
-            Column("Held until", [clock(found.t0, one.start) for one in found.readings]),
-            Column(op_header, [" → ".join(number(x) for x in one.op) for one in found.readings], True),
-            Column(pv_header, [" → ".join(number(x, 4) for x in one.pv) for one in found.readings], True),
-            Column("reads", [_value(one) for one in found.readings], True),
-            Column("95 %", [_interval(one) for one in found.readings], True),
+            Column("Held until", [clock(found.t0, reading.start) for reading in found.readings]),
+            Column(op_header, [" → ".join(number(x) for x in reading.op) for reading in found.readings], True),
+            Column(pv_header, [" → ".join(number(x, 4) for x in reading.pv) for reading in found.readings], True),
+            Column("reads", [_value(reading) for reading in found.readings], True),
+            Column("95 %", [_interval(reading) for reading in found.readings], True),
             Column(
                 "from",
                 [
-                    styled(one.evidence, style="" if seen else "dim")
-                    for one, seen in zip(found.readings, read, strict=True)
+                    styled(reading.evidence, style="" if seen else "dim")
+                    for reading, seen in zip(found.readings, read, strict=True)
                 ],
             ),
         ]

@@ -54,9 +54,9 @@ def thesis(
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
         with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
             for number in bar.track(wanted, description="figures"):
-                one = FIGURES[number]()
-                style.save(one.draw(), folder / one.picture)
-                shown.append(one)
+                figure = FIGURES[number]()
+                style.save(figure.draw(), folder / figure.picture)
+                shown.append(figure)
         write_file(page, gallery.as_markdown(shown) if markdown else gallery.as_html(shown))
         write_file(folder / "numbers.json", gallery.as_json(shown))
     except OSError as error:
@@ -68,11 +68,11 @@ def thesis(
     for name in ("thesis", "glapp"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
-    for one in shown:
-        for i, x in enumerate(one.numbers):
-            table.add_row("" if i else one.number, x.what, gallery.text(x.thesis), gallery.text(x.ours), x.unit)
+    for figure in shown:
+        for i, x in enumerate(figure.numbers):
+            table.add_row("" if i else figure.number, x.what, gallery.text(x.thesis), gallery.text(x.ours), x.unit)
     out.print(table)
-    for one in shown:
-        if one.difference:
-            out.print(f"\n{one.name}: {one.difference}")
+    for figure in shown:
+        if figure.difference:
+            out.print(f"\n{figure.name}: {figure.difference}")
     out.print(f"\nFigures: {len(shown)}, in {monotonic() - begun:.1f} s. Open {page}", soft_wrap=True)

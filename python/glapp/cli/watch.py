@@ -8,8 +8,7 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
-from contextlib import AsyncExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,23 +18,13 @@ from typer.core import TyperGroup
 
 from ..errors import InputError
 from ..escape import one_line
-from ..writing import write_file
 from .screen import CommandError, examples, key_values, out, say_note, styled
-from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, say_first_login, until_stopped
+from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need
 
 if TYPE_CHECKING:
-    from ..loop import Loop
-    from ..service.options import MonitorOptions
-    from ..service.plant import SimPlant
     from ..service.security import Security
 
 __all__ = ["watch"]
-
-_HURRY = 20_000.0
-"""Seconds of a simulated plant per second, until it has caught up with the clock on the wall."""
-
-_SOON = 0.01
-"""Interval at which such a plant sends its values [s]: it waits for each u_FF."""
 
 TOKEN = "GLAPP_TOKEN"
 """The environment's variable that may hold a token of the API."""
@@ -142,19 +131,20 @@ def run(
 ) -> None:
     """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
     need("watch", "service", "argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
-    logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is told as an event
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is an event
     from ..service.options import MonitorOptions
     from ..service.store import StoreFull
+    from .watch_run import SimulatedPlant, serve
 
     if demo == (settings is not None):
         raise CommandError("name a loops.toml, or say --demo")
     files = (opcua_certificate, opcua_key, opcua_password_file)
     if opcua_port is None and (opcua_host != "127.0.0.1" or opcua_user is not None or any(files)):
         raise CommandError("--opcua-port: is needed with the other settings of our own OPC UA server")
-    ours: dict[str, Any] | None = None
+    answer_server: dict[str, Any] | None = None
     if opcua_port is not None:
         security = _security(opcua_certificate, opcua_key, opcua_user, opcua_password_file)
-        ours = {"port": opcua_port, "host": opcua_host, "security": security}
+        answer_server = {"port": opcua_port, "host": opcua_host, "security": security}
     period = 1.0 if scan is None or not demo else scan
     options = MonitorOptions(
         period=period,
@@ -166,10 +156,10 @@ def run(
         wait=wait,
     )
     address = {"host": host, "port": port, "certificate": certificate, "key": key}
-    plant = {"loops": loops, "days": days, "scan": scan, "repair": repair} if demo else None
+    watched = SimulatedPlant(loops, days, scan, repair) if settings is None else settings
     try:
         with suppress(KeyboardInterrupt):
-            asyncio.run(_serve(settings, data, options, address, plant, ours))
+            asyncio.run(serve(watched, data, options, address, answer_server))
     except StoreFull as full:
         raise InputError(str(full), hint="make room, then start it again") from None
 
@@ -183,117 +173,6 @@ def _security(certificate: Path | None, key: Path | None, user: str | None, file
     if user is None or file is None:
         return Security(certificate, key)
     return Security(certificate, key, {user: password_in(file)})
-
-
-async def _serve(
-    settings: Path | None,
-    data: Path,
-    options: MonitorOptions,
-    address: dict[str, Any],
-    demo: dict[str, Any] | None,
-    ours: dict[str, Any] | None,
-) -> None:
-    """Run the service, until stopped."""
-    from ..reading.settings import parse_settings, read_settings
-    from ..service import demonstration
-    from ..service.api import ApiServer, app_of
-    from ..service.connection import Connection, read_connection
-    from ..service.monitor import Monitor
-    from ..service.opcua import OpcUa
-    from ..service.plant import SimPlant
-    from ..service.server import AnswerServer
-    from ..service.store import Store
-    from ..service.users import Users, first_user
-
-    async with AsyncExitStack() as stack:
-        connection: Connection | None
-        clock: Callable[[], float] = time.time
-        hurries = False
-        if demo is not None:
-            shown = all(value is None for value in demo.values())
-            scan, behind = demo["scan"] or demonstration.SCAN, demo["days"] or 0.0
-            hurries = behind > 0
-            simulated = demonstration.loops() if shown else None
-            plant = SimPlant(
-                simulated or demo["loops"] or 5,
-                scan=scan,
-                begin=behind,
-                speed=_HURRY if hurries else 1.0,
-                watchdog=5.0,
-                ramp=3.0,
-                repair=demo["repair"],
-            )
-            known = parse_settings(plant.settings(), "the simulated plant", Path())
-            text = data / "demo.toml"
-            data.mkdir(parents=True, exist_ok=True)
-            fresh = not (data / "glapp.db").exists() and not (data / "signals").exists()
-            if simulated is not None and fresh:  # before the plant goes on from there
-                store = Store(data)
-                try:
-                    demonstration.begin(store, simulated, known, time.time())
-                finally:
-                    store.close()
-            await stack.enter_async_context(plant)
-            text.write_text(plant.settings(), encoding="utf-8")
-            connection = read_connection(text)
-            if hurries:  # its days are over in seconds, and so are its nights
-                clock = _clock_of(plant, scan)
-            if connection is not None and hurries:  # a thousand values a second of each tag, while it hurries
-                connection = connection.model_copy(update={"samples": 10_000, "interval": _SOON})
-            elif connection is not None:  # told soon after it was measured: u_FF must not come late
-                connection = connection.model_copy(update={"interval": min(1.0, scan / 2.0)})
-        else:
-            assert settings is not None
-            known = read_settings(settings)
-            connection = read_connection(settings)
-        if connection is None:
-            raise InputError("has no table [opcua]", file=str(settings), hint="write its url: `glapp tags` does")
-        store = Store(data)
-        stack.callback(store.close)
-        if store.found is not None:
-            say_note(store.found)
-        first_user(store, time.time())
-        one = Monitor(known, store, options=options, compensable=_compensable(known), clock=clock, hurries=hurries)
-        if hurries:
-            plant.follow = one.feedforward.caught_up
-        hosts = ("127.0.0.1", "localhost", "[::1]", address["host"])
-        api = app_of(one, Users(store), hosts=hosts)
-        opened = ApiServer(api, **address)
-        source = OpcUa(connection, known, since=one.ingest.since())
-        write_file(data / "api-url", opened.url)  # who waits for it reads the whole of it
-        out.print(
-            f"Watching {len(known)} loops at {connection.url}; data in {data}, API at {opened.url}.", soft_wrap=True
-        )
-        say_first_login(data)
-        work = [one.run(source), opened.open(), *api.state.proof.work()]
-        if ours is not None:
-            answers = await stack.enter_async_context(AnswerServer(one.status, **ours))
-            out.print(f"Answers and DeviceHealth at {answers.url}, read-only.", soft_wrap=True)
-            work.append(answers.run())
-        await until_stopped(*work)
-
-
-def _clock_of(plant: SimPlant, scan: float) -> Callable[[], float]:
-    """The time of a plant that hurries, and the clock on the wall as soon as it has caught up with that."""
-    present = False
-
-    def clock() -> float:
-        nonlocal present
-        now = time.time()
-        present = present or now - plant.time < 1.5 * scan
-        return now if present else plant.time
-
-    return clock
-
-
-def _compensable(loops: Sequence[Loop]) -> dict[str, tuple[float, float]]:
-    """The loops with a node for u_FF, with its limit and rate."""
-    found = {}
-    for loop in loops:
-        tags = loop.opcua
-        if tags.u_ff is not None and tags.u_ff_limit is not None and tags.u_ff_rate is not None:
-            found[loop.name] = (tags.u_ff_limit, tags.u_ff_rate)
-    return found
 
 
 @watch.command(epilog=examples("glapp watch status --data plant", "glapp watch status --json"))
@@ -403,7 +282,7 @@ def restore(
         say_note(f"the database that was there is {aside.name} now")
 
 
-# Commands to the service go through its API, in the name of the person who asks.
+# Commands to the service go through its API, in the name of the person who gives them.
 
 
 @watch.command(epilog=examples("glapp watch login engineer"))
@@ -475,14 +354,14 @@ def set_(
         _print_values(_answer_of_service(api_url, user, "GET", path))
         return
     wanted: dict[str, float | None] = {}
-    for one in values:
-        name, equals, value = one.partition("=")
+    for setting in values:
+        name, equals, value = setting.partition("=")
         try:
             wanted[name] = float(value) if value else None
         except ValueError:
-            raise CommandError(f"{one}: {value!r} is not a number") from None
+            raise CommandError(f"{setting}: {value!r} is not a number") from None
         if not equals or not math.isfinite(wanted[name] or 0.0):
-            raise CommandError(f"{one}: write NAME=VALUE, with a number")
+            raise CommandError(f"{setting}: write NAME=VALUE, with a number")
     _print_values(_answer_of_service(api_url, user, "POST", path, {"values": wanted}))
 
 
@@ -509,8 +388,8 @@ watch.add_typer(users, name="users")
 @users.command(name="list", epilog=examples("glapp watch users list"))
 def list_(api_url: Url = _API_URL, user: User = None) -> None:
     """Name and role of every user."""
-    for one in _answer_of_service(api_url, user, "GET", "/users"):
-        out.print(f"{one['name']}  {one['role']}", soft_wrap=True)
+    for account in _answer_of_service(api_url, user, "GET", "/users"):
+        out.print(f"{account['name']}  {account['role']}", soft_wrap=True)
 
 
 @users.command(epilog=examples("glapp watch users add anna --role operator"))

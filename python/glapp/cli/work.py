@@ -14,11 +14,11 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from ..errors import InputError, unforeseen
 from ..escape import one_line
 from ..estimate import analyze
-from ..many import analyze_recordings
 from ..plan import with_plan
 from ..recording import Recording
 from ..repair import with_repair
 from ..result import Result
+from ..several_recordings import analyze_recordings
 from .inputs import Refused, Valve
 from .screen import err
 

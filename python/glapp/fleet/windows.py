@@ -29,11 +29,11 @@ from ..errors import InputError, unforeseen
 from ..estimate import analyze
 from ..fit import Fit, fit_recordings
 from ..loop import Loop
-from ..many import unfit
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report import words
 from ..result import HalfPeriods, Harm, Result, Settings, decide, harm_of
 from ..samples import Samples
+from ..several_recordings import unfit
 from .lake import SIGNALS, day_name
 from .problems import DataIssue
 
@@ -732,7 +732,15 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
     "resolution": ("quantised_pv", "quantised_op", "noisy"),
     "manual": ("not_auto",),
     "op_rests": ("op_rests", "op_still", "op_constant", "still", "once", "hidden_by_lag", "few", "few_rows"),
-    "load": ("swings", "repeats", "opposed", "hidden_by_changes", "sinusoidal", "recordings_disagree", "windows_disagree"),
+    "load": (
+        "swings",
+        "repeats",
+        "opposed",
+        "hidden_by_changes",
+        "sinusoidal",
+        "recordings_disagree",
+        "windows_disagree",
+    ),
     "evidence": (
         "may_be_a_gap",
         "families_disagree",

@@ -19,10 +19,10 @@ from .each import all_or_none
 from .excel import sheets
 from .files import check_file, name_of
 from .influx import annotated, is_annotated, is_line_protocol, line_protocol
-from .kinds import check_beginning
 from .long import long_recordings
 from .markup import is_markup, page
 from .meaning import is_long
+from .not_tables import check_beginning
 from .parquet import IpcSource, ParquetSource
 from .passes import Passes
 from .shape import shaped, tagged
@@ -42,7 +42,7 @@ def open_recordings(
     r"""Open a CSV, Excel, OpenDocument, JSON, HTML, Parquet, Arrow IPC or Feather file and say which loops it holds.
 
     A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...).
-    A *long* file has a row per tag and time: `glapp.reading.long` says how its tags are joined. What is a bit of both,
+    A *long* file has a row per tag and time: `glapp.reading.long` joins its tags. What is a bit of both,
     with a time column for each tag or with tags on alternate rows, is brought to a long one (`glapp.reading.shape`).
 
     Parameters
@@ -88,9 +88,9 @@ def open_each(
         return _recordings(sources[0], name_of(path), loops, defaults)
     if loops is None:
         return [
-            one
+            recording
             for source in sources
-            for one in _recordings(source, getattr(source, "sheet", name_of(path)), None, defaults)
+            for recording in _recordings(source, getattr(source, "sheet", name_of(path)), None, defaults)
         ]
     return [_of_any(sources, loop) for loop in loops]
 
@@ -99,11 +99,11 @@ def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
     """The loop from the first sheet that holds it; a sheet of its name goes first."""
     named = sorted(sources, key=lambda source: getattr(source, "sheet", "") != loop.name)
     found = [_recordings(source, loop.name, [loop], None)[0] for source in named]
-    return next((one for one in found if isinstance(one, Recording)), found[0])
+    return next((entry for entry in found if isinstance(entry, Recording)), found[0])
 
 
 def first_rows(path: str | Path, rows: int) -> tuple[list[str], list[list[str]]]:
-    """Names of the columns of a file, and its first rows as text, for a person who says which is which.
+    """Names of the columns of a file, and its first rows as text, for a person who assigns the columns.
 
     Raises InputError where the file cannot be used.
     """
@@ -176,7 +176,7 @@ def _text(path: Path, label: str) -> Source:
     try:
         raw = _unpacked(path, _BEGINNING)
         encoding = encoding_of(raw, len(raw) < _BEGINNING, label)
-    except (InputError, OSError, pa.ArrowException):  # told by the reader of text
+    except (InputError, OSError, pa.ArrowException):  # the reader of text reports it
         return CsvSource(str(path), label)
     beginning = raw.decode(encoding, "replace").lstrip("\ufeff \t\r\n")
 
@@ -203,7 +203,7 @@ def _text(path: Path, label: str) -> Source:
 
 
 def _unpacked(path: Path, most: int) -> bytes:
-    """The first bytes of a file, unpacked where its ending says that it is packed."""
+    """The first bytes of a file, unpacked where it has the ending of a packed file."""
     packing = PACKED.get(path.suffix.lower())
     with pa.OSFile(str(path)) as file:
         stream = pa.CompressedInputStream(file, packing) if packing else file
@@ -233,7 +233,7 @@ def _recordings(
 
 
 def _pv_column_given(loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None) -> bool:
-    """Whether somebody says which column is PV."""
+    """Whether the settings name the column of PV."""
     if loops is None:
         return Loop(**{**(defaults or {}), "name": "loop"}).columns.pv is not None
     return any(loop.columns.pv is not None for loop in loops)

@@ -1,4 +1,4 @@
-"""A process apart in which libraries read the files of strangers, with a limit of memory and of time.
+"""A process apart in which libraries read files from outside, with a limit of memory and of time.
 
 A workbook, a Parquet and an Arrow file say themselves how large and where their parts are, and the libraries that read
 them believe it: a damaged or a malicious one can make them end the process, ask for all the memory there is, or go on
@@ -105,7 +105,7 @@ class Worker:
         timer = Timer(bounds.PATIENCE * _CLOCK, self._end)
         timer.daemon = True
         try:
-            if not self._begun:  # how long that takes says nothing of the file
+            if not self._begun:  # its time does not depend on the file
                 self._begun = pickle.load(self._out)
             timer.start()
             pickle.dump((bounds.PATIENCE, *request), self._in)
@@ -174,7 +174,7 @@ def _leased() -> Iterator[Worker]:
 
 @atexit.register
 def _close() -> None:
-    """End all processes, those of passes that nobody ended too: no thread starts later that could time an answer."""
+    """End all processes, those of open passes too: no thread starts later that could time an answer."""
     for worker in list(_workers):
         worker.close()
 

@@ -198,7 +198,7 @@ class CsvSource(Source):
             lines = lines[1:]  # it is cut
         try:
             records = list(csv.reader((line.decode("utf-8", "replace") for line in lines), delimiter=self._delimiter))
-        except csv.Error:  # told where it is read
+        except csv.Error:  # reported where it is read
             return 0
         rows = [(i, cells) for i, cells in enumerate(records) if cells]
         last = body_end(rows, self._width, self._timed)
@@ -270,7 +270,7 @@ class CsvSource(Source):
         return [row for row in csv.reader(lines, delimiter=self._delimiter) if row]
 
     def _lines(self) -> Iterator[str]:
-        """Lines of the file, as far as it can be read: the pass itself says where it cannot."""
+        """Lines of the file, as far as it can be read: the pass reports where it cannot."""
         with suppress(OSError, pa.ArrowException), pa.OSFile(self._path) as file:
             stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
             text = io.TextIOWrapper(stream, encoding=self._encoding, errors="replace", newline=None)

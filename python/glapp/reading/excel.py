@@ -24,8 +24,8 @@ import pyarrow as pa
 from ..errors import InputError
 from . import apart, bounds
 from .heads import begins_with_data, body_end, head_of, holds_data, no_rows
-from .kinds import check_archive
 from .meaning import understand
+from .not_tables import check_archive
 from .source import Source
 
 __all__ = ["SheetSource", "sheets"]

@@ -154,7 +154,7 @@ def _words_alone(cells: Sequence[str], width: int) -> bool:
 
 
 def _is_label(rows: Sequence[Row], at: int, width: int) -> bool:
-    """Whether a line above the names tells of the export or of its columns: words first."""
+    """Whether a line above the names describes the export or its columns: words first."""
     first = next((cell for cell in rows[at][1] if cell.strip()), "")
     return not is_data(first) and _names_follow(rows, at, width)
 

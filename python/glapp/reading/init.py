@@ -98,7 +98,7 @@ def _loop(file: Path, recording: Recording) -> str:
     listed = ", ".join(f"{key} = {_value(name)}" for key, name in named.items())
     step, loop, key = _step(recording), recording.loop, _key(recording.name)
     seen = [] if step is None else [f"# One row every {step:g} s at the beginning of the recording."]
-    seen += [f"{one} = {_value(getattr(loop, one))}" for one in _GIVEN if one in loop.model_fields_set]
+    seen += [f"{key} = {_value(getattr(loop, key))}" for key in _GIVEN if key in loop.model_fields_set]
     if recording.t0 is not None and recording.zone is None:
         seen.append('# time_zone = "Europe/Stockholm"  # zone of the times in the file')
     pv_unit = recording.units.get("PV")

@@ -72,8 +72,8 @@ class StictionLoop:
     """One loop of the data base.
 
     - `name`: industry and number, such as "chemicals.loop10".
-    - `comment`: what its contributor says of it.
-    - `says`: the same in a word; None where the comment does not speak of stiction. "no stiction" does not mean that
+    - `comment`: the contributor's text.
+    - `says`: its verdict in a word; None where the comment does not mention stiction. "no stiction" does not mean that
       the valve is sound, or that the loop is well tuned.
     - `quoted`: the verdict in `QUOTED`: "stiction", or "no stiction" with the cause; None for every other loop. Where
       it differs from `says`, the literature and the contributor disagree.
@@ -112,20 +112,20 @@ def open_isdb(path: str | Path, *, synthetic: bool = False) -> list[StictionLoop
     return [_loop(path, name, one) for name, one in _structs(whole["cdata"], synthetic)]
 
 
-def _structs(of: Any, synthetic: bool) -> Iterator[tuple[str, Any]]:
+def _structs(root: Any, synthetic: bool) -> Iterator[tuple[str, Any]]:
     """Name and data of each loop in the file."""
-    for industry in of._fieldnames:
-        group = getattr(of, industry)
+    for industry in root._fieldnames:
+        group = getattr(root, industry)
         if industry == SYNTHETIC and not synthetic:
             continue
         for name in getattr(group, "_fieldnames", []):
-            if hasattr(one := getattr(group, name), "_fieldnames"):
-                yield f"{industry}.{name}", one
+            if hasattr(data := getattr(group, name), "_fieldnames"):
+                yield f"{industry}.{name}", data
 
 
-def _loop(path: Path, name: str, one: Any) -> StictionLoop:
+def _loop(path: Path, name: str, data: Any) -> StictionLoop:
     """A loop of the data base."""
-    values = {key: _column(getattr(one, key, None)) for key in ("PV", "OP", "SP", "t")}
+    values = {key: _column(getattr(data, key, None)) for key in ("PV", "OP", "SP", "t")}
     pv = values["PV"]
     if pv is None or not np.isfinite(pv).any():
         raise InputError("has no PV", file=str(path), loop=name, column="PV")
@@ -135,19 +135,19 @@ def _loop(path: Path, name: str, one: Any) -> StictionLoop:
     if "sp" not in signals and sp is not None and len(sp) == 1:
         signals["sp"] = np.full(n, sp[0])
     kind: Literal["integrating", "self-regulating"] = (
-        "integrating" if _number(one, "Type") == 1.0 else "self-regulating"
+        "integrating" if _number(data, "Type") == 1.0 else "self-regulating"
     )
     loop = Loop(name=name, process=Process(type=kind))
-    recording = Samples(loop, {"t": _times(path, name, one, values["t"], n), "pv": pv, **signals})
+    recording = Samples(loop, {"t": _times(path, name, data, values["t"], n), "pv": pv, **signals})
     recording.source = f"{path.name}: {name}"
-    comment = _text(getattr(one, "BriefComments", "")) or _text(getattr(one, "Comments", ""))
+    comment = _text(getattr(data, "BriefComments", "")) or _text(getattr(data, "Comments", ""))
     says = next((word for word, pattern in _SAYS if re.search(pattern, comment, re.IGNORECASE)), None)
     return StictionLoop(name, comment, says, QUOTED.get(name), recording)  # type: ignore[arg-type]  # it is one of these words
 
 
-def _times(path: Path, name: str, one: Any, t: Floats | None, n: int) -> Floats:
+def _times(path: Path, name: str, data: Any, t: Floats | None, n: int) -> Floats:
     """Times [s]: those of the sampling time; a loop without one has those of its own column."""
-    step = _number(one, "Ts")
+    step = _number(data, "Ts")
     if math.isfinite(step) and step > 0.0:
         return np.arange(n, dtype=np.float64) * step
     if t is not None and len(t) == n and (np.diff(t) > 0).all():
@@ -164,8 +164,8 @@ def _column(values: Any) -> Floats | None:
     return column if column.size and np.isfinite(column).any() else None
 
 
-def _number(one: Any, name: str) -> float:
-    column = _column(getattr(one, name, None))
+def _number(data: Any, name: str) -> float:
+    column = _column(getattr(data, name, None))
     return math.nan if column is None else float(column[0])
 
 
@@ -173,5 +173,5 @@ def _text(value: Any) -> str:
     if isinstance(value, str):
         return value.strip()
     if isinstance(value, np.ndarray):
-        return " ".join(_text(one) for one in value.ravel()).strip()
+        return " ".join(_text(element) for element in value.ravel()).strip()
     return ""

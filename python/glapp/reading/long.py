@@ -65,7 +65,7 @@ class _Store:
     def __init__(self, source: Source, loops: Sequence[Loop]) -> None:
         self.source = source
         self.rows = OrderedRows(source)
-        # Columns and the way of writing times belong to the file: the first loop that says something wins.
+        # Columns and the way of writing times belong to the file: the first loop with a setting decides.
         roles = ("time", "tag", "value", "quality")
         alone = source.tags is not None
         self.at = {role: i if alone else self._column(role, loops) for i, role in enumerate(roles)}
@@ -185,16 +185,16 @@ class _Store:
                     tag = wanted[int(code)].as_py()
                     if tag in self._faults:
                         continue
-                    mine = np.flatnonzero(codes == code)
+                    of_tag = np.flatnonzero(codes == code)
                     kind, reader = self.readers[tag]
-                    cells = values.take(pa.array(rows[mine]))
+                    cells = values.take(pa.array(rows[of_tag]))
                     try:
                         x = reader.flag(kind, cells).astype(np.float64) if kind in _WORDS else reader.number(cells)
                     except CellFault as fault:  # harms the loop of this tag and no other
-                        fault.index = int(rows[mine[fault.index]])
+                        fault.index = int(rows[of_tag[fault.index]])
                         self._faults[tag] = self.rows.fault(fault, done, self.at[role], tag)
                         continue
-                    parts[tag].append(_Tag(t[mine], x, bad[mine]))
+                    parts[tag].append(_Tag(t[of_tag], x, bad[of_tag]))
             except CellFault as fault:
                 if len(rows):
                     fault.index = int(rows[fault.index])

@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 from ..errors import InputError
 from . import bounds
 from .excel import SheetSource
-from .kinds import LOGIN, TITLE
+from .not_tables import LOGIN, TITLE
 from .source import Source
 
 __all__ = ["is_markup", "page"]

@@ -107,7 +107,7 @@ def understand(name: str) -> Meaning:
 
 
 def numbered(names: Sequence[str], numbers: Sequence[int]) -> list[str]:
-    """Names in which those that repeat have the numbers of their columns, so that a person can tell them apart.
+    """Names in which those that repeat have the numbers of their columns, so that a person can distinguish them.
 
     Examples
     --------

@@ -123,7 +123,7 @@ class Passes:
             share.alone = True
             return
         blocks: list[dict[int, pa.Array]] = []
-        users = Counter(column for one in group for column in one.types)
+        users = Counter(column for member in group for column in member.types)
         sizes = dict.fromkeys(types, 0)
         error: InputError | None = None
         asked = len(group)
@@ -150,18 +150,20 @@ class Passes:
             error = fault
         # A part that fitted now will fit again; one that was halved for a fault may grow again.
         self._most = len(group) if len(group) < asked else 2 * asked
-        for one in group:
-            one.held = _Held([[block[i] for i in one.types] for block in blocks], error)
+        for member in group:
+            member.held = _Held([[block[i] for i in member.types] for block in blocks], error)
 
     def _make_room(self) -> int:
-        """Let go of what has not been used for longest, until half of what may be held is free; how much is left."""
+        """Release the shares that were used longest ago, until half of `HELD` is free; the bytes still held."""
         left = 0
-        holding = [one for one in self._shares if one.held is not None]
-        for one in sorted(holding, key=lambda one: (one.used > 0, -one.used)):  # first what still waits for its use
-            if (held := one.held) is None:  # whoever uses it let go of it meanwhile, in another thread
+        holding = [share for share in self._shares if share.held is not None]
+        for share in sorted(
+            holding, key=lambda share: (share.used > 0, -share.used)
+        ):  # first what still waits for its use
+            if (held := share.held) is None:  # another thread has released it meanwhile
                 continue
             if left + held.size > HELD // 2:
-                one.release()
+                share.release()
             else:
                 left += held.size
         return left
@@ -171,24 +173,24 @@ class Passes:
         rows = self.source.rows
         group: list[Share] = []
         types: dict[int, pa.DataType] = {}
-        after = [one for one in self._shares if one.place >= share.place]
-        for one in sorted(after, key=lambda one: one.place):
-            if one.held is not None or one.alone or one.bad_words != share.bad_words:
+        after = [candidate for candidate in self._shares if candidate.place >= share.place]
+        for candidate in sorted(after, key=lambda candidate: candidate.place):
+            if candidate.held is not None or candidate.alone or candidate.bad_words != share.bad_words:
                 continue
-            if any(types.get(i, kind) != kind for i, kind in one.types.items()):
+            if any(types.get(i, kind) != kind for i, kind in candidate.types.items()):
                 continue
-            if rows is not None and 8 * rows * len(types.keys() | one.types.keys()) > room:
+            if rows is not None and 8 * rows * len(types.keys() | candidate.types.keys()) > room:
                 break
-            group.append(one)
-            types.update(one.types)
+            group.append(candidate)
+            types.update(candidate.types)
             if len(group) == self._most:
                 break
         return group, types
 
     @staticmethod
-    def _drop(one: Share, users: Counter[int], sizes: dict[int, int], blocks: list[dict[int, pa.Array]]) -> None:
+    def _drop(share: Share, users: Counter[int], sizes: dict[int, int], blocks: list[dict[int, pa.Array]]) -> None:
         """Go on without a loop: forget its columns, but for those that others use too."""
-        for i in one.types:
+        for i in share.types:
             users[i] -= 1
             if not users[i]:
                 sizes[i] = 0

@@ -26,7 +26,7 @@ from .values import Digits, Quality, flags_of, limit_flag, mode_flag, numbers, t
 __all__ = ["OrderedRows", "Reader"]
 
 _ROWS = 1000
-"""So many rows tell how times are written."""
+"""Number of rows that decide how times are written."""
 _NOTHING = frozenset({""})
 """Words for a missing cell, where only times and tags are read."""
 
@@ -180,10 +180,10 @@ def _clock_from_last(
         times: list[pa.Array] = []
         tags: list[pa.Array] = []
         for columns, _ in source.stream(types, _NOTHING):
-            there = _there(columns[0])
-            times.append(columns[0].filter(there))
+            filled = _filled(columns[0])
+            times.append(columns[0].filter(filled))
             if tag is not None:
-                tags.append(plain(columns[1]).filter(there))
+                tags.append(plain(columns[1]).filter(filled))
             if sum(column.nbytes for column in times) > HELD // 4:
                 return None
         from_last = [_turned(column) for column in reversed(times)]
@@ -212,14 +212,14 @@ def _turned(column: pa.Array) -> pa.Array:
     return column.take(pa.array(np.arange(len(column) - 1, -1, -1)))
 
 
-def _there(column: pa.Array) -> pa.Array:
+def _filled(column: pa.Array) -> pa.Array:
     """Which cells are not empty."""
     column = plain(column)
-    there = pc.is_valid(column)
+    filled = pc.is_valid(column)
     if not is_text(column.type):
-        return there
-    return pc.and_(there, pc.fill_null(pc.not_equal(pc.utf8_trim_whitespace(column), ""), False))
+        return filled
+    return pc.and_(filled, pc.fill_null(pc.not_equal(pc.utf8_trim_whitespace(column), ""), False))
 
 
 def _written(column: pa.Array) -> pa.Array:
-    return plain(column).filter(_there(column))
+    return plain(column).filter(_filled(column))

@@ -187,7 +187,7 @@ def _rivals(table: str, defaults: Mapping[str, Any], own: Mapping[str, Any]) -> 
 
 
 def _complete(controller: Mapping[str, Any]) -> bool:
-    """Whether it says all that a controller needs."""
+    """Whether it has all that a controller needs."""
     if controller.get("form") == "parallel":
         return "kp" in controller and "ki" in controller
     return ("k" in controller or "pb" in controller) and "ti" in controller

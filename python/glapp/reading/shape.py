@@ -115,7 +115,7 @@ def _texts(source: Source, column: int) -> list[str]:
     try:
         [head] = source.head([column])
         cells = words(head) if not _temporal(head.type) else _as_text(plain(head))
-    except (CellFault, InputError):  # told of the loop that needs it
+    except (CellFault, InputError):  # reported for the loop that needs it
         return []
     return [text for cell in cells.to_pylist() if cell is not None and (text := str(cell).strip())]
 
@@ -152,7 +152,7 @@ def _of_day(texts: Sequence[str]) -> list[str]:
 
 
 def _stamped(source: Source, times: Sequence[int]) -> list[int]:
-    """Columns that hold times: by their name, or, where it is empty or no name says so, by their cells."""
+    """Columns that hold times: by their name, or, where it is empty or no name is that of a time, by their cells."""
     names = source.names
     asked = [i for i, name in enumerate(names) if i in times or not times or understand(name).role is None]
     if len(names) > _WIDEST:
@@ -161,7 +161,7 @@ def _stamped(source: Source, times: Sequence[int]) -> list[int]:
 
 
 def _counts_time(source: Source) -> bool:
-    """Whether the first column, whose name says nothing of it, has numbers that can only be times.
+    """Whether the first column, whose name is not that of a time, has numbers that can only be times.
 
     They rise, and are seconds to nanoseconds since 1970, or days as a spreadsheet counts them. Numbers of rows are not.
     """
@@ -263,7 +263,7 @@ def _alternate(source: Source, at: Mapping[str, int]) -> bool:
         return False
     try:
         heads = source.head([*at.values()])
-    except InputError:  # told of the loop whose column it is
+    except InputError:  # reported for the loop whose column it is
         return False
     rows = min(map(len, heads))  # a column of words may show fewer first rows than the others
     filled = {role: ~_empty(head.slice(0, rows)) for role, head in zip(at, heads, strict=True)}

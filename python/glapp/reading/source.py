@@ -37,7 +37,7 @@ class Source(ABC):
     - `tag_units`: their units where known.
     - `one_fault`: whether a fault of the file stops all its loops, whichever columns are read.
     - `typed`: whether numbers come as numbers, so that none has its unit behind it.
-    - `nameless`: what is to be said where the file has no line of names, and nobody says which column is which.
+    - `nameless`: text of the error where the file has no line of names, and the settings assign no column.
     """
 
     label: str
@@ -124,7 +124,7 @@ class Source(ABC):
     ) -> Iterator[tuple[list[pa.Array], float]]:
         """Pass over the columns at the indices `types`, in that order, with the fraction read so far.
 
-        Columns may come as `types` says, or as the file has them, or as text.
+        Columns come in the types of `types` or of the file, or as text.
         """
 
     @abstractmethod
@@ -164,7 +164,7 @@ _threads: dict[Thread, Event] = {}
 
 @atexit.register
 def _stop() -> None:
-    """End the passes that nobody ended: a thread that is inside a library as Python ends aborts the process."""
+    """End the passes that are still open: a thread that is inside a library as Python ends aborts the process."""
     while _threads:
         thread, stop = _threads.popitem()
         stop.set()

@@ -89,7 +89,7 @@ def _table(data: Any, label: str) -> tuple[list[str], list[list[Any]]]:
         if isinstance(results := keys.get("results"), list) and any(
             isinstance(r, dict) and "series" in r for r in results
         ):
-            return _series([one for r in results if isinstance(r, dict) for one in r.get("series", [])], label)
+            return _series([series for r in results if isinstance(r, dict) for series in r.get("series", [])], label)
         if (streams := _streams(data)) is not None:
             return streams
         for key in _LISTS:
@@ -105,31 +105,31 @@ def _table(data: Any, label: str) -> tuple[list[str], list[list[Any]]]:
         for key in ("data", "result", "response", "body"):
             if isinstance(inner := keys.get(key), dict):
                 return _table(inner, label)
-        if (said := _said(data)) is not None:
-            raise InputError(f"is a message and no recording: '{said}'", file=label, hint=_SEE)
+        if (message := _message(data)) is not None:
+            raise InputError(f"is a message and no recording: '{message}'", file=label, hint=_SEE)
     raise InputError("holds no table that glapp can read", file=label, hint=_HINT)
 
 
-def _said(data: Any) -> str | None:
+def _message(data: Any) -> str | None:
     """What a server answered in place of data."""
     if isinstance(data, list):
-        return _said(data[0]) if data else None
+        return _message(data[0]) if data else None
     if isinstance(data, dict):
         keys = {str(key).lower(): value for key, value in data.items()}
-        return next((said for key in _MESSAGES if (said := _said(keys.get(key))) is not None), None)
+        return next((message for key in _MESSAGES if (message := _message(keys.get(key))) is not None), None)
     return data[:_SHOWN] if isinstance(data, str) else None
 
 
 def _of_list(data: Sequence[Any], label: str) -> tuple[list[str], list[list[Any]]]:
     """Names and rows of a list in JSON."""
-    if data and all(isinstance(one, dict) for one in data):
+    if data and all(isinstance(row, dict) for row in data):
         if (streams := _streams({"items": data})) is not None:
             return streams
         names: dict[str, None] = {}
-        for one in data:
-            names.update(dict.fromkeys(map(str, one)))
-        return list(names), [[one.get(name) for name in names] for one in data]
-    if data and all(isinstance(one, list) for one in data) and len({len(one) for one in data}) == 1:
+        for row in data:
+            names.update(dict.fromkeys(map(str, row)))
+        return list(names), [[row.get(name) for name in names] for row in data]
+    if data and all(isinstance(row, list) for row in data) and len({len(row) for row in data}) == 1:
         head = data[0]
         if all(isinstance(name, str) for name in head):
             return [str(name) for name in head], [list(row) for row in data[1:]]
@@ -150,17 +150,17 @@ def _series(series: Sequence[Any], label: str) -> tuple[list[str], list[list[Any
     """Series of InfluxDB 1: each with its name, its tags and its columns."""
     names: list[str] | None = None
     rows: list[list[Any]] = []
-    for one in series:
-        if not isinstance(one, dict) or not isinstance(one.get("columns"), list):
+    for item in series:
+        if not isinstance(item, dict) or not isinstance(item.get("columns"), list):
             continue
-        columns = [str(name) for name in one["columns"]]
+        columns = [str(name) for name in item["columns"]]
         if names is None:
             names = columns
         if columns != names:
             what = f"holds series of different columns: {', '.join(names)} and {', '.join(columns)}"
             raise InputError(what, file=label, hint="export each measurement by itself")
-        tag = ".".join(str(part) for part in (one.get("name"), *dict(one.get("tags") or {}).values()) if part)
-        rows += [[tag, *row] for row in one.get("values", []) if isinstance(row, list) and len(row) == len(names)]
+        tag = ".".join(str(part) for part in (item.get("name"), *dict(item.get("tags") or {}).values()) if part)
+        rows += [[tag, *row] for row in item.get("values", []) if isinstance(row, list) and len(row) == len(names)]
     return ["name", *(names or [])], rows
 
 

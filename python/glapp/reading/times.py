@@ -156,7 +156,7 @@ def _plan(layout: str) -> Plan | None:
     parts = {k.rstrip("12345"): found.span(k) for k in found.groupdict() if found[k] and k[0] in "ymdabHMSFz"}
     parts.pop("zone", None)
     half = {"a": 0, "p": 12}[found["half"].lower()] if found["half"] else None
-    if found["zone"] and not layout.isascii():  # parts are told by their bytes
+    if found["zone"] and not layout.isascii():  # parts are recognised by their bytes
         return None
     sign = {"+": 1, "-": -1}[found["sign"]] if found["sign"] else None
     return Plan(parts, month, half, sign, found["zone"] is not None)
@@ -174,7 +174,7 @@ class Clock:
 
     - `arrow_type`: what a CSV parser should make of the column.
     - `t0`: time of the first row.
-    - `zone`: zone the times are told in.
+    - `zone`: time zone of the times.
     - `found`: what its numbers were taken for, where that was not plain.
 
     Raises CellFault where the first rows are no times, or can be read in two ways.

@@ -61,7 +61,7 @@ def _grouped(group: str) -> str:
 class Digits:
     """Notation of a text's numbers.
 
-    - `decimal`: what parts whole from decimal digits; "" where no cell that was seen tells.
+    - `decimal`: the decimal sign; "" where no cell that was read shows it.
     - `group`: what parts the thousands, where some cell shows it; a space or an apostrophe is always understood.
     """
 

@@ -47,8 +47,8 @@ def check_one_unit(units: dict[str, str], loop: Loop, file: str, column: str | N
     sp, pv = (units.get(label) for label in ("SP", "PV"))
     if loop.pv_unit is not None or sp is None or pv is None:
         return
-    ours, theirs = folded(sp), folded(pv)
-    if not {ours, theirs} <= UNITS - _ANY_UNIT or SAME_UNITS.get(ours, ours) == SAME_UNITS.get(theirs, theirs):
+    of_sp, of_pv = folded(sp), folded(pv)
+    if not {of_sp, of_pv} <= UNITS - _ANY_UNIT or SAME_UNITS.get(of_sp, of_sp) == SAME_UNITS.get(of_pv, of_pv):
         return
     raise InputError(
         f"SP is in {sp} and PV in {pv}, must be in one unit",
@@ -203,7 +203,7 @@ class WideRecording(Recording):
                 return False
             signals = [i for role, i in self._at.items() if role in _NUMBERS]
             return 0 < self._filled(source, signals) < 1 - _SPARSE
-        except InputError:  # told of the pass that reads the column
+        except InputError:  # reported by the pass that reads the column
             return False
 
     @staticmethod

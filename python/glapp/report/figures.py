@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..trace import Trace
 
 #: Colour of each verdict on a half-period, in the order of the codes: the muted scheme of Paul Tol, safe for
-#: colour-blind readers, with greys for what says least.
+#: colour-blind readers, with greys for what matters least.
 REASON_COLOURS: tuple[str, ...] = (
     "#00a070",  # accepted
     "#6b7280",  # gap

@@ -26,7 +26,7 @@ from .html import templates
 __all__ = ["NOMINAL", "Judged", "form_page", "judged"]
 
 NOMINAL: float = _glapp.NOMINAL_LIMIT
-"""Dead band that is allowed where nobody says it: EnTech's nominal one [% of span]."""
+"""Dead band that is allowed where none is given: EnTech's nominal one [% of span]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,16 +93,16 @@ def form_page(tests: Sequence[Judged]) -> str:
     return (
         templates()
         .get_template("form.html")
-        .render(generator=Markup(GENERATOR), version=version("glapp"), pages=[_page(one) for one in tests])
+        .render(generator=Markup(GENERATOR), version=version("glapp"), pages=[_page(test) for test in tests])
     )
 
 
 _VERDICTS = {"pass": "Pass", "fail": "Fail", "open": "Not decided"}
 
 
-def _page(one: Judged) -> dict[str, object]:
+def _page(judgement: Judged) -> dict[str, object]:
     """Fields of one page of the form."""
-    test = one.test
+    test = judgement.test
     op = words.op_unit(test.unit)
     signals = [("PV", test)] if test.travel is None else [("Valve travel", test.travel), ("PV", test)]
     rows = test.signals
@@ -112,9 +112,9 @@ def _page(one: Judged) -> dict[str, object]:
         "source": test.source,
         "begin": at[0] if at else "",
         "end": at[1] if at else "",
-        "verdict": _VERDICTS[one.verdict],
-        "kind": one.verdict,
-        "so": _reason_text(one),
+        "verdict": _VERDICTS[judgement.verdict],
+        "kind": judgement.verdict,
+        "so": _reason_text(judgement),
         "signals": [name for name, _ in signals],
         "terms": [(term, [tell(read) for _, read in signals]) for term, tell in _terms(op)],
         "op": op,
@@ -126,21 +126,21 @@ def _page(one: Judged) -> dict[str, object]:
     }
 
 
-def _reason_text(one: Judged) -> str:
+def _reason_text(judgement: Judged) -> str:
     """Reason of the verdict; no number is parted from its unit."""
-    return _told(one).replace(" % of span", "\N{NO-BREAK SPACE}% of span")
+    return _reason(judgement).replace(" % of span", "\N{NO-BREAK SPACE}% of span")
 
 
-def _told(one: Judged) -> str:
-    allowed = f"{words.number(one.allowed)} % of span is allowed ({one.origin})"
-    by = "the valve's travel" if one.by == "travel" else "PV"
-    if one.test.reason is not None and one.low is None:
-        return f"{one.test.reason[0].upper()}{one.test.reason[1:]}. {allowed[0].upper()}{allowed[1:]}."
-    if one.low is None:
+def _reason(judgement: Judged) -> str:
+    allowed = f"{words.number(judgement.allowed)} % of span is allowed ({judgement.origin})"
+    by = "the valve's travel" if judgement.by == "travel" else "PV"
+    if judgement.test.reason is not None and judgement.low is None:
+        return f"{judgement.test.reason[0].upper()}{judgement.test.reason[1:]}. {allowed[0].upper()}{allowed[1:]}."
+    if judgement.low is None:
         return f"OP's span is not known, so the dead band is not held against a limit. {allowed}."
-    if one.high is None:
-        return f"Dead band by {by}: at least {words.number(one.low)} % of span. {allowed}."
-    width = f"{words.number(one.low)} to {words.number(one.high)} % of span (95 % interval)"
+    if judgement.high is None:
+        return f"Dead band by {by}: at least {words.number(judgement.low)} % of span. {allowed}."
+    width = f"{words.number(judgement.low)} to {words.number(judgement.high)} % of span (95 % interval)"
     return f"Dead band by {by}: {width}. {allowed}."
 
 
@@ -156,14 +156,14 @@ def _terms(op: str) -> list[tuple[str, Callable[[StepTest], str]]]:
         return "not measured" if read.resolution is None else f"{words.quantity(read.resolution, op)} or finer"
 
     def t86(read: StepTest) -> str:
-        times = [one.t86 for one in read.readings if one.t86 is not None]
+        times = [reading.t86 for reading in read.readings if reading.t86 is not None]
         if not times:
             return "not measured"
         least = f" ({words.number(min(times))} to {words.quantity(max(times), 's')})" if len(times) > 1 else ""
         return f"{words.quantity(median(times), 's')}, median of {len(times)} {'steps' if least else 'step'}{least}"
 
     def overshoot(read: StepTest) -> str:
-        shares = [one.overshoot for one in read.readings if one.overshoot is not None]
+        shares = [reading.overshoot for reading in read.readings if reading.overshoot is not None]
         if not shares:
             return "not measured"
         if max(shares) == 0:

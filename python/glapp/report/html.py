@@ -67,7 +67,7 @@ def write_report(
     """
     order = words.ranked(results)
     drawn = [bar(r) for r in order]
-    scale = 1.02 * max((one.end for one in drawn if one is not None), default=0.0) or 1.0
+    scale = 1.02 * max((bar.end for bar in drawn if bar is not None), default=0.0) or 1.0
 
     def summary(links: Sequence[str]) -> dict[str, Any]:
         return {"scale": scale, "loops": list(zip(order, links, drawn, strict=True))}
@@ -86,15 +86,15 @@ def write_score(
 
     Returns as `write_report`.
     """
-    differ = [one for one in scored if one.outcome == "wrong"]
+    differ = [valve for valve in scored if valve.outcome == "wrong"]
     tables = {"counts": counts(scored), "calibration": calibration(scored)}
 
     def summary(links: Sequence[str]) -> dict[str, Any]:
         leads = dict(zip(map(id, differ), links, strict=True))
-        lines = [(one, leads.get(id(one))) for one in scored]
+        lines = [(valve, leads.get(id(valve))) for valve in scored]
         return {"scored": lines, "differ": differ, "workshop": workshop, **tables}
 
-    return _write([one.result for one in differ], Path(path), title, "score", summary)
+    return _write([valve.result for valve in differ], Path(path), title, "score", summary)
 
 
 def _write(

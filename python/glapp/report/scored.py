@@ -16,24 +16,24 @@ PROBABLE = {"p_gap": "a dead band", "p_beyond": "one beyond the limit"}
 def counts(scored: Sequence[Scored]) -> list[tuple[str, ...]]:
     """Rows by confidence, and of all answers: number, right, wrong, silent, the share of right ones."""
     rows = counted(list(scored))
-    total = (sum(getattr(one, kind) for one in rows) for kind in ("right", "wrong", "silent"))
+    total = (sum(getattr(row, kind) for row in rows) for kind in ("right", "wrong", "silent"))
     return [
         (
-            one.confidence.replace("_", " "),
-            str(one.right),
-            str(one.wrong),
-            str(one.silent),
-            share_text(one.right, one.wrong),
+            row.confidence.replace("_", " "),
+            str(row.right),
+            str(row.wrong),
+            str(row.silent),
+            share_text(row.right, row.wrong),
         )
-        for one in (*rows, Count("all", *total))
+        for row in (*rows, Count("all", *total))
     ]
 
 
 def calibration(scored: Sequence[Scored]) -> list[tuple[str, ...]]:
     """Rows of the probabilities: of what, as stated, of how many valves, and the share of those in which it was so."""
     return [
-        (PROBABLE[one.of], f"{100 * one.stated:.0f} %", str(one.valves), share_text(one.so, one.valves - one.so))
-        for one in calibrated(scored)
+        (PROBABLE[row.of], f"{100 * row.stated:.0f} %", str(row.valves), share_text(row.so, row.valves - row.so))
+        for row in calibrated(scored)
     ]
 
 
@@ -50,7 +50,7 @@ def share_text(so: int, not_so: int) -> str:
     return f"{middle} % ({low} to {high})"
 
 
-def workshop(one: Scored) -> str:
+def workshop(valve: Scored) -> str:
     """Finding of the workshop, with the width where it was measured."""
-    width = "" if one.width is None else f", {quantity(one.width, op_unit(one.result.unit))}"
-    return f"{one.label.found}{width}"
+    width = "" if valve.width is None else f", {quantity(valve.width, op_unit(valve.result.unit))}"
+    return f"{valve.label.found}{width}"

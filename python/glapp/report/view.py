@@ -142,7 +142,7 @@ class LoopView:
     def shown_recording(self) -> str | None:
         """File of the recording that is drawn, where there are several."""
         recordings = () if self.r.fit is None else self.r.fit.recordings
-        return next((one.source for one in recordings if one.shown), None)
+        return next((single.source for single in recordings if single.shown), None)
 
     @property
     def recordings(self) -> TableRows:
@@ -152,13 +152,13 @@ class LoopView:
         unit = words.op_unit(self.r.unit)
         return [
             (
-                one.source,
-                words.VERDICTS[one.fit.verdict],
-                words.quantity(one.fit.d, unit) if one.fit.found else "–",
-                words.number(one.adds),
-                words.sentence(one.left_out) or "counts",
+                single.source,
+                words.VERDICTS[single.fit.verdict],
+                words.quantity(single.fit.d, unit) if single.fit.found else "–",
+                words.number(single.adds),
+                words.sentence(single.left_out) or "counts",
             )
-            for one in self.r.fit.recordings
+            for single in self.r.fit.recordings
         ]
 
     @property

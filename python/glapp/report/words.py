@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from .. import _glapp
 from .._glapp import count, duration, number, quantity, sentence, to_text
+from ..loop import op_unit
 
 if TYPE_CHECKING:
     from ..result import Result
 
-__all__ = ["count", "duration", "number", "quantity", "sentence"]
+__all__ = ["count", "duration", "number", "op_unit", "quantity", "sentence"]
 
 
 def _catalogue_of(subject: str) -> dict[str, str]:
@@ -46,7 +47,7 @@ NAMES = tuple(REASONS)
 #: The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
 VERDICTS = _catalogue_of("verdict")
 
-#: In place of the verdict: names of a confidence that says more.
+#: Names of a confidence that are shown in place of the verdict.
 LIKELY = {confidence: to_text(f"answer.{confidence}", {}) for confidence in ("likely", "likely_sound")}
 
 #: What is known of a valve.
@@ -132,18 +133,13 @@ def days(results: Sequence[Result]) -> str:
     return to_text("answer.days", {"first": min(ends), "last": max(ends)}) if ends else ""
 
 
-def op_unit(unit: str) -> str:
-    """The unit of OP as a sentence needs it: `%` alone would leave open of what."""
-    return "%OP" if unit == "%" else unit
-
-
 def ranked(results: Sequence[Result]) -> list[Result]:
     """Order results as every list shows them, by `Answer.rank`."""
     return sorted(results, key=lambda result: result.answer.rank)
 
 
 def judged(result: Result) -> bool:
-    """Whether something is known of the valve. A list says of the others why not, and what would help."""
+    """Whether there is an answer on the valve. A list gives the reason of the others, and what would help."""
     return result.answer.valve in ("gap", "no_gap") or result.answer.confidence in LIKELY
 
 

@@ -12,8 +12,8 @@ from ..document import to_json
 from ..errors import InputError
 from ..estimate import analyze
 from ..loop import Loop
-from ..many import analyze_recordings
 from ..result import Result
+from ..several_recordings import analyze_recordings
 from .guide import read_test
 from .recordings import SignalStore
 from .repairs import repaired_at

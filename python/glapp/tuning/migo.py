@@ -112,7 +112,7 @@ def _greatest_ki(plant: Plant, circles: Circles, derivative: bool) -> tuple[floa
     def height(kd: float) -> float:
         """The top's ki where it is allowed, below all of these and falling with kd where it is not."""
         if kd not in tops:
-            top = envelope.top(kd, near * tops[max(one for one in tops if one < kd)].k)
+            top = envelope.top(kd, near * tops[max(smaller for smaller in tops if smaller < kd)].k)
             if top is None:
                 return -kd
             tops[kd] = top

@@ -1,4 +1,4 @@
-"""Number of widths that noise makes, and of those shown, P1 to P8: `python -m bench.floor`.
+"""Number of widths that noise makes, and of those shown, P1 to P8: `python -m bench.noise_floor`.
 
 PI by MIGO (Ms 2.0) and PID by AMIGO, detector's filter Ti/2, noise of ± 0.005, steps of the load, 20 000 samples.
 """

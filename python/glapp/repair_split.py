@@ -11,10 +11,10 @@ import numpy as np
 from .errors import InputError
 from .recording import Batch, Recording
 
-__all__ = ["Cut", "moment_in", "since_repair", "until_repair"]
+__all__ = ["RecordingPart", "moment_in", "since_repair", "until_repair"]
 
 
-class Cut(Recording):
+class RecordingPart(Recording):
     """The rows of a recording from one time on and before another.
 
     - `whole`: the recording.
@@ -56,12 +56,12 @@ def since_repair(recordings: Sequence[Recording]) -> list[Recording]:
         if at is None:
             found.append(recording)
         elif _ends(recording) >= (begin := moment_in(recording, at)):
-            found.append(Cut(recording, begin=begin))
+            found.append(RecordingPart(recording, begin=begin))
     if not found:
         loop, repaired = recordings[0].loop, recordings[0].loop.repaired
         raise InputError(
             f"is {repaired:%Y-%m-%d %H:%M}, and nothing was recorded after it",
-            file=", ".join(one.source for one in recordings),
+            file=", ".join(recording.source for recording in recordings),
             loop=loop.name,
             parameter="repaired",
             value=repaired,
@@ -77,7 +77,7 @@ def until_repair(recordings: Sequence[Recording]) -> list[Recording]:
         if (at := recording.loop.repaired) is not None:
             end = moment_in(recording, at)
             if _begins(recording) < end:
-                found.append(Cut(recording, end=end))
+                found.append(RecordingPart(recording, end=end))
     return found
 
 

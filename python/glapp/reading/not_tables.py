@@ -1,4 +1,4 @@
-"""Files that hold no table of signals, whatever their name says: what they are, and what to do about them."""
+"""Files that hold no table of signals, whatever their ending: what they are, and what to do about them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def check_beginning(path: Path, first: bytes, label: str) -> None:
 
     - `first`: at least 20 of them, or all there are.
 
-    Raises InputError where they are, and where the name says whether it is packed and they say otherwise.
+    Raises InputError where they are, and where the ending is that of a packed file and they are not, or the reverse.
     """
     for start, what, hint in BEGINNINGS:
         if first.startswith(start.encode("latin-1")):

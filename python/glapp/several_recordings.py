@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from .cut import since_repair
 from .estimate import analyze
 from .fit import Verdict, fit_recordings
 from .progress import Progress, shares
 from .recording import Batch, Recording, joined
+from .repair_split import since_repair
 from .result import Result, harm_of
 from .valve import in_order, one_valve
 
@@ -44,12 +44,12 @@ def analyze_recordings(
     if not fit or all("OP" not in recording.columns for recording in recordings):
         return replace(max(each, key=lambda result: result.detections), source=source)
     answer = fit_recordings(recordings, unfit=[unfit(result) for result in each], progress=fitting)
-    best = each[next((i for i, one in enumerate(answer.recordings) if one.shown), 0)]
+    best = each[next((i for i, single in enumerate(answer.recordings) if single.shown), 0)]
     messages = [*([] if answer.message is None else [answer.message]), *best.messages]
     harm = [
-        harm_of(one.fit, (result.settings.k, result.settings.ti), _rows(recording, one.fit.best["t"]))
-        for one, result, recording in zip(answer.recordings, each, recordings, strict=True)
-        if one.left_out is None and one.fit.process is not None
+        harm_of(single.fit, (result.settings.k, result.settings.ti), _rows(recording, single.fit.best["t"]))
+        for single, result, recording in zip(answer.recordings, each, recordings, strict=True)
+        if single.left_out is None and single.fit.process is not None
     ]
     return best.decided_with(source=source, fit=answer, messages=messages, harm=harm)
 

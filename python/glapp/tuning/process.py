@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, Literal
 
@@ -37,7 +36,7 @@ def sign_of(plant: Plant) -> float:
         raise InputError(
             "has a static gain of 0, no integral action can control it", parameter="plant", value=plant, bound="≠ 0"
         )
-    return math.copysign(1.0, lowest)
+    return plant.sign
 
 
 def kind_of(kind: Kind) -> Kind:

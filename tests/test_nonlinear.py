@@ -203,7 +203,7 @@ class TestLimitCycles:
 
     @pytest.mark.parametrize("plant", [PLANTS["P1"], PLANTS["P4"], PLANTS["P8"], Plant([12], [2400, 100, 1], 10)])
     def test_each_cycle_of_a_relay_lies_on_the_negative_axis(self, plant: Plant) -> None:
-        """At high frequencies the grid met one of many crossings, also of the positive axis: the amplitude was negative."""
+        """At high frequencies crossings of the positive axis were taken, too, with a negative amplitude."""
         cycles = relay_cycles(plant, 1.0)
         assert len(cycles) >= 12
         value = plant.response([cycle.w for cycle in cycles])
@@ -244,7 +244,7 @@ class TestLimitCycles:
 
     @pytest.mark.parametrize("name", ["P1", "P2", "P4"])
     def test_over_compensation_of_a_direct_acting_loop(self, name: str) -> None:
-        """u_FF goes by sign(e)·sign(K), so the sign of the process changes nothing; cycles of positive feedback came out."""
+        """u_FF goes by sign(e)·sign(K); cycles of positive feedback came out."""
         assert over_compensation(-1 * PLANTS[name], 0.07, 0.05) == over_compensation(name, 0.07, 0.05)
 
 

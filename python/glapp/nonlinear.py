@@ -419,7 +419,7 @@ def relay_cycles(loop: Process, level: float) -> list[LimitCycle]:
     if not (math.isfinite(level) and level > 0):
         raise InputError(f"is {level}, must be greater than 0", parameter="level", value=level, bound="> 0")
     w = loop.frequencies(per_decade=200)
-    # Where dead time turns L further than this from one frequency to the next, a change of sign is any of many crossings.
+    # Where dead time turns L further from one frequency to the next, a change of sign may stand for many crossings.
     w = w[: 1 + int(np.argmax(np.append(loop.dead_time * np.diff(w), math.inf) > 1.0))]
     value = loop.response(w)
     crossed = []  # frequency, L there, +1 where it enters the second quadrant and −1 where it leaves it

@@ -88,6 +88,8 @@ def test_what_is_no_result_or_loop_is_one_line() -> None:
         glapp.plot(None)  # type: ignore[arg-type]
     with pytest.raises(glapp.InputError, match=r"^loop: is a dict, must be a glapp.Loop"):
         glapp.estimate(t=[0, 1], sp=[0, 0], pv=[1, 2], loop={"name": "FIC101"})  # type: ignore[arg-type]
+    with pytest.raises(glapp.InputError, match=r"^loop: is a dict, must be a glapp.Loop"):
+        glapp.Estimator({"name": "FIC101"}, h=1.0)  # type: ignore[arg-type]
 
 
 def test_rows_without_pv_are_bad_and_an_sp_that_is_not_recorded_is_not_missing() -> None:

@@ -15,7 +15,7 @@ from .errors import InputError
 from .loop import Loop
 from .recording import BAD, Batch, Recording, finished, without_value
 
-__all__ = ["Samples", "recording_of"]
+__all__ = ["Samples", "check_loop", "recording_of"]
 
 _LABELS = {"t": "time", "sp": "SP", "pv": "PV", "op": "OP", "position": "POSITION", "flags": "MODE"}
 
@@ -75,9 +75,8 @@ def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None)
     Raises InputError where both are given or neither, or the signals cannot be used.
     """
     given: dict[str, Any] = {name: x for name, x in signals.items() if x is not None}
-    if not (loop is None or isinstance(loop, Loop)):
-        what = f"is a {type(loop).__name__}, must be a glapp.Loop"
-        raise InputError(what, parameter="loop", value=loop, bound="glapp.Loop", hint='glapp.Loop(name="FIC101", ...)')
+    if loop is not None:
+        check_loop(loop)
     if recording is not None:
         if not isinstance(recording, Recording):
             return _opened(recording, loop, given)
@@ -90,6 +89,16 @@ def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None)
             "is missing", parameter=" and ".join(missing), hint="give a recording, or t=..., pv=..., op=..."
         )
     return Samples(Loop(name="loop") if loop is None else loop, given)
+
+
+def check_loop(loop: Any) -> None:
+    """Refuse settings of a loop that are none.
+
+    Raises InputError where they are not.
+    """
+    if not isinstance(loop, Loop):
+        what = f"is a {type(loop).__name__}, must be a glapp.Loop"
+        raise InputError(what, parameter="loop", value=loop, bound="glapp.Loop", hint='glapp.Loop(name="FIC101", ...)')
 
 
 def _opened(data: Any, loop: Loop | None, given: dict[str, Any]) -> Recording:

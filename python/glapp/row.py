@@ -128,8 +128,7 @@ def to_arrow(results: Result | Sequence[Result]) -> pa.Table:
 
     results = [results] if isinstance(results, Result) else list(results)
     if not all(isinstance(result, Result) for result in results):
-        what = "must be a list of results of glapp.analyze"
-        raise InputError(what, parameter="results", value=results)
+        raise InputError("must be a list of results of glapp.analyze", parameter="results", value=results)
     made = columns()
     kinds = {"string": pa.string(), "float64": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
     cells = list(rows(results))

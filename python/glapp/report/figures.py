@@ -92,8 +92,12 @@ def plot(of: Result | StepTest | Simulation) -> go.Figure:
         return step_test_figure(of)
     if isinstance(of, Simulation):
         return simulation_figure(of)
-    what = f"is a {type(of).__name__}, must be a result of glapp.analyze, a step test or a simulation"
-    raise InputError(what, parameter="of", value=of, bound="Result, StepTest or Simulation")
+    raise InputError(
+        f"is a {type(of).__name__}, must be a result of glapp.analyze, a step test or a simulation",
+        parameter="of",
+        value=of,
+        bound="Result, StepTest or Simulation",
+    )
 
 
 def loop_figure(result: Result) -> go.Figure:

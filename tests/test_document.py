@@ -199,6 +199,7 @@ def test_rows_follow_from_what_is_declared() -> None:
     assert "not_a_number:" in first["quality"]
     assert first["identified_k_low"] == written["identified"]["k"][1] and error["reason_code"] == "unusable"
     assert error["answer_verdict"] == "refused" and error["k"] is None and error["rejected_gap"] == 0
+    assert glapp.to_arrow(results[0]) == table[:1]
     assert glapp.to_arrow([]).schema == table.schema and table.schema.field("half_periods").type == pa.int64()
 
 

@@ -70,10 +70,16 @@ class TestDescribingFunctions:
             (lambda: n_relay(1.0, math.inf), "level"),
             (lambda: negative_inverse([1, 0]), "n"),
             (lambda: describing_function(lambda: Backlash(1.0).update, 1.0, samples=4), "samples"),
+            (lambda: describing_function(lambda: Backlash(1.0).update, [1.0, 0.0]), "a"),
             (lambda: backlash_cycles(PLANTS["P2"], 0.0), "d"),
             (lambda: relay_cycles(PLANTS["P2"], -1.0), "level"),
             (lambda: small_gain(Plant([1], [1, -1])), "loop"),
             (lambda: circle_criterion("P9"), "loop"),
+            # Positive feedback: the criterion was said to hold, by a margin of 409.
+            (lambda: circle_criterion(open_loop(-12 * PLANTS["P2"], (0.05, 90))), "loop"),
+            (lambda: backlash_margin(open_loop(-12 * PLANTS["P2"], (0.05, 90))), "loop"),
+            (lambda: phase_lead(open_loop(-12 * PLANTS["P2"], (0.05, 90)), 1.3), "loop"),
+            (lambda: backlash_cycles(-1 * PLANTS["P1"], 1.0), "loop"),
             (lambda: phase_lead(PLANTS["P2"], 1.0), "margin"),
             (lambda: over_compensation("P2", -1.0, 0.1), "compensation"),
             (lambda: nyquist_figure(PLANTS["P2"], window=0), "window"),
@@ -194,7 +200,18 @@ class TestLimitCycles:
         """With dead time there are some hundred, and every one was called stable."""
         cycles = relay_cycles(PLANTS[name], 1.0)
         assert [cycle.stable for cycle in cycles] == [True] + [False] * (len(cycles) - 1)
-        assert len(cycles) > 70 or name not in ("P1", "P4", "P8")
+
+    @pytest.mark.parametrize("plant", [PLANTS["P1"], PLANTS["P4"], PLANTS["P8"], Plant([12], [2400, 100, 1], 10)])
+    def test_each_cycle_of_a_relay_lies_on_the_negative_axis(self, plant: Plant) -> None:
+        """At high frequencies crossings of the positive axis were taken, too, with a negative amplitude."""
+        cycles = relay_cycles(plant, 1.0)
+        assert len(cycles) >= 12
+        value = plant.response([cycle.w for cycle in cycles])
+        assert np.all(value.real < 0) and np.all(np.abs(value.imag) < 1e-9 * np.abs(value))
+        assert [cycle.amplitude for cycle in cycles] == pytest.approx((4 / math.pi * np.abs(value)).tolist())
+        # None is left out: from one to the next the dead time and the lags turn L once.
+        turns = np.diff([cycle.w for cycle in cycles]) * plant.dead_time / (2 * math.pi)
+        assert np.all((turns > 0.7) & (turns < 1.0))
 
     def test_a_relay_leaves_a_fast_cycle_for_the_slow_one(self) -> None:
         """P4 = e^(−4s)/(2s + 1), begun in the predicted cycle of 3.1 s; the exact period is 10.5 s."""
@@ -224,6 +241,11 @@ class TestLimitCycles:
         [slow] = over_compensation("P2", 0.06, 0.05, tf=0.5)
         assert slow.w < small.w
         assert over_compensation(Plant([1], [1, 2, 1]), 1.0, 0.5) == []
+
+    @pytest.mark.parametrize("name", ["P1", "P2", "P4"])
+    def test_over_compensation_of_a_direct_acting_loop(self, name: str) -> None:
+        """u_FF goes by sign(e)·sign(K); cycles of positive feedback came out."""
+        assert over_compensation(-1 * PLANTS[name], 0.07, 0.05) == over_compensation(name, 0.07, 0.05)
 
 
 def simulated(controller: Any, d: float, tf: float, period: float) -> tuple[float, float]:

@@ -150,8 +150,10 @@ def test_without_a_test_that_decides_the_plan_gives_the_reason():
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        ({"minutes": 0.0}, "minutes: is 0, must be > 0"),
-        ({"width": -1.0}, "width: is -1, must be > 0"),
+        ({"minutes": 0.0}, "minutes: is 0, must be a finite number > 0"),
+        ({"minutes": math.inf}, "minutes: is inf, must be a finite number > 0"),
+        ({"width": -1.0}, "width: is -1, must be a finite number > 0"),
+        ({"width": math.inf}, "width: is inf, must be a finite number > 0"),
         ({"kinds": ("by_foot",)}, "'by_foot'"),
         ({"op_within": (65.0, 45.0)}, "op_within: goes from 65 to 45, must be low < high"),
         ({"pv_within": (0.0, 10.0)}, "pv_within: is 0 to 10, and the recording ends at"),
@@ -343,7 +345,7 @@ def test_the_report_shows_what_would_decide(tmp_path):
         (("--plan", "--no-fit"), "--plan works on the fit"),
         (("--op-within", "40", "60"), "add --plan"),
         (("--plan", "--op-within", "65", "45"), "--op-within: goes from 65 to 45, must be low < high"),
-        (("--plan", "--minutes", "0"), "--minutes: 0: must be > 0"),
+        (("--plan", "--minutes", "0"), "--minutes: is 0, must be a finite number > 0"),
     ],
 )
 def test_analyze_refuses_limits_without_a_plan(tmp_path, words, told):
@@ -357,6 +359,11 @@ def test_the_command_names_the_option_that_is_wrong(tmp_path):
     """It named op_within, which nobody can type."""
     refused = asked_of(tmp_path, "--op-within", "65", "45")
     assert str(refused.exception) == "--op-within: goes from 65 to 45, must be low < high"
+    # These were looked at after the fit only, and endless minutes ended in a traceback.
+    refused = asked_of(tmp_path, "--minutes", "inf")
+    assert str(refused.exception) == "--minutes: is inf, must be a finite number > 0"
+    refused = asked_of(tmp_path, "--width", "0")
+    assert str(refused.exception) == "--width: is 0, must be a finite number > 0"
 
 
 def asked_of(tmp_path, *more):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from filtered import filtered
 
@@ -68,6 +70,28 @@ def test_times_may_be_dates(worn: Simulation) -> None:
     assert np.allclose(next(made.batches()).t, worn.t[:65536], atol=1e-6)
 
 
+def test_times_of_pandas_with_a_zone_and_of_python(worn: Simulation) -> None:
+    """Times with a zone were no numbers, and the nanoseconds of a timedelta64 were taken for seconds."""
+    n = 50
+    zoned = pd.date_range("2026-03-29 01:30", periods=n, freq="10min", tz="Europe/Stockholm")  # summer time begins
+    own = [datetime(2026, 3, 1, tzinfo=UTC) + timedelta(seconds=600 * k) for k in range(n)]
+    for t in (zoned, pd.Series(zoned), own, [None, *own[1:]], zoned.tz_convert(None), zoned - zoned[0]):
+        made = next(Samples(LOOP, {"t": t, "pv": worn.pv[:n]}).batches())
+        assert np.nanmax(np.abs(np.diff(made.t) - 600)) < 1e-6
+    assert Samples(LOOP, {"t": zoned, "pv": worn.pv[:n]}).t0 == datetime(2026, 3, 29, 0, 30)
+
+
+def test_what_is_no_result_or_loop_is_one_line() -> None:
+    with pytest.raises(glapp.InputError, match=r"^results: must be a list of results of glapp.analyze"):
+        glapp.to_arrow(["FIC101"])  # type: ignore[list-item]
+    with pytest.raises(glapp.InputError, match=r"^of: is a NoneType, must be a result of glapp.analyze"):
+        glapp.plot(None)  # type: ignore[arg-type]
+    with pytest.raises(glapp.InputError, match=r"^loop: is a dict, must be a glapp.Loop"):
+        glapp.estimate(t=[0, 1], sp=[0, 0], pv=[1, 2], loop={"name": "FIC101"})  # type: ignore[arg-type]
+    with pytest.raises(glapp.InputError, match=r"^loop: is a dict, must be a glapp.Loop"):
+        glapp.Estimator({"name": "FIC101"}, h=1.0)  # type: ignore[arg-type]
+
+
 def test_rows_without_pv_are_bad_and_an_sp_that_is_not_recorded_is_not_missing() -> None:
     batch = next(Samples(LOOP, {"t": [0.0, 1.0, 2.0], "pv": [1.0, np.nan, 2.0]}).batches())
     assert batch.sp is None and batch.flags is not None and batch.flags.tolist() == [0, 2, 0]
@@ -90,6 +114,9 @@ def test_rows_without_pv_are_bad_and_an_sp_that_is_not_recorded_is_not_missing()
         ),
         ({"t": [0, 1], "pv": [1, 2], "flags": [0, 16]}, "flags: is no sum of 1 (not in automatic), 2 (bad)"),
         ({"t": np.full(2, "NaT", "datetime64[s]"), "pv": [1, 2]}, "t: holds no time"),
+        ({"t": [datetime(2026, 3, 1), datetime(2026, 3, 1, tzinfo=UTC)], "pv": [1, 2]}, "t: holds times with a zone"),
+        ({"t": [datetime(2026, 3, 1), 7], "pv": [1, 2]}, "t: is not times"),
+        ({"t": ["2026-03-01 12:00", "2026-03-01 12:01"], "pv": [1, 2]}, "t: is not numbers"),
     ],
 )
 def test_wrong_arrays_are_one_line(signals: dict[str, Any], line: str) -> None:

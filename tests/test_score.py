@@ -100,10 +100,13 @@ def test_labels_of_a_spreadsheet_with_decimal_commas(tmp_path: Path) -> None:
         ("found,Tag\ngap,x\n", "unit, date, and this file has found, tag"),
         ("file,found,widht\na.csv,gap,2\n", "row 1, column widht: has a column 'widht': did you mean 'width'?"),
         ("file,found\n", "has no row"),
-        ("file,found\na.csv,worn\n", "row 2, column found: 'worn' is not one of gap, stiction, both, sound, other"),
+        (
+            "file,found\na.csv,worn\n",
+            "row 2, column found: 'worn' is no finding; write one of gap, stiction, both, sound, other",
+        ),
         ("file,found,width\na.csv,gap,wide\n", "row 2, column width: 'wide' is no width"),
-        ("file,found,width\na.csv,gap,-1\n", "row 2, column width: '-1' is no width"),
-        ("file,found,date\na.csv,gap,1.3.26\n", "row 2, column date: '1.3.26' is no date"),
+        ("file,found,width\na.csv,gap,-1\n", "row 2, column width: '-1' is no width; write a number ≥ 0"),
+        ("file,found,date\na.csv,gap,1.3.26\n", "row 2, column date: '1.3.26' is no date; write 2026-03-31"),
         ("file,found\na.csv,gap\n./a.csv,sound\n", "row 3: a.csv is in row 2 already"),
         ("file,found\n,gap\n", "row 2, column file: names no recording"),
     ],
@@ -114,6 +117,17 @@ def test_a_wrong_label_is_told(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(InputError) as wrong:
         read_labels(path)
     assert says in str(wrong.value)
+
+
+def test_labels_none_of_which_can_be_opened_are_told(tmp_path: Path) -> None:
+    """It ended in a traceback."""
+    (tmp_path / "FIC101.csv").write_text("t,SP,PV,OP\n0,1,0.9,50\n1,1,1.1,51\n")
+    (tmp_path / "labels.csv").write_text("file,loop,found\nFIC101.csv,LIC999,gap\nFIC7.csv,,gap\n")
+    done = CliRunner().invoke(app, ["score", str(tmp_path / "labels.csv")])
+    said = " ".join(done.stderr.split())
+    assert done.exit_code == 1 and isinstance(done.exception, SystemExit)
+    assert "row 2, column loop: has no loop 'LIC999'; write one of its loops: FIC101" in said
+    assert "row 3, column file: there is no such file" in said
 
 
 def test_stated_probabilities_are_held_against_what_is_so() -> None:

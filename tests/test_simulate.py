@@ -122,6 +122,13 @@ def test_controller_as_its_maker_writes_it() -> None:
     assert np.array_equal(as_written.pv, filtered("P2", (0.5, 3.0, 0, 0), t_end=50, **STEP_AND_LOAD).pv)
 
 
+@pytest.mark.parametrize("name", ["error_gap", "output_dead_band", "pv_filter"])
+def test_what_a_controller_has_and_the_simulator_has_not_is_refused(name: str) -> None:
+    """It was left out without a word."""
+    with pytest.raises(InputError, match=rf"^controller\.{name}: is 0\.2, and is not simulated"):
+        closed_loop("P2", {"k": 0.5, "ti": 2, name: 0.2}, t_end=10)
+
+
 def test_random_walk_as_load() -> None:
     walk = random_walk(2001, h=0.05, rate=0.006, seed=1)
     s = filtered("P2", (*AMIGO_PI, 0, 0), t_end=100, load=walk)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from glapp import InputError, simulate
+from glapp import Controller, InputError, simulate
 from glapp.plant import PLANTS, Plant
 from glapp.tuning import (
     Fotd,
@@ -492,10 +492,19 @@ class TestRules:
         [
             (lambda: amigo_step(Fotd(1, 2, 0)), "l = 0: must be greater than 0 s"),
             (lambda: ziegler_nichols_step(Fotd(1, 2, 0)), "a = 0"),
-            (lambda: lambda_tuning("P2", lam=0), "lambda = 0"),
+            (lambda: lambda_tuning("P2", lam=0), "lam: is 0, must be greater than 0 s"),
             (lambda: lambda_tuning("P1", "PID", lam=1), "without integrator"),
-            (lambda: simc("P2", tau_c=-1), "tau_c = -1"),
+            (lambda: simc("P2", tau_c=-1), "tau_c: is -1, must be greater than 0 s"),
+            (lambda: lambda_tuning("P2", lam="3"), "lam: is '3', must be greater than 0 s"),  # type: ignore[arg-type]
             (lambda: simc(Fotd(1, 2, 0)), "tau_c: is required"),
+            (lambda: Fotd(0, 2, 1), "kp_process: is 0, must be other than 0"),
+            (lambda: Fotd(1, -2, 1), "t: is -2, must be 0 s or greater"),
+            (lambda: Integrating(math.nan, 1), "kv: is nan, must be other than 0"),
+            (lambda: Integrating(1, -1), "l: is -1, must be 0 s or greater"),
+            (lambda: assess("P2", Controller(k=1, ti=3)), "ideal form; write controller.ideal"),  # type: ignore[arg-type]
+            (lambda: assess("P2", {"k": 1, "ti": 3}), "write .k, ti."),  # type: ignore[arg-type]
+            (lambda: assess("P2", None), "write .k, ti."),  # type: ignore[arg-type]
+            (lambda: assess("P2", ("K", 3)), "write .k, ti."),  # type: ignore[arg-type]
             (lambda: simc(Fotd(1, 2, 1), "PID"), "one lag"),
             (lambda: amigo_frequency(Plant([1], [1, 2, 1])), "no ultimate gain"),
             (lambda: amigo_step("P2", "P"), "kind: is 'P'"),  # type: ignore[arg-type]

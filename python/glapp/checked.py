@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from .errors import InputError
 
-__all__ = ["Checked", "check_limits", "nearest"]
+__all__ = ["Checked", "check_limits", "check_positive", "nearest"]
 
 _BOUNDS = {
     "greater_than": ("gt", ">"),
@@ -49,6 +50,22 @@ def check_limits(limits: tuple[float, float], parameter: str | None = None, **pl
     if not low < high:
         what = f"goes from {low:g} to {high:g}, must be low < high"
         raise InputError(what, parameter=parameter, value=limits, bound="low < high", **place)
+
+
+def check_positive(value: float, parameter: str | None = None) -> None:
+    """Refuse what is not a finite number above 0.
+
+    Raises InputError where it is not.
+
+    Examples
+    --------
+    >>> check_positive(float("inf"), "minutes")
+    Traceback (most recent call last):
+    glapp.errors.InputError: minutes: is inf, must be a finite number > 0
+    """
+    if not (math.isfinite(value) and value > 0):
+        bound = "a finite number > 0"
+        raise InputError(f"is {value:g}, must be {bound}", parameter=parameter, value=value, bound=bound)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

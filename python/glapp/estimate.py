@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _glapp
 from ._glapp import to_text
 from .arrays import column
+from .checked import check_positive
 from .controller import Ideal
 from .errors import InputError
 from .fit import Fit, fit_from_core
@@ -25,7 +26,7 @@ from .quality import Finding, findings_from_core
 from .recording import Recording, with_op_unit
 from .repair_split import since_repair
 from .result import REASONS, Answer, Corrected, HalfPeriods, Origin, Result, Settings
-from .samples import recording_of
+from .samples import check_loop, recording_of
 from .step_test import step_test_from_core
 from .trace import Band, Thinner, Trace
 
@@ -502,11 +503,11 @@ class Estimator:
 
     def __init__(self, loop: Loop, h: float) -> None:
         """Make one, at the beginning of a stream."""
+        check_loop(loop)
         ideal = loop.ideal()
         if ideal is None:
             raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
-        if not h > 0:
-            raise InputError(f"is {h}, must be > 0 s", parameter="h", value=h, bound="> 0 s")
+        check_positive(h, "h")
         self._detector = _glapp.Detector(_detector_settings(loop, ideal, _process_gain(loop), h))
 
     def update(

@@ -122,12 +122,16 @@ def n_relay(a: npt.ArrayLike, level: float) -> ComplexArray:
     >>> complex(n_relay(4.0, math.pi))
     (1+0j)
     """
-    level = _at_least_zero("level", level)
+    return np.asarray(4 * _at_least_zero("level", level) / (math.pi * _amplitudes(a)) + 0j)
+
+
+def _amplitudes(a: npt.ArrayLike) -> Array:
+    """Amplitudes of a sine, checked to be greater than 0."""
     a = np.asarray(a, dtype=np.float64)
     wrong = ~((a > 0) & np.isfinite(a))
     if wrong.any():
         raise InputError(f"is {a[wrong].flat[0]:g}, must be greater than 0", parameter="a", value=a, bound="> 0")
-    return np.asarray(4 * level / (math.pi * a) + 0j)
+    return a
 
 
 def negative_inverse(n: npt.ArrayLike) -> ComplexArray:
@@ -185,7 +189,7 @@ def describing_function(
     if samples < 8:
         raise InputError(f"is {samples}, must be 8 or more", parameter="samples", value=samples, bound="8 or more")
     theta = 2 * math.pi * np.arange(samples) / samples
-    a = np.asarray(a, dtype=np.float64)
+    a = _amplitudes(a)
     n = np.empty(a.shape, dtype=np.complex128)
     for i, one in np.ndenumerate(a):
         update = element()
@@ -385,14 +389,16 @@ def relay_cycles(loop: Process, level: float) -> list[LimitCycle]:
     Parameters
     ----------
     loop : Plant
-        What the relay drives, stable but for integrators.
+        What the relay drives, stable but for integrators. Its feedback is negative: of a process with Kp < 0 take
+        −1 times the process, as a controller with K < 0 does.
     level : float
         > 0.
 
     Returns
     -------
     list of LimitCycle
-        By ascending frequency. A dead time makes L(iω) cross the axis again and again, ever nearer to 0.
+        By ascending frequency. A dead time makes L(iω) cross the axis again and again, ever nearer to 0: of these the
+        first dozen or more are given.
 
     Notes
     -----
@@ -413,12 +419,14 @@ def relay_cycles(loop: Process, level: float) -> list[LimitCycle]:
     if not (math.isfinite(level) and level > 0):
         raise InputError(f"is {level}, must be greater than 0", parameter="level", value=level, bound="> 0")
     w = loop.frequencies(per_decade=200)
+    # Where dead time turns L further from one frequency to the next, a change of sign may stand for many crossings.
+    w = w[: 1 + int(np.argmax(np.append(loop.dead_time * np.diff(w), math.inf) > 1.0))]
     value = loop.response(w)
     crossed = []  # frequency, L there, +1 where it enters the second quadrant and −1 where it leaves it
     for i in _changes(value.imag):
-        if value[i].real < 0:
-            at = _bisect(lambda x: float(loop.response(x).imag), w[i], w[i + 1])
-            crossed.append((at, float(loop.response(at).real), 1 if value[i + 1].imag > value[i].imag else -1))
+        at = _bisect(lambda x: float(loop.response(x).imag), w[i], w[i + 1])
+        if (real := float(loop.response(at).real)) < 0:
+            crossed.append((at, real, 1 if value[i + 1].imag > value[i].imag else -1))
     # Two integrators whose phase is below −180° come in over the axis, from infinitely far.
     before = int(value[0].real < 0 < value[0].imag)
     cycles = []
@@ -440,8 +448,9 @@ def _attracts(loop: Plant, w: float, n: complex, slope: complex) -> bool:
 def over_compensation(plant: Process, compensation: float, d: float, *, tf: float = 0.0) -> list[LimitCycle]:
     """Limit cycles of a loop whose compensation is wider than its gap (thesis 7.4).
 
-    The feed forward ± compensation/2 by the sign of the error, followed by the gap, is a relay of
-    (compensation − d)/2. As in the thesis the controller is left out: the relay is taken to dominate.
+    The feed forward ± compensation/2 by the sign of the error and of K, followed by the gap, is a relay of
+    (compensation − d)/2. K has the sign of the process gain. As in the thesis the controller is left out: the relay is
+    taken to dominate.
 
     Parameters
     ----------
@@ -468,7 +477,9 @@ def over_compensation(plant: Process, compensation: float, d: float, *, tf: floa
     level = (_at_least_zero("compensation", compensation) - _at_least_zero("d", d)) / 2
     plant = Plant.of(plant)
     tf = _at_least_zero("tf", tf)
-    return relay_cycles(plant * Plant([1.0], [tf * tf, 2 * tf, 1.0]), level) if level > 0 else []
+    if level <= 0:
+        return []
+    return relay_cycles(plant.sign * plant * Plant([1.0], [tf * tf, 2 * tf, 1.0]), level)
 
 
 # --- Keeping clear of the curve -------------------------------------------------------------------------------------
@@ -744,6 +755,14 @@ def _checked(loop: Any) -> Plant:
         raise InputError(error.what, parameter="loop", value=loop, hint=hint) from None
     if np.any(plant.poles.real[plant.poles != 0] >= 0):
         raise InputError("has poles in the right half plane", parameter="loop", value=loop, bound="stable")
+    if plant.integrators > 0 and plant.sign < 0:
+        raise InputError(
+            "integrates with a negative gain, which is positive feedback: no closed loop of it is stable",
+            parameter="loop",
+            value=loop,
+            bound="gain > 0",
+            hint="K and the gain of the process need the same sign",
+        )
     return plant
 
 

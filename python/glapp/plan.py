@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .checked import check_limits
+from .checked import check_limits, check_positive
 from .controller import Ideal
 from .errors import InputError
 from .estimate import analyze
@@ -169,10 +169,9 @@ def plan_test(
     >>> test.power >= 0.9, test.pv[0] >= 35 and test.pv[1] <= 50
     (True, True)
     """
-    if not minutes > 0:
-        raise InputError(f"is {minutes:g}, must be > 0", parameter="minutes", value=minutes, bound="> 0 min")
-    if width is not None and not width > 0:
-        raise InputError(f"is {width:g}, must be > 0", parameter="width", value=width, bound="> 0")
+    check_positive(minutes, "minutes")
+    if width is not None:
+        check_positive(width, "width")
     for name, within in (("op_within", op_within), ("pv_within", pv_within)):
         if within is not None:
             check_limits(within, name)

@@ -252,6 +252,11 @@ class Plant:
         """Kv, slope of the response to a unit step [process value per output and s]; None unless one integrator."""
         return self._lowest() if self.integrators == 1 else None
 
+    @property
+    def sign(self) -> float:
+        """Sign of the response to slow input, ±1: that of Kp, of an integrating process that of Kv."""
+        return math.copysign(1.0, self._lowest())
+
     def _lowest(self) -> float:
         """Ratio of the lowest coefficients that are not 0."""
         top, bottom = (c[: len(c) - _zeros_at_end(c)] for c in (self.num, self.den))

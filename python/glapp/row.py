@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from pydantic import BaseModel
 
 from .document import Columns, Controller, Finding, LoopAnswer
+from .errors import InputError
 from .result import REASONS, Result
 
 if TYPE_CHECKING:
@@ -96,18 +97,23 @@ def rows(results: Sequence[Result]) -> Iterator[list[Any]]:
         yield [column.get(answer) for column in made]
 
 
-def to_arrow(results: Sequence[Result]) -> pa.Table:
+def to_arrow(results: Result | Sequence[Result]) -> pa.Table:
     """The answers as a table with a row a loop, for a data lake or a table of pandas or Polars.
 
     Parameters
     ----------
-    results : sequence of Result
+    results : Result or sequence of Result
         From `glapp.analyze`, in any order.
 
     Returns
     -------
     pyarrow.Table
         The columns of `glapp analyze --csv`, null where there is no value.
+
+    Raises
+    ------
+    InputError
+        For anything but a sequence of results.
 
     Examples
     --------
@@ -120,6 +126,9 @@ def to_arrow(results: Sequence[Result]) -> pa.Table:
     """
     import pyarrow as pa
 
+    results = [results] if isinstance(results, Result) else list(results)
+    if not all(isinstance(result, Result) for result in results):
+        raise InputError("must be a list of results of glapp.analyze", parameter="results", value=results)
     made = columns()
     kinds = {"string": pa.string(), "float64": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
     cells = list(rows(results))

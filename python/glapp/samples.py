@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from .errors import InputError
 from .loop import Loop
 from .recording import BAD, Batch, Recording, finished, without_value
 
-__all__ = ["Samples", "recording_of"]
+__all__ = ["Samples", "check_loop", "recording_of"]
 
 _LABELS = {"t": "time", "sp": "SP", "pv": "PV", "op": "OP", "position": "POSITION", "flags": "MODE"}
 
@@ -24,8 +24,8 @@ class Samples(Recording):
     """A recording whose signals are arrays in memory.
 
     - `loop`: settings.
-    - `signals`: `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in seconds
-      or as datetime64.
+    - `signals`: `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in
+      seconds, or as datetime64, timedelta64 or datetime.
 
     Raises InputError where they are not of one length, hold fewer than two samples, or no PV.
     """
@@ -75,6 +75,8 @@ def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None)
     Raises InputError where both are given or neither, or the signals cannot be used.
     """
     given: dict[str, Any] = {name: x for name, x in signals.items() if x is not None}
+    if loop is not None:
+        check_loop(loop)
     if recording is not None:
         if not isinstance(recording, Recording):
             return _opened(recording, loop, given)
@@ -87,6 +89,16 @@ def recording_of(recording: Any, loop: Loop | None, **signals: ArrayLike | None)
             "is missing", parameter=" and ".join(missing), hint="give a recording, or t=..., pv=..., op=..."
         )
     return Samples(Loop(name="loop") if loop is None else loop, given)
+
+
+def check_loop(loop: Any) -> None:
+    """Refuse settings of a loop that are none.
+
+    Raises InputError where they are not.
+    """
+    if not isinstance(loop, Loop):
+        what = f"is a {type(loop).__name__}, must be a glapp.Loop"
+        raise InputError(what, parameter="loop", value=loop, bound="glapp.Loop", hint='glapp.Loop(name="FIC101", ...)')
 
 
 def _opened(data: Any, loop: Loop | None, given: dict[str, Any]) -> Recording:
@@ -114,6 +126,10 @@ def _opened(data: Any, loop: Loop | None, given: dict[str, Any]) -> Recording:
 
 def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:
     """Seconds, and the time of the first sample where it is a date."""
+    if t.dtype == object and any(isinstance(x, datetime) for x in t.flat):
+        t = _dates(t)
+    if t.dtype.kind == "m":
+        return np.ascontiguousarray(t / np.timedelta64(1, "ns") / 1e9, dtype=np.float64), None
     if t.dtype.kind != "M":
         return _floats("t", t), None
     known = t[~np.isnat(t)]
@@ -124,13 +140,34 @@ def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:
     return np.ascontiguousarray(seconds, dtype=np.float64), first
 
 
+def _dates(t: NDArray[Any]) -> NDArray[np.datetime64]:
+    """Times that Python or pandas holds one by one; those with a zone in UTC, as Polars and Arrow hand theirs out."""
+    missing = [x is None or x != x for x in t.flat]
+    try:
+        zones = {x.tzinfo is None for x, none in zip(t.flat, missing, strict=True) if not none}
+        utc = [
+            None if none else x if x.tzinfo is None else x.astimezone(UTC).replace(tzinfo=None)
+            for x, none in zip(t.flat, missing, strict=True)
+        ]
+        dates = np.array(utc, dtype="datetime64[us]").reshape(t.shape)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"is not times: {error}", parameter="t", hint=_TIMES) from None
+    if len(zones) > 1:
+        raise InputError("holds times with a zone and times without", parameter="t", hint="give all a zone, or none")
+    return dates
+
+
+_TIMES = "give seconds, datetime64 or datetime"
+
+
 def _floats(name: str, x: ArrayLike) -> NDArray[np.float64]:
     if np.iscomplexobj(x):
         raise InputError("holds complex numbers, must be real", parameter=name)
     try:
         values = np.ascontiguousarray(x, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError(f"is not numbers: {error}", parameter=name) from None
+        hint = _TIMES if name == "t" else None
+        raise InputError(f"is not numbers: {error}", parameter=name, hint=hint) from None
     if values.ndim != 1 or np.ndim(x) != 1:
         raise InputError(f"has {np.ndim(x)} dimensions, must have one", parameter=name)
     return values

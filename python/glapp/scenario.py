@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.csv
 import pyarrow.parquet
-from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
 
 from . import _glapp
 from .checked import Checked
@@ -252,6 +252,22 @@ def _controller(given: Any) -> Any:
     return Controller(k=abs(k), ti=ti, td=td, setpoint_weight=b, action="direct" if k < 0 else "reverse")
 
 
+def _simulated(controller: Controller) -> Controller:
+    """Refuse what the simulated controller has not: else it would be left out without a word."""
+    hints = {
+        "error_gap": "leave it out",
+        "output_dead_band": "leave it out; op_resolution gives steps of the output",
+        "pv_filter": "write tf of the scenario, a second-order filter",
+    }
+    for name, hint in hints.items():
+        if value := getattr(controller, name):
+            raise InputError(f"is {value:g}, and is not simulated", parameter=name, value=value, bound="0", hint=hint)
+    return controller
+
+
+_Simulated = Annotated[Controller, BeforeValidator(_controller), AfterValidator(_simulated)]
+
+
 def _manual(given: Any) -> Any:
     """Short form (from, to) or (from, to, op)."""
     if isinstance(given, Sequence) and 2 <= len(given) <= 3:
@@ -473,7 +489,7 @@ class Outer(Checked):
     """
 
     plant: Process
-    controller: Annotated[Controller, BeforeValidator(_controller)]
+    controller: _Simulated
     tf: NotNegative | None = None
     limits: Limits | None = None
     d: NotNegative = 0.0
@@ -490,9 +506,9 @@ class Scenario(Checked):
         "P1" to "P8", (num, den, dead_time), `control.TransferFunction`, a list of plants in series ...; of order 1 to
         10, num of lower degree than den and not ending in 0.
     controller : Controller, (k, ti), (k, ti, td), (k, ti, td, b) or glapp.tuning.Tuning
-        In any maker's form; or the ideal form (4.1): gain k ≠ 0, negative where more output lowers the process value;
-        ti > 0 [s]; td ≥ 0 [s]; setpoint weight b in 0..1, 1 where not given. The thesis has b = 0. A `Tuning` brings
-        its own b and filter time.
+        In any maker's form, without `error_gap`, `output_dead_band` and `pv_filter`, which are not simulated; or the
+        ideal form (4.1): gain k ≠ 0, negative where more output lowers the process value; ti > 0 [s]; td ≥ 0 [s];
+        setpoint weight b in 0..1, 1 where not given. The thesis has b = 0. A `Tuning` brings its own b and filter time.
     pv_span, op_span : (low, high), optional
         Needed for a gain in %/%.
     tf : float, optional
@@ -563,7 +579,7 @@ class Scenario(Checked):
 
     name: str = ""
     plant: Process
-    controller: Annotated[Controller, BeforeValidator(_controller)]
+    controller: _Simulated
     pv_span: Span | None = None
     op_span: Span | None = None
     tf: NotNegative | None = None

@@ -136,14 +136,15 @@ def _label(row: dict[str, str], number: int, path: Path) -> Label:
     """A label from a row of the list, checked."""
 
     def wrong(column: str, what: str, bound: str) -> InputError:
-        return InputError(what, file=str(path), row=number, column=column, value=row.get(column), bound=bound)
+        return InputError(
+            what, file=str(path), row=number, column=column, value=row.get(column), bound=bound, hint=f"write {bound}"
+        )
 
     if not row["file"]:
-        raise wrong("file", "names no recording", "a file")
+        raise wrong("file", "names no recording", "the name of a file")
     found = row["found"].lower()
     if found not in get_args(Found):
-        allowed = ", ".join(get_args(Found))
-        raise wrong("found", f"'{row['found']}' is not one of {allowed}", allowed)
+        raise wrong("found", f"'{row['found']}' is no finding", f"one of {', '.join(get_args(Found))}")
     width = None
     if text := row.get("width"):
         try:
@@ -157,7 +158,7 @@ def _label(row: dict[str, str], number: int, path: Path) -> Label:
         try:
             looked = date.fromisoformat(text[:10])
         except ValueError:
-            raise wrong("date", f"'{text}' is no date", "written as 2026-03-31") from None
+            raise wrong("date", f"'{text}' is no date", "2026-03-31, year, month, day") from None
     loop, unit = row.get("loop") or None, row.get("unit") or ""
     return Label(number, path.parent / row["file"], loop, found, width, unit, looked)  # type: ignore[arg-type]
 

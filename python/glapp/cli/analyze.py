@@ -81,8 +81,7 @@ def analyze(
         raise CommandError("--op-within and --pv-within are limits of a planned test: add --plan")
     check_option("--op-within", op_within)
     check_option("--pv-within", pv_within)
-    if not minutes > 0:
-        raise CommandError(f"--minutes: {minutes:g}: must be > 0")
+    check_option("--minutes", minutes)
     if table is not None and not to_output:
         check_output("--csv", table, read_by(files), TABLE)
     if report is not None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from ..checked import check_limits
+from ..checked import check_limits, check_positive
 from ..controller import Controller
 from ..errors import InputError
 from ..loop import Loop, Process
@@ -126,16 +126,18 @@ class Options:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
-def check_option(option: str, limits: tuple[float, float] | None) -> None:
-    """Refuse the limits of an option, LOW HIGH, where the first is not below the second.
+def check_option(option: str, given: tuple[float, float] | float | None) -> None:
+    """Refuse the limits of an option, LOW HIGH, where the first is not below the second, and a NUMBER that is not > 0.
 
     Raises CommandError where it is not.
     """
-    if limits is not None:
-        try:
-            check_limits(limits)
-        except InputError as error:
-            raise CommandError(f"{option}: {error.what}") from None
+    try:
+        if isinstance(given, tuple):
+            check_limits(given)
+        elif given is not None:
+            check_positive(given)
+    except InputError as error:
+        raise CommandError(f"{option}: {error.what}") from None
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -55,6 +55,8 @@ the reason is told.
     """
     check_option("--op-within", op_within)
     check_option("--pv-within", pv_within)
+    check_option("--minutes", minutes)
+    check_option("--width", width)
     plans: list[Plan] = []
     faults: list[InputError] = []
     for entry in open_files(files, options):

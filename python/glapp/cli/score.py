@@ -65,7 +65,7 @@ def score(
         except InputError as error:
             faults.append(error)
     loops.cache_clear()  # nobody waits for the loops that have no label
-    answers = analyze_all([entry for _, entry in opened], trust=False, fit=True)
+    answers = analyze_all([entry for _, entry in opened], trust=False, fit=True) if opened else []
     scored = []
     for (label, _), answer in zip(opened, answers, strict=True):
         result = answer.result() if isinstance(answer, Refused) else answer
@@ -102,12 +102,13 @@ def _opened(label: Label, loops: Callable[[Path], list[Recording | Valve | Refus
     """
     if not label.file.exists():
         raise InputError("there is no such file", file=str(label.file), row=label.row, column="file")
-    opened = loops(label.file)
-    if label.loop is not None:
-        opened = [entry for entry in opened if entry.name == label.loop]
+    held = loops(label.file)
+    opened = held if label.loop is None else [entry for entry in held if entry.name == label.loop]
     if len(opened) != 1:
-        what = f"holds {len(opened)} loops" if label.loop is None else f"has no loop '{label.loop}'"
-        raise InputError(what, file=str(label.file), row=label.row, column="loop", hint="name one of its loops")
+        what = f"holds {len(held)} loops" if label.loop is None else f"has no loop '{label.loop}'"
+        names = ", ".join(entry.name for entry in held[:20]) + (", …" if len(held) > 20 else "")
+        hint = f"write one of its loops: {names}" if held else None
+        raise InputError(what, file=str(label.file), row=label.row, column="loop", hint=hint)
     [entry] = opened
     return entry
 

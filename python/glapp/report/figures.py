@@ -19,6 +19,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from ..errors import InputError
 from ..palette import FLAT, FONT, GRID, INK, MUTED, OUTPUT, PAPER, POINT, POSITION, RAW, SIGNAL, TOO_WIDE, UNJUDGED
 from ..result import Result
 from ..step_test import StepTest
@@ -71,6 +72,11 @@ def plot(of: Result | StepTest | Simulation) -> go.Figure:
     plotly.graph_objects.Figure
         `.show()` opens it.
 
+    Raises
+    ------
+    InputError
+        For anything else.
+
     Examples
     --------
     >>> import glapp
@@ -78,9 +84,20 @@ def plot(of: Result | StepTest | Simulation) -> go.Figure:
     >>> [trace.name for trace in glapp.plot(s).data]
     ['SP', 'PV', 'OP', 'position']
     """
+    from ..simulate import Simulation
+
     if isinstance(of, Result):
         return loop_figure(of)
-    return step_test_figure(of) if isinstance(of, StepTest) else simulation_figure(of)
+    if isinstance(of, StepTest):
+        return step_test_figure(of)
+    if isinstance(of, Simulation):
+        return simulation_figure(of)
+    raise InputError(
+        f"is a {type(of).__name__}, must be a result of glapp.analyze, a step test or a simulation",
+        parameter="of",
+        value=of,
+        bound="Result, StepTest or Simulation",
+    )
 
 
 def loop_figure(result: Result) -> go.Figure:

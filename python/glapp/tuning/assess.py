@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..controller import Ideal
+from ..controller import Controller, Ideal
 from ..errors import InputError
 from ..notebook import table
 from ..plant import Plant
 from .fotd import Fotd
 from .integrating import Integrating
-from .process import Array, Process, root
+from .process import Array, Process, check, root
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -253,15 +253,21 @@ def ideal_of(controller: Sequence[float] | Tuning) -> Ideal:
     """A controller in ideal form, refused where it is none."""
     if isinstance(controller, Tuning):
         return controller.controller
-    if not 2 <= len(controller) <= 4:
+    if isinstance(controller, Controller):
+        raise InputError(
+            "is as its maker writes it, must be in ideal form",
+            parameter="controller",
+            value=controller,
+            hint="write controller.ideal(pv_span, op_span)",
+        )
+    try:
+        numbers = [float(x) for x in controller]
+    except (TypeError, ValueError):
+        numbers = []
+    if not 2 <= len(numbers) <= 4:
         raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b)", parameter="controller", value=controller)
-    ideal = Ideal(*(float(x) for x in [*controller, 0.0, 0.0][:4]))
-    for name, good, bound in (
-        ("k", ideal.k != 0, "other than 0"),
-        ("ti", ideal.ti > 0, "greater than 0 s"),
-        ("td", ideal.td >= 0, "0 s or greater"),
-    ):
-        value = getattr(ideal, name)
-        if not (good and math.isfinite(value)):
-            raise InputError(f"is {value:g}, must be {bound}", parameter=name, value=value, bound=bound)
+    ideal = Ideal(*[*numbers, 0.0, 0.0][:4])
+    check("k", ideal.k, lambda x: x != 0, "other than 0")
+    check("ti", ideal.ti, lambda x: x > 0, "greater than 0 s")
+    check("td", ideal.td, lambda x: x >= 0, "0 s or greater")
     return ideal

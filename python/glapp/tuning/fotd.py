@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ..errors import InputError
 from ..plant import Plant
-from .process import Array, Process
+from .process import Array, Process, check
 
 Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
 """Limit of a process's control (thesis 4.1)."""
@@ -31,6 +31,11 @@ class Fotd:
     t, l : float
         Time constant (lag) T and dead time L [s], ≥ 0.
 
+    Raises
+    ------
+    InputError
+        For a number out of its bounds.
+
     Examples
     --------
     >>> Fotd(2.0, t=3.0, l=1.0).tau
@@ -40,6 +45,11 @@ class Fotd:
     kp_process: float
     t: float
     l: float  # noqa: E741 - the symbol in every source
+
+    def __post_init__(self) -> None:
+        check("kp_process", self.kp_process, lambda x: x != 0, "other than 0")
+        check("t", self.t, lambda x: x >= 0, "0 s or greater")
+        check("l", self.l, lambda x: x >= 0, "0 s or greater")
 
     @property
     def tau(self) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..plant import Plant
-from .process import Process
+from .process import Process, check
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,10 +21,19 @@ class Integrating:
         Velocity gain Kv [process value per output and s], ≠ 0.
     l : float
         Dead time L [s], ≥ 0.
+
+    Raises
+    ------
+    InputError
+        For a number out of its bounds.
     """
 
     kv: float
     l: float  # noqa: E741
+
+    def __post_init__(self) -> None:
+        check("kv", self.kv, lambda x: x != 0, "other than 0")
+        check("l", self.l, lambda x: x >= 0, "0 s or greater")
 
     @property
     def plant(self) -> Plant:

@@ -37,7 +37,19 @@ def sign_of(plant: Plant) -> float:
         raise InputError(
             "has a static gain of 0, no integral action can control it", parameter="plant", value=plant, bound="≠ 0"
         )
-    return math.copysign(1.0, lowest)
+    return plant.sign
+
+
+def check(name: str, value: float, good: Callable[[float], bool], bound: str) -> None:
+    """Refuse what is no finite number, or out of its bound."""
+    number = isinstance(value, int | float | np.number)
+    if not (number and math.isfinite(value) and good(value)):
+        raise InputError(
+            f"is {format(value, 'g') if number else repr(value)}, must be {bound}",
+            parameter=name,
+            value=value,
+            bound=bound,
+        )
 
 
 def kind_of(kind: Kind) -> Kind:

@@ -13,7 +13,7 @@ from .assess import Tuning, assess, plant_of
 from .fotd import Fotd, fotd, tangent
 from .half_rule import half_rule
 from .integrating import Integrating, integrating
-from .process import Kind, Process, kind_of
+from .process import Kind, Process, check, kind_of
 from .ultimate import ultimate
 
 _ZN = "Ziegler & Nichols, Trans. ASME 64 (1942)"
@@ -106,7 +106,7 @@ def lambda_tuning(process: Process, kind: Kind = "PI", *, lam: float) -> Tuning:
     >>> t.controller
     Ideal(k=0.5, ti=2.0, td=0.0, b=0.0)
     """
-    model, plant = _model(process)
+    model, plant, lam = *_model(process), _time("lam", lam)
     rule, source = f"Lambda (λ = {lam:g} s) {kind_of(kind)}", "Dahlin (1968), as internal model control"
     if isinstance(model, Fotd):
         return _tuned(rule, source, plant, _glapp.lambda_tuning, model.kp_process, model.t, model.l, lam, kind == "PID")
@@ -214,7 +214,7 @@ def simc(process: Process, kind: Kind = "PI", *, tau_c: float | None = None) -> 
     else:
         plant = Plant.of(process)
         gain, t, t2, l = half_rule(plant, kind_of(kind))  # noqa: E741
-    wished = l if tau_c is None else tau_c
+    wished = l if tau_c is None else _time("tau_c", tau_c)
     if tau_c is None and l == 0:
         raise InputError("is required for a process without dead time", parameter="tau_c", bound="> 0 s")
     rule, source = f"SIMC (τc = {wished:g} s) {kind}", "Skogestad, J. Process Control 13 (2003)"
@@ -241,6 +241,12 @@ def _model(process: Process) -> tuple[Fotd | Integrating, Plant]:
         return process, process.plant
     plant = Plant.of(process)
     return (integrating(plant) if plant.integrators == 1 else fotd(plant)), plant
+
+
+def _time(name: str, value: float) -> float:
+    """A time constant that is wished for [s], refused where it is none."""
+    check(name, value, lambda x: x > 0, "greater than 0 s")
+    return float(value)
 
 
 def _table(table: str) -> str:

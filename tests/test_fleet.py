@@ -283,10 +283,10 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
         ("unit", "day=2/text.parquet"),
         ("no_settings", "FIC3"),
         ("no_tags", "FIC4"),
-        ("no_tags", "FIC6"),
         ("loop_tags", "FIC6"),
         ("settings", "loops.toml"),
     }
+    assert issues["no_tags", "FIC4"].what.endswith("none of its tags; those of FIC3 are, which no settings name")
     assert "did you mean 'FIC1." in issues["loop_tags", "FIC6"].what
     assert issues["unit", "day=2/text.parquet"].tag == "FIC2.SP" and issues["unit", "day=2/text.parquet"].rows == 50
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
@@ -578,8 +578,24 @@ def test_a_loop_without_sp_beside_others_that_have_it_is_told(tmp_path: Path) ->
         found, problems = rows(planned(tmp_path / lake))
         assert {name for name, _ in found} == {"FIC1"}
         assert [(p.code, p.loop) for p in problems] == [("no_sp", "FIC2")]
-    settings = '[loops.FIC1]\n[loops.FIC2]\ncolumns = { pv = "FIC2.PV", op = "FIC2.OP" }\n'
-    found, problems = rows(planned(tmp_path / "a", settings))
+        # Regression: who named it without its columns was told that none of its tags are there.
+        found, problems = rows(planned(tmp_path / lake, "[loops.FIC1]\n[loops.FIC2]\n"))
+        assert {name for name, _ in found} == {"FIC1", "FIC2"} and problems == []
+
+
+def test_a_loop_without_pv_is_told_and_its_pv_may_have_another_name(tmp_path: Path) -> None:
+    """Regression: SP and OP of a loop whose PV is not in the lake were passed over in silence."""
+    x = {name: values[:60] for name, values in signals().items()}
+    others = [long(x, "FIC2").filter(pa.compute.not_equal(long(x, "FIC2")["tag"], "FIC2.PV")), long(x)]
+    put(tmp_path, "a.parquet", pa.concat_tables(others))
+    found, problems = rows(planned(tmp_path))
+    assert {name for name, _ in found} == {"FIC1"}
+    assert [(p.code, p.loop, p.what) for p in problems] == [
+        ("no_pv", "FIC2", "FIC2 has SP and OP and no PV: it cannot be judged")
+    ]
+    _, [problem] = rows(planned(tmp_path, "[loops.FIC1]\n[loops.FIC2]\n"))
+    assert (problem.code, problem.loop) == ("loop_tags", "FIC2") and problem.what.startswith("no tag for PV")
+    found, problems = rows(planned(tmp_path, '[loops.FIC1]\n[loops.FIC2]\ncolumns = { pv = "FIC1.PV" }\n'))
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and problems == []
 
 

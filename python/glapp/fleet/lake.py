@@ -30,6 +30,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 from ..reading.cells import CellFault, is_text, plain, words
@@ -76,6 +77,8 @@ _HEAD = 1000
 """First rows of a file, which show the notation of its numbers."""
 _MOST_WORDS = 1000
 """Different words of quality in a file that are looked at."""
+_MOST_COMPARED = 100_000
+"""Pairs of names, in the settings alone and in the lake alone, that are compared: some seconds."""
 _YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for year in (1971, 2101))
 """Range of times that a sample may have [µs since 1970]."""
 
@@ -458,6 +461,18 @@ class Places:
         return self.long if file.long else self.wide.get(file.name, {})
 
 
+_PASSED_OVER = {
+    "sp": (
+        "PV and OP and no SP: it is taken for no loop, because others have SP",
+        "name it in the settings where it is one",
+    ),
+    "pv": (
+        "SP and OP and no PV: it cannot be judged",
+        "put its PV into the lake, or name the tag of its PV in the settings: columns.pv",
+    ),
+}
+
+
 def places(
     files: Sequence[File], given: Sequence[Loop] | None, defaults: Mapping[str, Any]
 ) -> tuple[Places, list[DataIssue]]:
@@ -470,12 +485,12 @@ def places(
     used: set[str] = set()
 
     def of(signals: SignalColumns, loop: Loop, group: str | None, label: str, *, long: bool) -> dict[str, str] | None:
+        kind = "tag" if long else "column"
         try:
-            return {
-                role: name for role, name in choose(signals, loop, group, label, tags=long).items() if role in SIGNALS
-            }
-        except InputError as error:
-            todo = error.hint or "name its tags in the settings: columns"
+            chosen = choose(signals, loop, group, label, tags=long, kind=kind)
+            return {role: name for role, name in chosen.items() if role in SIGNALS}
+        except InputError as error:  # its hint names options of glapp analyze
+            todo = f"name its {kind}s in the settings: columns.pv, columns.sp, columns.op"
             problems.append(DataIssue("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
             return None
 
@@ -483,7 +498,7 @@ def places(
         names = loops if given is not None else {name: Loop(**{**defaults, "name": name}) for name in tags.groups}
         for name, loop in names.items():
             # A lone loop in a lake is no reason to take its tags for those of a loop of another name.
-            group = tags.group_of(loop) if name.lower() in {g.lower() for g in tags.groups} else None
+            group = tags.own_group(loop)
             own = any(getattr(loop.columns, role) for role in ("pv", "sp", "op"))
             if (group is not None or own) and (chosen := of(tags, loop, group, "the lake", long=True)):
                 loops.setdefault(name, loop)
@@ -493,7 +508,8 @@ def places(
         if file.long:
             continue
         signals = SignalColumns(file.columns)
-        for name, group in signals.loops(file.stem).items():
+        more = {name: name for name in signals.passed_over if given is not None and name in loops}
+        for name, group in (signals.loops(file.stem) | more).items():
             known = loops.get(name) if given is not None else loops.setdefault(name, Loop(**{**defaults, "name": name}))
             if known is None:
                 what = f"has signals of {name}, which no settings name"
@@ -504,16 +520,23 @@ def places(
                 columns.setdefault(file.name, {})[name] = chosen
     for signals, label in ((tags, ""), *((SignalColumns(file.columns), file.name) for file in files if not file.long)):
         for name in sorted(set(signals.passed_over) - set(loops)):
-            what = f"{name} has PV and OP and no SP: it is taken for no loop, because others have SP"
-            problems.append(DataIssue("no_sp", what, "name it in the settings where it is one", file=label, loop=name))
+            lacks = signals.passed_over[name]
+            what, todo = _PASSED_OVER[lacks]
+            problems.append(DataIssue(f"no_{lacks}", f"{name} has {what}", todo, file=label, loop=name))
     if given is not None:
         for group in sorted(set(tags.groups) - set(found)):
             if not any(tags.meant(role, group) and set(tags.meant(role, group)) <= used for role in ("pv",)):
                 what = f"the lake holds the tags of {group}, which no settings name"
                 problems.append(DataIssue("no_settings", what, "add the loop to the settings", loop=group))
     having = sorted(set(found) | {name for file in columns.values() for name in file})
-    for name in sorted({loop.name for loop in given or ()} - set(having)):
+    told = {problem.loop for problem in problems if problem.code == "loop_tags"}
+    unnamed = {problem.loop.lower(): problem.loop for problem in problems if problem.code == "no_settings"}
+    missing = sorted({loop.name for loop in given or ()} - set(having) - told)
+    compared = len(missing) * len(unnamed) <= _MOST_COMPARED
+    for name in missing:
+        near = unnamed.get(nearest(name, unnamed) or "") if compared else None
         what = "its settings are there, and none of its tags"
+        what += f"; those of {near} are, which no settings name" if near else ""
         problems.append(DataIssue("no_tags", what, "check the names of the tags, and the export", loop=name))
     place = {name: i for i, name in enumerate(having)}
 

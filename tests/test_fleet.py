@@ -505,9 +505,40 @@ def test_settings_from_a_table(tmp_path: Path) -> None:
     loops, problems = read_loops(path)
     assert [loop.repaired for loop in loops] == [None, None], "a fleet follows days, and cuts none"
     assert [(p.loop, p.code) for p in problems] == [("FIC1", "settings")]
-    path.write_text("name,area\nFIC1,Boiler\n")
-    with pytest.raises(InputError, match="loop: is empty"):
+
+
+def test_settings_are_read_as_a_spreadsheet_saves_them(tmp_path: Path) -> None:
+    """Regression: semicolons, decimal commas and a valve called 12 were refused."""
+    path = tmp_path / "loops.csv"
+    text = "loop;valve;pv_span.low;pv_span.high;controller.k;controller.ti;controller.ti_unit;area\r\n"
+    text += "101;12;0;50,5;0,865;4,5;min;Södra\r\n;;;;;;;\r\n102;13;;;;;;x, y\r\n103;;;;-0,1;1;;\r\n"
+    for encoding in ("utf-8-sig", "cp1252", "utf-16"):
+        path.write_bytes(text.encode(encoding))
+        loops, [problem] = read_loops(path)
+        assert [(loop.name, loop.valve, loop.area) for loop in loops] == [("101", "12", "Södra"), ("102", "13", "x, y")]
+        assert loops[0].pv_span == (0.0, 50.5) and loops[0].controller is not None and loops[0].controller.k == 0.865
+        assert loops[0].ideal().ti == 270.0
+        assert (problem.row, problem.loop, problem.what) == (5, "103", "controller.k: is '-0.1', must be > 0")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    {
+        "name,area\nFIC1,Boiler\n": "row 1: has no column 'loop' for the names of the loops; its columns are name, area",
+        "loop,area\nFIC1,Boiler, west\n": "row 2: has 3 cells, and the first row has 2; put texts",
+        "loop,area,area\nFIC1,a,b\n": "row 1, column area: is there twice; leave one",
+        "loop,area\n,a\n": "row 2: loop: is empty; a row has the name",
+        "loop,controller,controller.k\nFIC1,x,2\n": "loop FIC1, row 2: controller: is there, and controller.k too; leave one",
+        "loop,controler.k\nFIC1,2\n": "controler: no such key; did you mean controller?",
+        "": "has no column 'loop'",
+    }.items(),
+)
+def test_settings_that_cannot_be_used_are_told_with_their_place(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "loops.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
         read_loops(path)
+    assert str(path) in str(error.value) and said in str(error.value)
 
 
 def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:

@@ -542,13 +542,19 @@ def test_settings_that_cannot_be_used_are_told_with_their_place(tmp_path: Path, 
 
 
 def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="nowhere: is not there; name the folder"):
         fleet.analyze(tmp_path / "nowhere", tmp_path / "out")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file: is no folder; name the folder"):
+        fleet.analyze(tmp_path / "file", tmp_path / "out")
     put(tmp_path / "lake", "notes.parquet", pa.table({"note": ["-"]}))
     with pytest.raises(InputError, match="is within the lake"):
         fleet.analyze(tmp_path / "lake", tmp_path / "lake" / "out")
     with pytest.raises(InputError, match="no Parquet file that can be read"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out")
+    # Regression: the command said that standard output cannot be written.
+    with pytest.raises(InputError, match="file/work: cannot be written: .*; name a folder that this account may write"):
+        fleet.analyze(tmp_path / "lake", tmp_path / "file")
     with pytest.raises(InputError, match="fits: is 0, must be 1 to 64"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=0)
     with pytest.raises(InputError, match="time_zone"):
@@ -557,6 +563,27 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
         fleet.read(tmp_path / "out")
     with pytest.raises(InputError, match="one of loops, windows"):
         fleet.read(tmp_path / "out", "answers")
+
+
+def test_a_run_that_cannot_go_on_names_what_it_could_not_read_or_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: whatever was wrong, a file of the lake that is gone too, the message was to make room."""
+    lake, out = tmp_path / "lake", tmp_path / "out"
+    gone = put(lake, "FIC1.parquet", wide(signals()))
+    for code, place, said in (
+        (errno.ENOENT, gone, f"{gone}: cannot be read any more: No such file or directory; run it again"),
+        (errno.EACCES, out / "x", f"{out}: cannot be written: Permission denied; give this account the right"),
+        (errno.ENOSPC, None, f"{out}: cannot be written: No space left on device; make room"),
+    ):
+
+        def fail(*_: Any, code: int = code, place: Path | None = place) -> None:
+            raise OSError(code, os.strerror(code), None if place is None else str(place))
+
+        monkeypatch.setattr("glapp.fleet.run.plan_of", fail)
+        with pytest.raises(InputError) as error:
+            fleet.analyze(lake, out)
+        assert said in str(error.value)
 
 
 def test_tables_are_read_from_memory_of_arrows_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

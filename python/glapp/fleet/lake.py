@@ -176,7 +176,8 @@ def files_of(lake: Path) -> tuple[list[str], list[DataIssue]]:
     Raises InputError where there is no such folder, or no Parquet file in it.
     """
     if not lake.is_dir():
-        raise InputError("is no folder", file=str(lake), hint="name the folder of a lake of Parquet files")
+        what = "is no folder" if lake.exists() else "is not there"
+        raise InputError(what, file=str(lake), hint="name the folder of a lake of Parquet files")
     found, problems = _walked(lake)
     for log in sorted(lake.rglob("_delta_log")):
         table = "/".join(log.relative_to(lake).parts[:-1])

@@ -272,7 +272,7 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
     (tmp_path / "_secret").mkdir()
     (tmp_path / "_secret" / "x.parquet").write_bytes(b"not looked at")
     span = 'pv_unit = "bar"\npv_span = [0, 100]\n'
-    settings = "".join(f"[loops.FIC{i}]\n{span}" for i in (1, 2, 4)) + "[loops.FIC5]\npv_span = [1, 0]\n"
+    settings = "".join(f"[loops.FIC{i}]\n{span}" for i in (1, 2, "-3")) + "[loops.FIC5]\npv_span = [1, 0]\n"
     settings += '[loops.FIC6.columns]\npv = "FIC1.PW"\n'
     found, problems = rows(planned(tmp_path, settings))
     issues = {(p.code, p.file or p.loop): p for p in problems}
@@ -282,11 +282,11 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
         ("unreadable", "day=1/cut.parquet"),
         ("unit", "day=2/text.parquet"),
         ("no_settings", "FIC3"),
-        ("no_tags", "FIC4"),
+        ("no_tags", "FIC-3"),
         ("loop_tags", "FIC6"),
         ("settings", "loops.toml"),
     }
-    assert issues["no_tags", "FIC4"].what.endswith("none of its tags; those of FIC3 are, which no settings name")
+    assert issues["no_tags", "FIC-3"].what.endswith("none of its tags; those of FIC3 are, which no settings name")
     assert "did you mean 'FIC1." in issues["loop_tags", "FIC6"].what
     assert issues["unit", "day=2/text.parquet"].tag == "FIC2.SP" and issues["unit", "day=2/text.parquet"].rows == 50
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
@@ -623,6 +623,46 @@ def test_rows_folders_and_files_that_go_missing_are_counted(tmp_path: Path) -> N
     if os.geteuid():  # for root no folder is closed
         (lake / "closed").mkdir(mode=0)
         assert ("folder", "closed") in {(p.code, p.file) for p in files_of(lake)[1]}
+
+
+def test_one_folder_a_loop(tmp_path: Path) -> None:
+    """Regression: files called by their day were one loop of all folders together, whose rows contradict each other."""
+    x = {name: values[:60] for name, values in signals().items()}
+    for folder in ("FIC1", "area/fic2/2026/03"):
+        put(tmp_path, f"{folder}/2026-03-01.parquet", wide(x))
+        put(tmp_path, f"{folder}/part-00000-3f1c-c000.snappy.parquet", wide(x))
+    put(tmp_path, "FIC3_2026-03-01.parquet", wide(x))
+    table = wide(x)
+    put(tmp_path, "FIC4/2026-03-01_pv.parquet", table.select(["time", "PV", "SP"]))
+    put(tmp_path, "FIC4/2026-03-01_op.parquet", table.select(["time", "OP"]).rename_columns(["t", "OP"]))
+    put(tmp_path, "FIC5/2026-03-01.parquet", table.select(["time", "OP", "SP"]))
+    put(tmp_path, "FIC6/2026-03-01.parquet", table.select(["time", "OP"]))
+    for settings in ("", "".join(f"[loops.FIC{i}]\n" for i in (1, 2, 3, 4, 5))):
+        found, problems = rows(planned(tmp_path, settings or None))
+        names = ["FIC1", "FIC2" if settings else "fic2", "FIC3", "FIC4"]
+        assert sorted(found) == sorted((name, FIRST // DAY) for name in names)
+        assert all({signal for signal, *_ in of} == {0, 1, 2} for of in found.values())
+        assert {(p.code, p.loop, p.file) for p in problems} == {
+            ("no_pv", "FIC5", "FIC5/2026-03-01.parquet"),
+            ("schema", "", "FIC6/2026-03-01.parquet"),
+        }
+
+
+def test_tags_that_differ_in_case_are_one_signal(tmp_path: Path) -> None:
+    """Regression: a day whose tags are written fic1.pv was a loop of its own, or of no settings."""
+    x = {name: values[:60] for name, values in signals().items()}
+    later = {**x, "time": x["time"] + DAY}
+    table = long(later)
+    lower = pa.array([tag.lower() for tag in table["tag"].to_pylist()])
+    put(tmp_path, "a.parquet", long(x))
+    names = ["ItemID", "SourceTimestamp", "Value", "ServerTimestamp"]
+    table = table.set_column(0, "tag", lower).select(["tag", "time", "value"])
+    put(tmp_path, "b.parquet", table.append_column("server", table["time"]).rename_columns(names))
+    for settings in ("", "[loops.Fic1]\n"):
+        found, problems = rows(planned(tmp_path, settings or None))
+        name = "Fic1" if settings else "FIC1"
+        assert sorted(found) == [(name, FIRST // DAY), (name, FIRST // DAY + 1)] and problems == []
+        assert [len(of) for of in found.values()] == [180, 180]
 
 
 def test_a_loop_without_sp_beside_others_that_have_it_is_told(tmp_path: Path) -> None:

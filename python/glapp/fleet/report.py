@@ -200,7 +200,12 @@ def _problems(rows: Sequence[dict[str, Any]]) -> list[tuple[str, int, list[str],
     for row in rows:
         of.setdefault(row["code"], []).append(row)
     return [
-        (code, len(found), [_place(row) for row in found[:PLACES]], found[0]["todo"])
+        (
+            code,
+            len(found),
+            [_place(row) for row in found[:PLACES]],
+            "; ".join(dict.fromkeys(row["todo"] for row in found[:PLACES])),
+        )
         for code, found in sorted(of.items())
     ]
 

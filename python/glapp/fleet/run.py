@@ -161,7 +161,7 @@ def _not_done(error: OSError, lake: Path, out: Path) -> InputError:
     )
 
 
-REFUSED = ("loop_tags", "no_tags", "settings", "unreadable")
+REFUSED = ("loop_tags", "no_pv", "unreadable", "no_tags", "settings")
 """Codes of problems of the plan that leave a loop without a row, the first one to be named."""
 
 
@@ -187,9 +187,13 @@ def _with_refused_loops(loops: pa.Table, plan: Plan, problems: Sequence[DataIssu
     for code in REFUSED:
         for one in (problem for problem in problems if problem.code == code):
             name = one.loop or (f"row {one.row} of {one.file}" if code == "settings" and one.row else "")
-            if code == "unreadable" and not plan.given:
+            if code == "no_pv" and name not in known:  # nobody asked for it
+                continue
+            if code == "unreadable":
                 name = loop_of_path(one.file, plan.files, plan.places) or ""
                 lost.setdefault(name, []).append(one.file)
+                if plan.given and name not in known:
+                    continue
             if name and name not in judged:
                 what = f"{one.file}: {one.what}" if one.file else one.what
                 rows.append(refused(known.get(name) or Loop(name=name), code, what))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import errno
+import html
 import importlib
 import io
 import json
@@ -42,6 +44,7 @@ from glapp.fleet.results import TABLES, publish, write_piece
 from glapp.fleet.settings import read_loops
 from glapp.fleet.windows import LOOPS, choose, cut, judge, look
 from glapp.loop import Loop
+from glapp.report import words
 from glapp.simulate import closed_loop
 
 FIRST = int(datetime(2026, 3, 2, tzinfo=UTC).timestamp()) * 1_000_000
@@ -541,6 +544,26 @@ def test_settings_that_cannot_be_used_are_told_with_their_place(tmp_path: Path, 
     assert str(path) in str(error.value) and said in str(error.value)
 
 
+def test_a_gap_that_is_acceptable_is_not_among_those_to_repair(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: the command listed under *To repair first* what the report does not."""
+    row = dict.fromkeys(LOOPS.names)
+    row |= {"valve": "gap", "confidence": "found", "verdict": "backlash", "score": 0.4, "width_percent": 0.5}
+    row |= {"low_percent": 0.4, "high_percent": 0.8}
+    loops = [{**row, "loop": name, "acceptable": name} for name in ("within", "beyond", "open")]
+    made = {"lost": {"loops": 0, "files": 0, "rows": 0, "left_out": 0}, "seconds": 1.0, "folder": "tables"}
+    made["tables"] = {"problems": {"rows": 0}}
+    monkeypatch.setattr(fleet, "analyze", lambda *_, **__: made)
+    monkeypatch.setattr(fleet, "read", lambda *_: pa.Table.from_pylist(loops, schema=LOOPS))
+    with pytest.raises(SystemExit) as end:
+        app(["fleet", "analyze", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert end.value.code == 0
+    printed = capsys.readouterr().out
+    assert "beyond" in printed and "open" in printed and "within" not in printed
+    assert "3 with a gap (1 wider than the limit)" in " ".join(printed.split())
+
+
 def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere: is not there; name the folder"):
         fleet.analyze(tmp_path / "nowhere", tmp_path / "out")
@@ -923,6 +946,10 @@ def test_results_carry_where_they_come_from(lake: Path, results: Path) -> None:
         assert (row["size"], row["mtime_ns"]) == (state.st_size, state.st_mtime_ns)
     page = (results / "report.html").read_text()
     assert all(row["loop"] in page.replace("<wbr>", "") for row in fleet.read(results).to_pylist())
+    [head, *lines] = csv.reader(io.StringIO((results / "loops.csv").read_text()))
+    loops = fleet.read(results).to_pylist()
+    assert [line[head.index("loop")] for line in lines] == [row["loop"] for row in loops] and "rank" not in head
+    assert [line[head.index("next_text")] for line in lines] == [row["next_text"] for row in loops]
     assert "http" not in page.replace("http-equiv", "") and "<script" not in page
     path = results / known["folder"] / "loops.parquet"
     whole = path.read_bytes()
@@ -1012,11 +1039,21 @@ def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFi
         app(["fleet", "analyze", str(lake), "--out", str(results), "--fits", "1"])
     printed = capsys.readouterr()
     assert (
-        end.value.code == 1 and "5 loops:" in printed.out and "1 refused" in printed.out and "3 problems" in printed.err
+        end.value.code == 1 and "5 loops:" in printed.out and "3 problems" in printed.err
     )
     assert (
         "report.html" in printed.out and "not in the answers: 1 loop refused. 1 file could not be read" in printed.err
     )
+    # Regression: the report counted refused loops among those that cannot be judged, and the command beside them.
+    page = html.unescape((results / "report.html").read_text()).replace("<wbr>", "")
+    [shown] = re.findall(r"(\d+) cannot be judged \(1 of them refused\)", " ".join(printed.out.split()))
+    loops = fleet.read(results).to_pylist()
+    unjudged = [row for row in loops if row["hindrance"] is not None]
+    assert f"{shown} cannot be judged." in page and int(shown) == len(unjudged)
+    # Regression: why a loop is not judged was in a Parquet table alone, and how soon nowhere.
+    assert all(words.sentence(row["reason"]) in page and row["next_text"] in page for row in unjudged)
+    soon = [row for row in loops if row["score"] is not None and row["acceptable"] != "within"]
+    assert soon and page.count("How soon: ") == len(soon)
     told_of = [(row["code"], row["loop"]) for row in fleet.read(results, "problems").to_pylist()]
     assert told_of == [("damaged", ""), ("no_rows", "FIC9"), ("schema", "")]
 

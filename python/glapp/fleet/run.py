@@ -135,9 +135,10 @@ def analyze(
             "seconds": round(time.monotonic() - begun, 3),
         }
         made = publish(out, tables, about)
-        from .report import write_report
+        from .report import write_csv, write_report
 
         write_report(out)
+        write_csv(out)
         return made
     except BrokenProcessPool:
         hint = "give it fewer processes (--workers) or more memory, then run it again: it goes on where it stopped"
@@ -195,7 +196,8 @@ def _with_refused_loops(loops: pa.Table, plan: Plan, problems: Sequence[DataIssu
                 if plan.given and name not in known:
                     continue
             if name and name not in judged:
-                what = f"{one.file}: {one.what}" if one.file else one.what
+                at = f"{one.file}, row {one.row}" if one.row else one.file
+                what = f"{at}: {one.what}" if at else one.what
                 rows.append(refused(known.get(name) or Loop(name=name), code, what))
                 judged.add(name)
     table = pa.concat_tables(rows)

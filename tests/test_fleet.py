@@ -527,11 +527,11 @@ def test_settings_are_read_as_a_spreadsheet_saves_them(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     {
-        "name,area\nFIC1,Boiler\n": "row 1: has no column 'loop' for the names of the loops; its columns are name, area",
+        "name,area\nFIC1,Boiler\n": "row 1: has no column 'loop' for the names of the loops; its columns are name",
         "loop,area\nFIC1,Boiler, west\n": "row 2: has 3 cells, and the first row has 2; put texts",
         "loop,area,area\nFIC1,a,b\n": "row 1, column area: is there twice; leave one",
         "loop,area\n,a\n": "row 2: loop: is empty; a row has the name",
-        "loop,controller,controller.k\nFIC1,x,2\n": "loop FIC1, row 2: controller: is there, and controller.k too; leave one",
+        "loop,controller,controller.k\nFIC1,x,2\n": "row 2: controller: is there, and controller.k too; leave one",
         "loop,controler.k\nFIC1,2\n": "controler: no such key; did you mean controller?",
         "": "has no column 'loop'",
     }.items(),
@@ -564,6 +564,18 @@ def test_a_gap_that_is_acceptable_is_not_among_those_to_repair(
     assert "3 with a gap (1 wider than the limit)" in " ".join(printed.split())
 
 
+def test_who_stops_a_run_is_told_that_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fleet, "analyze", stopped)
+    with pytest.raises(SystemExit) as end:
+        app(["fleet", "analyze", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert end.value.code == 130 and "the same command goes on where it was" in capsys.readouterr().err
+
+
 def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere: is not there; name the folder"):
         fleet.analyze(tmp_path / "nowhere", tmp_path / "out")
@@ -576,7 +588,7 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no Parquet file that can be read"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out")
     # Regression: the command said that standard output cannot be written.
-    with pytest.raises(InputError, match="file/work: cannot be written: .*; name a folder that this account may write"):
+    with pytest.raises(InputError, match=r"file/work: cannot be written: .*; name a folder that this account"):
         fleet.analyze(tmp_path / "lake", tmp_path / "file")
     with pytest.raises(InputError, match="fits: is 0, must be 1 to 64"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=0)
@@ -1038,9 +1050,7 @@ def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit) as end:
         app(["fleet", "analyze", str(lake), "--out", str(results), "--fits", "1"])
     printed = capsys.readouterr()
-    assert (
-        end.value.code == 1 and "5 loops:" in printed.out and "3 problems" in printed.err
-    )
+    assert end.value.code == 1 and "5 loops:" in printed.out and "3 problems" in printed.err
     assert (
         "report.html" in printed.out and "not in the answers: 1 loop refused. 1 file could not be read" in printed.err
     )

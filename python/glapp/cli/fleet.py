@@ -127,9 +127,13 @@ def analyze(
                 tasks[f"{name} before"] = done
             bar.update(tasks[name], completed=done - tasks[f"{name} before"])
 
-        made = engines.analyze(
-            lake, results, loops=loops, time_zone=time_zone, fits=fits, engine=engine, workers=workers, stage=stage
-        )
+        try:
+            made = engines.analyze(
+                lake, results, loops=loops, time_zone=time_zone, fits=fits, engine=engine, workers=workers, stage=stage
+            )
+        except KeyboardInterrupt:
+            say_note("stopped; the same command goes on where it was")
+            raise
     table = engines.read(results)
     every = table.to_pylist()
     found = [row for row in every if row["score"] is not None and row["acceptable"] != "within"]
@@ -142,8 +146,8 @@ def analyze(
     lost = made["lost"]
     beyond = sum(row["acceptable"] == "beyond" for row in found)
     out.print(
-        f"{table.num_rows} loops: {counts['gap']} with a gap ({beyond} wider than the limit), {counts['likely']} likely "
-        f"with one, {counts['no_gap']} without, {counts['likely_sound']} likely sound, "
+        f"{table.num_rows} loops: {counts['gap']} with a gap ({beyond} wider than the limit), "
+        f"{counts['likely']} likely with one, {counts['no_gap']} without, {counts['likely_sound']} likely sound, "
         f"{counts['unknown'] + lost['loops']} cannot be judged ({lost['loops']} of them refused). "
         f"{made['seconds']:.0f} s.",
         soft_wrap=True,

@@ -321,7 +321,9 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
 def _no_signals(file: File) -> DataIssue:
     """Data issue of a wide file of no loop."""
     what = f"its columns are {', '.join(file.columns[:12])}; neither tag and value nor a PV with SP or OP is among them"
-    todo = "put PV, OP and SP of a loop into files in its folder, or tag, time and value into one; or leave the file out"
+    todo = (
+        "put PV, OP and SP of a loop into files in its folder, or tag, time and value into one; or leave the file out"
+    )
     return DataIssue("schema", what, todo, file=file.name)
 
 

@@ -91,6 +91,9 @@ def test_signals_that_are_not_read_are_listed_with_the_option_to_add(run):
     assert code == 0 and f"note: F1: {said}" in printed
     page = html.unescape(Path("r.html").read_text(encoding="utf-8"))
     assert said in page and "time = t, PV = F1.PV, OP = F1.OP" in page
+    _, shown, _ = run("analyze", "plant.csv", "--no-fit", "--json")
+    [loop] = json.loads(shown)["loops"]
+    assert [text.startswith(said) for text in loop["left_out"]] == [True], "the document did not say so"
     _, _, printed = run("analyze", "plant.csv", "--no-fit", "--sp", "[A]F1.SP")
     assert "not read" not in printed
     names = [f"{one}{n}.{role}" for n in range(5) for one, role in (("F", "PV"), ("F", "OP"), ("[A]F", "SP"))]

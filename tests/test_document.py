@@ -37,6 +37,7 @@ WORDS = {
     "answer.why",
     "answer.struck.text",
     "quality.text",
+    "left_out",
     "controller.as_written",
     "controller.notes",
     "corrected.reason",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import errno
+import html
 import importlib
 import io
 import json
@@ -42,6 +44,7 @@ from glapp.fleet.results import TABLES, publish, write_piece
 from glapp.fleet.settings import read_loops
 from glapp.fleet.windows import LOOPS, choose, cut, judge, look
 from glapp.loop import Loop
+from glapp.report import words
 from glapp.simulate import closed_loop
 
 FIRST = int(datetime(2026, 3, 2, tzinfo=UTC).timestamp()) * 1_000_000
@@ -272,7 +275,7 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
     (tmp_path / "_secret").mkdir()
     (tmp_path / "_secret" / "x.parquet").write_bytes(b"not looked at")
     span = 'pv_unit = "bar"\npv_span = [0, 100]\n'
-    settings = "".join(f"[loops.FIC{i}]\n{span}" for i in (1, 2, 4)) + "[loops.FIC5]\npv_span = [1, 0]\n"
+    settings = "".join(f"[loops.FIC{i}]\n{span}" for i in (1, 2, "-3")) + "[loops.FIC5]\npv_span = [1, 0]\n"
     settings += '[loops.FIC6.columns]\npv = "FIC1.PW"\n'
     found, problems = rows(planned(tmp_path, settings))
     issues = {(p.code, p.file or p.loop): p for p in problems}
@@ -282,11 +285,11 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
         ("unreadable", "day=1/cut.parquet"),
         ("unit", "day=2/text.parquet"),
         ("no_settings", "FIC3"),
-        ("no_tags", "FIC4"),
-        ("no_tags", "FIC6"),
+        ("no_tags", "FIC-3"),
         ("loop_tags", "FIC6"),
         ("settings", "loops.toml"),
     }
+    assert issues["no_tags", "FIC-3"].what.endswith("none of its tags; those of FIC3 are, which no settings name")
     assert "did you mean 'FIC1." in issues["loop_tags", "FIC6"].what
     assert issues["unit", "day=2/text.parquet"].tag == "FIC2.SP" and issues["unit", "day=2/text.parquet"].rows == 50
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
@@ -505,19 +508,88 @@ def test_settings_from_a_table(tmp_path: Path) -> None:
     loops, problems = read_loops(path)
     assert [loop.repaired for loop in loops] == [None, None], "a fleet follows days, and cuts none"
     assert [(p.loop, p.code) for p in problems] == [("FIC1", "settings")]
-    path.write_text("name,area\nFIC1,Boiler\n")
-    with pytest.raises(InputError, match="loop: is empty"):
+
+
+def test_settings_are_read_as_a_spreadsheet_saves_them(tmp_path: Path) -> None:
+    """Regression: semicolons, decimal commas and a valve called 12 were refused."""
+    path = tmp_path / "loops.csv"
+    text = "loop;valve;pv_span.low;pv_span.high;controller.k;controller.ti;controller.ti_unit;area\r\n"
+    text += "101;12;0;50,5;0,865;4,5;min;Södra\r\n;;;;;;;\r\n102;13;;;;;;x, y\r\n103;;;;-0,1;1;;\r\n"
+    for encoding in ("utf-8-sig", "cp1252", "utf-16"):
+        path.write_bytes(text.encode(encoding))
+        loops, [problem] = read_loops(path)
+        assert [(loop.name, loop.valve, loop.area) for loop in loops] == [("101", "12", "Södra"), ("102", "13", "x, y")]
+        assert loops[0].pv_span == (0.0, 50.5) and loops[0].controller is not None and loops[0].controller.k == 0.865
+        assert loops[0].ideal().ti == 270.0
+        assert (problem.row, problem.loop, problem.what) == (5, "103", "controller.k: is '-0.1', must be > 0")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    {
+        "name,area\nFIC1,Boiler\n": "row 1: has no column 'loop' for the names of the loops; its columns are name",
+        "loop,area\nFIC1,Boiler, west\n": "row 2: has 3 cells, and the first row has 2; put texts",
+        "loop,area,area\nFIC1,a,b\n": "row 1, column area: is there twice; leave one",
+        "loop,area\n,a\n": "row 2: loop: is empty; a row has the name",
+        "loop,controller,controller.k\nFIC1,x,2\n": "row 2: controller: is there, and controller.k too; leave one",
+        "loop,controler.k\nFIC1,2\n": "controler: no such key; did you mean controller?",
+        "": "has no column 'loop'",
+    }.items(),
+)
+def test_settings_that_cannot_be_used_are_told_with_their_place(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "loops.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
         read_loops(path)
+    assert str(path) in str(error.value) and said in str(error.value)
+
+
+def test_a_gap_that_is_acceptable_is_not_among_those_to_repair(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: the command listed under *To repair first* what the report does not."""
+    row = dict.fromkeys(LOOPS.names)
+    row |= {"valve": "gap", "confidence": "found", "verdict": "backlash", "score": 0.4, "width_percent": 0.5}
+    row |= {"low_percent": 0.4, "high_percent": 0.8}
+    loops = [{**row, "loop": name, "acceptable": name} for name in ("within", "beyond", "open")]
+    made = {"lost": {"loops": 0, "files": 0, "rows": 0, "left_out": 0}, "seconds": 1.0, "folder": "tables"}
+    made["tables"] = {"problems": {"rows": 0}}
+    monkeypatch.setattr(fleet, "analyze", lambda *_, **__: made)
+    monkeypatch.setattr(fleet, "read", lambda *_: pa.Table.from_pylist(loops, schema=LOOPS))
+    with pytest.raises(SystemExit) as end:
+        app(["fleet", "analyze", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert end.value.code == 0
+    printed = capsys.readouterr().out
+    assert "beyond" in printed and "open" in printed and "within" not in printed
+    assert "3 with a gap (1 wider than the limit)" in " ".join(printed.split())
+
+
+def test_who_stops_a_run_is_told_that_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fleet, "analyze", stopped)
+    with pytest.raises(SystemExit) as end:
+        app(["fleet", "analyze", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert end.value.code == 130 and "the same command goes on where it was" in capsys.readouterr().err
 
 
 def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="nowhere: is not there; name the folder"):
         fleet.analyze(tmp_path / "nowhere", tmp_path / "out")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file: is no folder; name the folder"):
+        fleet.analyze(tmp_path / "file", tmp_path / "out")
     put(tmp_path / "lake", "notes.parquet", pa.table({"note": ["-"]}))
     with pytest.raises(InputError, match="is within the lake"):
         fleet.analyze(tmp_path / "lake", tmp_path / "lake" / "out")
     with pytest.raises(InputError, match="no Parquet file that can be read"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out")
+    # Regression: the command said that standard output cannot be written.
+    with pytest.raises(InputError, match=r"file/work: cannot be written: .*; name a folder that this account"):
+        fleet.analyze(tmp_path / "lake", tmp_path / "file")
     with pytest.raises(InputError, match="fits: is 0, must be 1 to 64"):
         fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=0)
     with pytest.raises(InputError, match="time_zone"):
@@ -526,6 +598,27 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
         fleet.read(tmp_path / "out")
     with pytest.raises(InputError, match="one of loops, windows"):
         fleet.read(tmp_path / "out", "answers")
+
+
+def test_a_run_that_cannot_go_on_names_what_it_could_not_read_or_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: whatever was wrong, a file of the lake that is gone too, the message was to make room."""
+    lake, out = tmp_path / "lake", tmp_path / "out"
+    gone = put(lake, "FIC1.parquet", wide(signals()))
+    for code, place, said in (
+        (errno.ENOENT, gone, f"{gone}: cannot be read any more: No such file or directory; run it again"),
+        (errno.EACCES, out / "x", f"{out}: cannot be written: Permission denied; give this account the right"),
+        (errno.ENOSPC, None, f"{out}: cannot be written: No space left on device; make room"),
+    ):
+
+        def fail(*_: Any, code: int = code, place: Path | None = place) -> None:
+            raise OSError(code, os.strerror(code), None if place is None else str(place))
+
+        monkeypatch.setattr("glapp.fleet.run.plan_of", fail)
+        with pytest.raises(InputError) as error:
+            fleet.analyze(lake, out)
+        assert said in str(error.value)
 
 
 def test_tables_are_read_from_memory_of_arrows_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -567,6 +660,46 @@ def test_rows_folders_and_files_that_go_missing_are_counted(tmp_path: Path) -> N
         assert ("folder", "closed") in {(p.code, p.file) for p in files_of(lake)[1]}
 
 
+def test_one_folder_a_loop(tmp_path: Path) -> None:
+    """Regression: files called by their day were one loop of all folders together, whose rows contradict each other."""
+    x = {name: values[:60] for name, values in signals().items()}
+    for folder in ("FIC1", "area/fic2/2026/03"):
+        put(tmp_path, f"{folder}/2026-03-01.parquet", wide(x))
+        put(tmp_path, f"{folder}/part-00000-3f1c-c000.snappy.parquet", wide(x))
+    put(tmp_path, "FIC3_2026-03-01.parquet", wide(x))
+    table = wide(x)
+    put(tmp_path, "FIC4/2026-03-01_pv.parquet", table.select(["time", "PV", "SP"]))
+    put(tmp_path, "FIC4/2026-03-01_op.parquet", table.select(["time", "OP"]).rename_columns(["t", "OP"]))
+    put(tmp_path, "FIC5/2026-03-01.parquet", table.select(["time", "OP", "SP"]))
+    put(tmp_path, "FIC6/2026-03-01.parquet", table.select(["time", "OP"]))
+    for settings in ("", "".join(f"[loops.FIC{i}]\n" for i in (1, 2, 3, 4, 5))):
+        found, problems = rows(planned(tmp_path, settings or None))
+        names = ["FIC1", "FIC2" if settings else "fic2", "FIC3", "FIC4"]
+        assert sorted(found) == sorted((name, FIRST // DAY) for name in names)
+        assert all({signal for signal, *_ in of} == {0, 1, 2} for of in found.values())
+        assert {(p.code, p.loop, p.file) for p in problems} == {
+            ("no_pv", "FIC5", "FIC5/2026-03-01.parquet"),
+            ("schema", "", "FIC6/2026-03-01.parquet"),
+        }
+
+
+def test_tags_that_differ_in_case_are_one_signal(tmp_path: Path) -> None:
+    """Regression: a day whose tags are written fic1.pv was a loop of its own, or of no settings."""
+    x = {name: values[:60] for name, values in signals().items()}
+    later = {**x, "time": x["time"] + DAY}
+    table = long(later)
+    lower = pa.array([tag.lower() for tag in table["tag"].to_pylist()])
+    put(tmp_path, "a.parquet", long(x))
+    names = ["ItemID", "SourceTimestamp", "Value", "ServerTimestamp"]
+    table = table.set_column(0, "tag", lower).select(["tag", "time", "value"])
+    put(tmp_path, "b.parquet", table.append_column("server", table["time"]).rename_columns(names))
+    for settings in ("", "[loops.Fic1]\n"):
+        found, problems = rows(planned(tmp_path, settings or None))
+        name = "Fic1" if settings else "FIC1"
+        assert sorted(found) == [(name, FIRST // DAY), (name, FIRST // DAY + 1)] and problems == []
+        assert [len(of) for of in found.values()] == [180, 180]
+
+
 def test_a_loop_without_sp_beside_others_that_have_it_is_told(tmp_path: Path) -> None:
     x = {name: values[:60] for name, values in signals().items()}
     others = [long(x, "FIC2").filter(pa.compute.not_equal(long(x, "FIC2")["tag"], "FIC2.SP")), long(x)]
@@ -578,8 +711,24 @@ def test_a_loop_without_sp_beside_others_that_have_it_is_told(tmp_path: Path) ->
         found, problems = rows(planned(tmp_path / lake))
         assert {name for name, _ in found} == {"FIC1"}
         assert [(p.code, p.loop) for p in problems] == [("no_sp", "FIC2")]
-    settings = '[loops.FIC1]\n[loops.FIC2]\ncolumns = { pv = "FIC2.PV", op = "FIC2.OP" }\n'
-    found, problems = rows(planned(tmp_path / "a", settings))
+        # Regression: who named it without its columns was told that none of its tags are there.
+        found, problems = rows(planned(tmp_path / lake, "[loops.FIC1]\n[loops.FIC2]\n"))
+        assert {name for name, _ in found} == {"FIC1", "FIC2"} and problems == []
+
+
+def test_a_loop_without_pv_is_told_and_its_pv_may_have_another_name(tmp_path: Path) -> None:
+    """Regression: SP and OP of a loop whose PV is not in the lake were passed over in silence."""
+    x = {name: values[:60] for name, values in signals().items()}
+    others = [long(x, "FIC2").filter(pa.compute.not_equal(long(x, "FIC2")["tag"], "FIC2.PV")), long(x)]
+    put(tmp_path, "a.parquet", pa.concat_tables(others))
+    found, problems = rows(planned(tmp_path))
+    assert {name for name, _ in found} == {"FIC1"}
+    assert [(p.code, p.loop, p.what) for p in problems] == [
+        ("no_pv", "FIC2", "FIC2 has SP and OP and no PV: it cannot be judged")
+    ]
+    _, [problem] = rows(planned(tmp_path, "[loops.FIC1]\n[loops.FIC2]\n"))
+    assert (problem.code, problem.loop) == ("loop_tags", "FIC2") and problem.what.startswith("no tag for PV")
+    found, problems = rows(planned(tmp_path, '[loops.FIC1]\n[loops.FIC2]\ncolumns = { pv = "FIC1.PV" }\n'))
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and problems == []
 
 
@@ -809,6 +958,10 @@ def test_results_carry_where_they_come_from(lake: Path, results: Path) -> None:
         assert (row["size"], row["mtime_ns"]) == (state.st_size, state.st_mtime_ns)
     page = (results / "report.html").read_text()
     assert all(row["loop"] in page.replace("<wbr>", "") for row in fleet.read(results).to_pylist())
+    [head, *lines] = csv.reader(io.StringIO((results / "loops.csv").read_text()))
+    loops = fleet.read(results).to_pylist()
+    assert [line[head.index("loop")] for line in lines] == [row["loop"] for row in loops] and "rank" not in head
+    assert [line[head.index("next_text")] for line in lines] == [row["next_text"] for row in loops]
     assert "http" not in page.replace("http-equiv", "") and "<script" not in page
     path = results / known["folder"] / "loops.parquet"
     whole = path.read_bytes()
@@ -897,12 +1050,20 @@ def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit) as end:
         app(["fleet", "analyze", str(lake), "--out", str(results), "--fits", "1"])
     printed = capsys.readouterr()
-    assert (
-        end.value.code == 1 and "5 loops:" in printed.out and "1 refused" in printed.out and "3 problems" in printed.err
-    )
+    assert end.value.code == 1 and "5 loops:" in printed.out and "3 problems" in printed.err
     assert (
         "report.html" in printed.out and "not in the answers: 1 loop refused. 1 file could not be read" in printed.err
     )
+    # Regression: the report counted refused loops among those that cannot be judged, and the command beside them.
+    page = html.unescape((results / "report.html").read_text()).replace("<wbr>", "")
+    [shown] = re.findall(r"(\d+) cannot be judged \(1 of them refused\)", " ".join(printed.out.split()))
+    loops = fleet.read(results).to_pylist()
+    unjudged = [row for row in loops if row["hindrance"] is not None]
+    assert f"{shown} cannot be judged." in page and int(shown) == len(unjudged)
+    # Regression: why a loop is not judged was in a Parquet table alone, and how soon nowhere.
+    assert all(words.sentence(row["reason"]) in page and row["next_text"] in page for row in unjudged)
+    soon = [row for row in loops if row["score"] is not None and row["acceptable"] != "within"]
+    assert soon and page.count("How soon: ") == len(soon)
     told_of = [(row["code"], row["loop"]) for row in fleet.read(results, "problems").to_pylist()]
     assert told_of == [("damaged", ""), ("no_rows", "FIC9"), ("schema", "")]
 

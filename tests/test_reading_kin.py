@@ -107,6 +107,28 @@ def test_of_several_loops_those_are_told_that_may_have_it(tmp_path):
     assert [["in the column MODE" in text for text in recording.left_out] for recording in opened] == [[True], [True]]
 
 
+def test_what_is_taken_for_no_loop_is_named_with_what_to_write(tmp_path):
+    """Regression: a controller without PV, or without SP where others have it, was lost without a word."""
+    names = [f"FIC101.{one}" for one in ("SP", "PV", "OP")] + ["FIC102.SP", "FIC102.PV", "FIC102.OP"]
+    lost = ["FIC104.SP", "FIC104.OP", "FIC103.PV", "FIC103.OP", "TI7.PV", "FT9.PV", "FT9.OP"]
+    _, opened = columns(tmp_path, *names, *lost)
+    assert [recording.left_out for recording in opened] == [
+        [
+            "PV and OP of FIC103, FT9 are not read, because other loops have SP: name what is a loop in loops.toml",
+            "SP and OP of FIC104 cannot be judged without PV: export PV too, or name it in loops.toml: columns.pv",
+        ],
+        [],
+    ]
+    _, opened = columns(tmp_path, *names, *lost, loops=[Loop(name="FIC101"), Loop(name="FIC102")])
+    assert [recording.left_out for recording in opened] == [[], []]
+    named = [Loop(name="fic103"), Loop(name="FIC104", columns={"pv": "TI7.PV"})]
+    got, _ = columns(tmp_path, *names, *lost, loops=named)
+    assert got["fic103"] == {"PV": "FIC103.PV", "OP": "FIC103.OP"}
+    assert got["FIC104"] == {"SP": "FIC104.SP", "PV": "TI7.PV", "OP": "FIC104.OP"}
+    _, [recording] = columns(tmp_path, *names[:3], *lost[:2])
+    assert ["of FIC104 cannot be judged without PV" in text for text in recording.left_out] == [True]
+
+
 def test_who_says_that_there_is_none_or_names_one_is_told_nothing(tmp_path):
     names = ("FIC101.SP", "FIC101.PV", "FIC101.OP", "XC9.MODE")
     for mode in ("", "XC9.MODE"):

@@ -561,6 +561,9 @@ class LoopAnswer(_Part):
     """First reason of rejection to the number of half-periods."""
     quality: list[Finding]
     """Findings on the recording, gravest first."""
+    left_out: list[str]
+    """What is not read of the file, and may belong to this loop or be another one: a sentence each, with what to write.
+    """
     controller: Controller | None
     """null where nothing is known of it."""
     identified: Identified | None

@@ -551,7 +551,8 @@ class Result:
         Role to the column or tag that was taken: where a position was measured, the width may be that of the position
         alone, and `repr` says so.
     left_out : sequence of str
-        Signals that are not read, and may be in columns of no loop, each with what to write.
+        What is not read of the file: signals that may be in columns of no loop, and on the first of several loops the
+        names that are taken for no loop; each with what to write.
     messages : list of dict
         Why fit and crossings say what they do: each a `code` of the catalogue with its `numbers`.
     fit_left_out : bool
@@ -743,6 +744,7 @@ class Result:
             "quality": [
                 {"code": f.code, "severity": f.severity, "text": f.text, "evidence": f.evidence} for f in self.quality
             ],
+            "left_out": list(self.left_out),
             "controller": controller,
             "identified": None if self.identification is None else self.identification.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),

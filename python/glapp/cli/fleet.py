@@ -127,25 +127,36 @@ def analyze(
                 tasks[f"{name} before"] = done
             bar.update(tasks[name], completed=done - tasks[f"{name} before"])
 
-        made = engines.analyze(
-            lake, results, loops=loops, time_zone=time_zone, fits=fits, engine=engine, workers=workers, stage=stage
-        )
+        try:
+            made = engines.analyze(
+                lake, results, loops=loops, time_zone=time_zone, fits=fits, engine=engine, workers=workers, stage=stage
+            )
+        except KeyboardInterrupt:
+            say_note("stopped; the same command goes on where it was")
+            raise
     table = engines.read(results)
-    found = table.filter(table["score"].is_valid()).to_pylist()
+    every = table.to_pylist()
+    found = [row for row in every if row["score"] is not None and row["acceptable"] != "within"]
     if found:
         out.print(_table(found[:_SHOWN]))
         if len(found) > _SHOWN:
             out.print(f"and {len(found) - _SHOWN} more in the report")
-    valves = [row["confidence" if row["confidence"] in LIKELY else "valve"] for row in table.to_pylist()]
+    valves = [row["confidence" if row["confidence"] in LIKELY else "valve"] for row in every]
     counts = {name: valves.count(name) for name in ("gap", "no_gap", *LIKELY, "unknown")}
     lost = made["lost"]
+    beyond = sum(row["acceptable"] == "beyond" for row in found)
     out.print(
-        f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['likely']} likely with one, {counts['no_gap']} "
-        f"without, {counts['likely_sound']} likely sound, {counts['unknown']} cannot be judged, {lost['loops']} "
-        f"refused. {made['seconds']:.0f} s.",
+        f"{table.num_rows} loops: {counts['gap']} with a gap ({beyond} wider than the limit), "
+        f"{counts['likely']} likely with one, {counts['no_gap']} without, {counts['likely_sound']} likely sound, "
+        f"{counts['unknown'] + lost['loops']} cannot be judged ({lost['loops']} of them refused). "
+        f"{made['seconds']:.0f} s.",
         soft_wrap=True,
     )
-    out.print(f"The report is {results / 'report.html'}, the tables are in {results / made['folder']}.", soft_wrap=True)
+    out.print(
+        f"The report is {results / 'report.html'}, the list for a spreadsheet {results / 'loops.csv'}, the tables are "
+        f"in {results / made['folder']}.",
+        soft_wrap=True,
+    )
     if problems := made["tables"]["problems"]["rows"]:
         say_note(
             f"{problems} problems in the lake, each with its place: the report's last part, and the table problems"

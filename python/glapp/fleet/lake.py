@@ -15,6 +15,7 @@ A folder with a `_delta_log` is a Delta table: of its files only those are read 
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,6 +31,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 from ..reading.cells import CellFault, is_text, plain, words
@@ -109,7 +111,7 @@ class File:
     - `name`: relative to the lake, with `/`.
     - `size`, `mtime_ns`: by which a changed file is recognised [B, ns].
     - `long`: whether it has a row per tag and time.
-    - `stem`: name of its loop where a wide file's columns have no prefix: that of its folder `loop=...`, else its own.
+    - `stem`: name of its loop where a wide file's columns have no prefix, see `_stem`.
     - `columns`: its columns, those of its folders included.
     - `folders`: columns that its folders name.
     - `groups`: its groups of rows, in their order.
@@ -173,7 +175,8 @@ def files_of(lake: Path) -> tuple[list[str], list[DataIssue]]:
     Raises InputError where there is no such folder, or no Parquet file in it.
     """
     if not lake.is_dir():
-        raise InputError("is no folder", file=str(lake), hint="name the folder of a lake of Parquet files")
+        what = "is no folder" if lake.exists() else "is not there"
+        raise InputError(what, file=str(lake), hint="name the folder of a lake of Parquet files")
     found, problems = _walked(lake)
     for log in sorted(lake.rglob("_delta_log")):
         table = "/".join(log.relative_to(lake).parts[:-1])
@@ -224,9 +227,10 @@ def _walked(lake: Path) -> tuple[set[str], list[DataIssue]]:
             else:
                 problems.append(DataIssue("unreadable", "is a link to nowhere", _COPY, file=place))
     for ending, names in others.items():
-        kind = f"end in {ending}" if ending else "have no ending"
-        what = f"{len(names)} {'files' if len(names) > 1 else 'file'} that {kind} and not in .parquet: not read"
-        problems.append(DataIssue("not_read", what, "convert what has signals, or leave it", file=names[0]))
+        count = f"{len(names)} {'files' if len(names) > 1 else 'file'}"
+        what = f"{count} with the ending {ending or '(none)'} and not .parquet: not read"
+        todo = "convert what has signals to Parquet, or leave it; glapp analyze reads CSV, Excel and packed text"
+        problems.append(DataIssue("not_read", what, todo, file=names[0]))
     return found, problems
 
 
@@ -268,15 +272,14 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     folders = _folders(name)
     every = (*columns, *(key for key in folders if key not in columns))
     long = is_long(every)
-    stem = folders.get("loop") or Path(name).stem
+    stem = folders.get("loop") or _stem(name)
     bare = File(name, state.st_size, state.st_mtime_ns, long, stem, every, folders, (), (), Digits(), zone)
     what = f"its columns are {', '.join(every[:12]) or 'none'}"
     if bare.column("time") is None:
         what += "; no time is among them"
         return None, [DataIssue("schema", what, "a file has time, tag and value, or time and PV of a loop", file=name)]
-    if not long and not SignalColumns(every).groups:
-        what += "; neither tag and value nor a PV with SP or OP is among them"
-        return None, [DataIssue("schema", what, "name columns in loops.toml, or leave the file out", file=name)]
+    if not long and not any(understand(column).role in SIGNALS for column in every):
+        return None, [_no_signals(bare)]
     if not sum(rows):
         return None, [DataIssue("empty", "has no rows", "nothing, where nothing was recorded", file=name)]
     problems: list[DataIssue] = []
@@ -315,6 +318,15 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     return replace(bare, groups=tuple(groups), qualities=tuple(qualities)[:_MOST_WORDS], digits=digits), problems
 
 
+def _no_signals(file: File) -> DataIssue:
+    """Data issue of a wide file of no loop."""
+    what = f"its columns are {', '.join(file.columns[:12])}; neither tag and value nor a PV with SP or OP is among them"
+    todo = (
+        "put PV, OP and SP of a loop into files in its folder, or tag, time and value into one; or leave the file out"
+    )
+    return DataIssue("schema", what, todo, file=file.name)
+
+
 def _damaged(name: str, group: int, done: int, rows: int, error: Exception) -> DataIssue:
     """Data issue of a group of rows that cannot be read."""
     what = f"row group {group} is damaged, {rows} rows are left out: {_line(error)}"
@@ -329,6 +341,37 @@ def _folders(name: str) -> dict[str, str]:
     """Folders `key=value` of a path."""
     pairs = (part.partition("=") for part in name.split("/")[:-1] if "=" in part)
     return {key: unquote(value) for key, _, value in pairs if value != "__HIVE_DEFAULT_PARTITION__"}
+
+
+_MOMENT = re.compile(
+    r"(?<!\d)(?:19|20)\d\d(?P<mark>[-_.]?)(?:0[1-9]|1[0-2])(?P=mark)(?:0[1-9]|[12]\d|3[01])"
+    r"(?:[-_. T]?\d\d[-_.:]?\d\d(?:[-_.:]?\d\d)?Z?)?(?!\d)"
+)
+"""A date in a file's name, and a time behind it."""
+_PIECE = re.compile(r"(?:part|chunk|export|data|file)?[-_. \d]*|part-\d.*", re.IGNORECASE)
+"""Names of parts of a table, which name no loop: 17, part-0, part-00000-3f1c-c000.snappy."""
+
+
+def _stem(name: str) -> str:
+    """Name of the loop that the path of a wide file shows: the file's own without a date, else that of its folder.
+
+    A file that is called by a date, a number, or by its signals alone has the loop's name from its folder.
+
+    Examples
+    --------
+    >>> _stem("FIC101.parquet"), _stem("north/FIC101_2026-03-01.parquet"), _stem("FIC101/2026/03/day=1/part-0.parquet")
+    ('FIC101', 'FIC101', 'FIC101')
+    >>> _stem("FIC101/2026-03-01_op.parquet")
+    'FIC101'
+    >>> _stem("2026-03-01.parquet")
+    '2026-03-01'
+    """
+    path = PurePosixPath(name)
+    for part in (path.stem, *reversed(path.parts[:-1])):
+        bare = _MOMENT.sub("", part).strip("-_. ")
+        if "=" not in part and not _PIECE.fullmatch(bare) and understand(bare).role is None:
+            return bare
+    return path.stem
 
 
 _LACKING = {"no_time": "time between 1971 and 2100", "no_tag": "tag"}
@@ -458,24 +501,44 @@ class Places:
         return self.long if file.long else self.wide.get(file.name, {})
 
 
+def _digits_in(name: str) -> str:
+    return "".join(filter(str.isdigit, name))
+
+
+_PASSED_OVER = {
+    "sp": (
+        "PV and OP and no SP: it is taken for no loop, because others have SP",
+        "name it in the settings where it is one",
+    ),
+    "pv": (
+        "SP and OP and no PV: it cannot be judged",
+        "put its PV into the lake, or name the tag of its PV in the settings: columns.pv",
+    ),
+}
+
+
 def places(
     files: Sequence[File], given: Sequence[Loop] | None, defaults: Mapping[str, Any]
 ) -> tuple[Places, list[DataIssue]]:
     """Signal and loop of each tag and column; without settings, the loops that the names show."""
-    tags = SignalColumns(sorted(set().union(*(file.tags for file in files if file.long))))
+    spellings: dict[str, list[str]] = {}  # historians do not tell fic101.pv from FIC101.PV
+    for tag in sorted(set().union(*(file.tags for file in files if file.long))):
+        spellings.setdefault(tag.lower(), []).append(tag)
+    tags = SignalColumns([first for first, *_ in spellings.values()])
     problems: list[DataIssue] = []
     found: dict[str, dict[str, str]] = {}  # loop to role to tag
     columns: dict[str, dict[str, dict[str, str]]] = {}  # file to loop to role to column
     loops = {loop.name: loop for loop in given or ()}
+    settings = {name.lower(): name for name in loops}
     used: set[str] = set()
 
     def of(signals: SignalColumns, loop: Loop, group: str | None, label: str, *, long: bool) -> dict[str, str] | None:
+        kind = "tag" if long else "column"
         try:
-            return {
-                role: name for role, name in choose(signals, loop, group, label, tags=long).items() if role in SIGNALS
-            }
-        except InputError as error:
-            todo = error.hint or "name its tags in the settings: columns"
+            chosen = choose(signals, loop, group, label, tags=long, kind=kind)
+            return {role: name for role, name in chosen.items() if role in SIGNALS}
+        except InputError as error:  # its hint names options of glapp analyze
+            todo = f"name its {kind}s in the settings: columns.pv, columns.sp, columns.op"
             problems.append(DataIssue("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
             return None
 
@@ -483,17 +546,31 @@ def places(
         names = loops if given is not None else {name: Loop(**{**defaults, "name": name}) for name in tags.groups}
         for name, loop in names.items():
             # A lone loop in a lake is no reason to take its tags for those of a loop of another name.
-            group = tags.group_of(loop) if name.lower() in {g.lower() for g in tags.groups} else None
+            group = tags.own_group(loop)
             own = any(getattr(loop.columns, role) for role in ("pv", "sp", "op"))
             if (group is not None or own) and (chosen := of(tags, loop, group, "the lake", long=True)):
                 loops.setdefault(name, loop)
                 found[name] = chosen
                 used |= set(chosen.values())
+    beside: dict[str, dict[str, None]] = {}  # stem to the columns of all its files
+    for file in files:
+        if not file.long:
+            beside.setdefault(file.stem, {}).update(dict.fromkeys(file.columns))
+    shown = [(tags, "", "")]
     for file in files:
         if file.long:
             continue
         signals = SignalColumns(file.columns)
-        for name, group in signals.loops(file.stem).items():
+        if not signals.groups:  # what it lacks may be in another file of its loop
+            signals = SignalColumns(beside[file.stem], file.column("time"))
+        if not signals.groups and not signals.passed_over:
+            problems.append(_no_signals(file))
+            continue
+        shown.append((signals, file.name, file.stem))
+        more = {name: name for name in signals.passed_over if given is not None and name.lower() in settings}
+        of_file = (signals.loops(file.stem) if signals.groups else {}) | more
+        for written, group in of_file.items():
+            name = written if written in loops else settings.get(written.lower(), written)
             known = loops.get(name) if given is not None else loops.setdefault(name, Loop(**{**defaults, "name": name}))
             if known is None:
                 what = f"has signals of {name}, which no settings name"
@@ -501,20 +578,32 @@ def places(
                     DataIssue("no_settings", what, "add the loop to the settings", file=file.name, loop=name)
                 )
             elif chosen := of(signals, known, group, file.name, long=False):
-                columns.setdefault(file.name, {})[name] = chosen
-    for signals, label in ((tags, ""), *((SignalColumns(file.columns), file.name) for file in files if not file.long)):
-        for name in sorted(set(signals.passed_over) - set(loops)):
-            what = f"{name} has PV and OP and no SP: it is taken for no loop, because others have SP"
-            problems.append(DataIssue("no_sp", what, "name it in the settings where it is one", file=label, loop=name))
+                mine = {role: column for role, column in chosen.items() if column in file.columns}
+                columns.setdefault(file.name, {})[name] = mine
+    for signals, label, stem in shown:
+        for prefix, lacks in sorted(signals.passed_over.items()):
+            name = settings.get((prefix or stem).lower(), prefix or stem)
+            if not prefix or name not in loops:
+                what, todo = _PASSED_OVER[lacks]
+                problems.append(DataIssue(f"no_{lacks}", f"{name} has {what}", todo, file=label, loop=name))
     if given is not None:
         for group in sorted(set(tags.groups) - set(found)):
             if not any(tags.meant(role, group) and set(tags.meant(role, group)) <= used for role in ("pv",)):
                 what = f"the lake holds the tags of {group}, which no settings name"
                 problems.append(DataIssue("no_settings", what, "add the loop to the settings", loop=group))
     having = sorted(set(found) | {name for file in columns.values() for name in file})
-    for name in sorted({loop.name for loop in given or ()} - set(having)):
+    told = {problem.loop for problem in problems if problem.code in ("loop_tags", "no_pv")}
+    unnamed: dict[str, dict[str, str]] = {}  # another number is another loop
+    for problem in problems:
+        if problem.code == "no_settings":
+            unnamed.setdefault(_digits_in(problem.loop), {})[problem.loop.lower()] = problem.loop
+    for name in sorted({loop.name for loop in given or ()} - set(having) - told):
+        alike = unnamed.get(_digits_in(name), {})
+        near = alike.get(nearest(name, alike) or "")
         what = "its settings are there, and none of its tags"
-        problems.append(DataIssue("no_tags", what, "check the names of the tags, and the export", loop=name))
+        what += f"; those of {near} are, which no settings name" if near else ""
+        todo = "name it as its tags are, or its tags in the settings: columns.pv; or check the export"
+        problems.append(DataIssue("no_tags", what, todo, loop=name))
     place = {name: i for i, name in enumerate(having)}
 
     def numbered(chosen: Mapping[str, Mapping[str, str]]) -> dict[str, tuple[int, int]]:
@@ -523,7 +612,8 @@ def places(
         }
 
     wide = {file: numbered(chosen) for file, chosen in columns.items()}
-    return Places(tuple(loops[name] for name in having), numbered(found), wide), problems
+    long = {tag: at for name, at in numbered(found).items() for tag in spellings[name.lower()]}
+    return Places(tuple(loops[name] for name in having), long, wide), problems
 
 
 def loop_of_path(name: str, files: Iterable[File], known: Places) -> str | None:
@@ -536,9 +626,9 @@ def loop_of_path(name: str, files: Iterable[File], known: Places) -> str | None:
         return folders["loop"]
     if "tag" in folders:
         return understand(folders["tag"]).loop or None
-    path, loops = PurePosixPath(name), {loop.name for loop in known.loops}
-    beside = (file for file in files if not file.long and PurePosixPath(file.name).parent == path.parent)
-    return path.stem if any(file.stem in loops for file in beside) else None
+    folder, loops = PurePosixPath(name).parent, {loop.name for loop in known.loops}
+    beside = (file for file in files if not file.long and PurePosixPath(file.name).parent == folder)
+    return _stem(name) if any(file.stem in loops for file in beside) else None
 
 
 @dataclass

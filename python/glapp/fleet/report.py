@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._glapp import to_text
+from ..escape import for_spreadsheet
 from ..report import words
 from ..report.html import templates
 from ..writing import write_file
 from .results import manifest, read
 
-__all__ = ["lost_of", "write_report"]
+__all__ = ["lost_of", "write_csv", "write_report"]
 
 FIRST = 50
 """Valves in the first list; the table `loops` has all."""
+
+REASONS = 1000
+"""Loops that cannot be judged whose reason is listed; the table `loops` has all."""
 
 GROUPS = 12
 """Bars of a Pareto at most."""
@@ -77,7 +83,9 @@ def write_report(out: str | Path) -> Path:
             if len(groups := _groups(loops, name)) > 1
         ],
         "worn": _worn(loops, read(out, "windows").to_pylist()),
-        "unjudged": _unjudged(loops),
+        "unjudged": (unjudged := _unjudged(loops)),
+        "reasons": [row for _, _, rows in unjudged for row in rows],
+        "listed": REASONS,
         "sound": sorted((row for row in loops if row["valve"] == "no_gap"), key=lambda row: str(row["loop"])),
         "likely": sorted(likely["likely"], key=lambda row: -(row["p_beyond"] or 0.0)),
         "likely_sound": sorted(likely["likely_sound"], key=lambda row: str(row["loop"])),
@@ -91,6 +99,27 @@ def write_report(out: str | Path) -> Path:
     }
     path = out / "report.html"
     write_file(path, page.render(known))
+    return path
+
+
+def write_csv(out: str | Path) -> Path:
+    """Write the table `loops` as `loops.csv` next to the report, for a work list in a spreadsheet.
+
+    - `out`: the folder of the results.
+
+    Returns the file.
+
+    Raises InputError where there are no results, OSError where it cannot be written.
+    """
+    table = read(out, "loops").drop_columns(["rank"])  # the rows are in its order
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.column_names)
+    for row in table.to_pylist():
+        cells = (cell.isoformat() if isinstance(cell, datetime) else cell for cell in row.values())
+        writer.writerow([for_spreadsheet(cell) if isinstance(cell, str) else cell for cell in cells])
+    path = Path(out) / "loops.csv"
+    write_file(path, text.getvalue())
     return path
 
 
@@ -200,7 +229,12 @@ def _problems(rows: Sequence[dict[str, Any]]) -> list[tuple[str, int, list[str],
     for row in rows:
         of.setdefault(row["code"], []).append(row)
     return [
-        (code, len(found), [_place(row) for row in found[:PLACES]], found[0]["todo"])
+        (
+            code,
+            len(found),
+            [_place(row) for row in found[:PLACES]],
+            "; ".join(dict.fromkeys(row["todo"] for row in found[:PLACES])),
+        )
         for code, found in sorted(of.items())
     ]
 

@@ -5,6 +5,7 @@
     RESULTS/manifest.json        the folder of the tables, their rows and checksums, version, settings; written last
     RESULTS/tables-<checksum>/   loops, windows, days, crossings, problems, inputs .parquet
     RESULTS/report.html          for the person who plans the maintenance
+    RESULTS/loops.csv            the table of loops for a spreadsheet
     RESULTS/work/                what was made so far: an interrupted run goes on from here, the next one begins here
 
 The folder of tables has the checksum of what is in it as its name, so the same input gives the same name.

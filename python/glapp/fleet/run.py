@@ -14,6 +14,7 @@ file touches: its days, and the crossings from the earliest of them on. The tabl
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -103,7 +104,6 @@ def analyze(
         hint = "name a folder outside the lake: what is in it would be read as part of the lake"
         raise InputError("is within the lake", file=str(out), parameter="out", hint=hint)
     tell: Stage = stage if stage is not None else lambda name, total, done: None
-    out.mkdir(parents=True, exist_ok=True)
     lock = FolderLock(out / "work")
     begun = time.monotonic()
     try:
@@ -135,21 +135,34 @@ def analyze(
             "seconds": round(time.monotonic() - begun, 3),
         }
         made = publish(out, tables, about)
-        from .report import write_report
+        from .report import write_csv, write_report
 
         write_report(out)
+        write_csv(out)
         return made
     except BrokenProcessPool:
         hint = "give it fewer processes (--workers) or more memory, then run it again: it goes on where it stopped"
         raise InputError("a process ended in its work, as for want of memory", file=str(out), hint=hint) from None
     except OSError as error:
-        hint = "make room, then run it again: it goes on where it stopped"
-        raise InputError(f"cannot be written: {error.strerror or error}", file=str(out), hint=hint) from None
+        raise _not_done(error, lake, out) from None
     finally:
         lock.release()
 
 
-REFUSED = ("loop_tags", "no_tags", "settings", "unreadable")
+def _not_done(error: OSError, lake: Path, out: Path) -> InputError:
+    """Message where the lake cannot be read any more, or the results cannot be written."""
+    what = error.strerror or str(error)
+    if error.filename is not None and (path := Path(error.filename)).is_relative_to(lake):
+        hint = "run it again when nothing moves the files of the lake: it goes on where it stopped"
+        return InputError(f"cannot be read any more: {what}", file=str(path), hint=hint)
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    todo = "make room" if full else "give this account the right to write there"
+    return InputError(
+        f"cannot be written: {what}", file=str(out), hint=f"{todo}, then run it again: it goes on where it stopped"
+    )
+
+
+REFUSED = ("loop_tags", "no_pv", "unreadable", "no_tags", "settings")
 """Codes of problems of the plan that leave a loop without a row, the first one to be named."""
 
 
@@ -175,11 +188,16 @@ def _with_refused_loops(loops: pa.Table, plan: Plan, problems: Sequence[DataIssu
     for code in REFUSED:
         for one in (problem for problem in problems if problem.code == code):
             name = one.loop or (f"row {one.row} of {one.file}" if code == "settings" and one.row else "")
-            if code == "unreadable" and not plan.given:
+            if code == "no_pv" and name not in known:  # nobody asked for it
+                continue
+            if code == "unreadable":
                 name = loop_of_path(one.file, plan.files, plan.places) or ""
                 lost.setdefault(name, []).append(one.file)
+                if plan.given and name not in known:
+                    continue
             if name and name not in judged:
-                what = f"{one.file}: {one.what}" if one.file else one.what
+                at = f"{one.file}, row {one.row}" if one.row else one.file
+                what = f"{at}: {one.what}" if at else one.what
                 rows.append(refused(known.get(name) or Loop(name=name), code, what))
                 judged.add(name)
     table = pa.concat_tables(rows)

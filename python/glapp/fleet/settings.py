@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.csv
 import pyarrow.parquet as pq
 
 from ..errors import InputError
 from ..loop import Loop
+from ..reading.csv import encoding_of
 from ..reading.settings import read_each
 from .problems import DataIssue
 
@@ -30,10 +34,10 @@ def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
 
     Raises InputError where the file cannot be used as a whole, or no loop in it can.
     """
-    if path.suffix == ".toml":
+    if path.suffix.lower() == ".toml":
         each = list(read_each(path))
     else:
-        each = [_loop(row, i, path) for i, row in enumerate(_table(path).to_pylist(), start=2)]
+        each = [_loop(row, number, path) for number, row in _rows(path)]
     loops = [loop for loop in each if isinstance(loop, Loop)]
     twice = {loop.name for loop in loops if [other.name for other in loops].count(loop.name) > 1}
     problems = [
@@ -64,35 +68,75 @@ def read_loops(path: Path) -> tuple[list[Loop], list[DataIssue]]:
     return [loop if loop.repaired is None else loop.model_copy(update={"repaired": None}) for loop in kept], problems
 
 
-def _table(path: Path) -> pa.Table:
-    """Table of settings in CSV or Parquet."""
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+
+
+def _rows(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Rows of a table of settings in CSV or Parquet, each with the number of its line or row."""
     try:
-        if path.suffix == ".csv":
-            return pyarrow.csv.read_csv(path)
-        return pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
+        if path.suffix.lower() == ".csv":
+            text = path.read_bytes()
+            yield from _of_csv(text.decode(encoding_of(text, True, str(path))), str(path))
+        else:
+            yield from enumerate(pq.read_table(path).to_pylist(), start=1)
+    except (OSError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
         hint = "settings are a loops.toml, or a CSV or Parquet table with a row a loop"
-        raise InputError(f"cannot be read: {error}", file=str(path), hint=hint) from None
+        what = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise InputError(f"cannot be read: {what}", file=str(path), hint=hint) from None
+
+
+def _of_csv(text: str, label: str) -> Iterator[tuple[int, dict[str, str]]]:
+    """Rows of a CSV table as texts: a number's unit is that of its key, and a loop called 101 has a name.
+
+    Semicolons, tabs and decimal commas are understood as spreadsheets write them in Europe.
+    """
+    head = text[: text.find("\n")]
+    separator = max(",;\t", key=head.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    names = [name.strip() for name in next(reader, [])]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError("is there twice", file=label, row=1, column=twice, hint="leave one")
+    if "loop" not in names:
+        what = f"has no column 'loop' for the names of the loops; its columns are {', '.join(names[:20])}"
+        raise InputError(what, file=label, row=1, hint="the first row has the keys of a loops.toml, and loop")
+    for cells in reader:
+        if not any(cell.strip() for cell in cells):
+            continue
+        if len(cells) != len(names):
+            what = f"has {len(cells)} cells, and the first row has {len(names)}"
+            hint = "put texts with the separator in them into quotes"
+            raise InputError(what, file=label, row=reader.line_num, hint=hint)
+        row = dict(zip(names, map(str.strip, cells), strict=True))
+        if separator != ",":
+            row = {
+                key: cell.replace(",", ".") if key != "loop" and _DECIMAL_COMMA.fullmatch(cell) else cell
+                for key, cell in row.items()
+            }
+        yield reader.line_num, row
 
 
 def _loop(row: dict[str, Any], number: int, path: Path) -> Loop | InputError:
     """A loop from a row of the table, or the error in it."""
     made: dict[str, Any] = {}
     name = str(row.pop("loop", None) or "")
-    for key, value in row.items():
-        if value is None or value == "" or (isinstance(value, float) and math.isnan(value)):
-            continue
-        table, _, inner = key.partition(".")
-        if not inner:
-            made[key] = value
-        elif inner in ("low", "high"):
-            span = made.setdefault(table, [None, None])
-            span[inner == "high"] = value
-        else:
-            made.setdefault(table, {})[inner] = value
+    given = {
+        key: value
+        for key, value in row.items()
+        if not (value is None or value == "" or (isinstance(value, float) and math.isnan(value)))
+    }
     try:
         if not name:
             raise InputError("is empty", parameter="loop", hint="a row has the name of its loop in the column loop")
+        for key, value in given.items():
+            table, _, inner = key.partition(".")
+            if not inner:
+                made[key] = value
+            elif table in given:
+                raise InputError(f"is there, and {key} too", parameter=table, value=given[table], hint="leave one")
+            elif inner in ("low", "high"):
+                made.setdefault(table, [None, None])[inner == "high"] = value
+            else:
+                made.setdefault(table, {})[inner] = value
         for key, span in made.items():
             if isinstance(span, list) and None in span:
                 raise InputError("has one end only", parameter=key, value=span, bound="low and high")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
+from typing import Any, Literal
 
 from ..checked import nearest
 from ..errors import InputError
@@ -43,7 +43,8 @@ class SignalColumns:
     - `names`: the same.
     - `groups`: loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. ""
       stands for names without a prefix.
-    - `passed_over`: those with PV and OP that are not taken for loops, because others have SP.
+    - `passed_over`: those that are not taken for loops, to the signal that they lack: those with PV and OP, where
+      others have SP too, and those with SP and OP.
 
     Examples
     --------
@@ -73,9 +74,13 @@ class SignalColumns:
         having = [[loop for loop, have in roles.items() if kind <= have] for kind in kinds]
         with_sp, with_op = having
         self.groups = with_sp or with_op
-        self.passed_over = [loop for loop in with_op if loop not in set(self.groups)]
         self._exact = set(self.groups)
-        self._group = {group.lower(): group for group in reversed(self.groups)}
+        self.passed_over: dict[str, Literal["sp", "pv"]] = {
+            loop: "pv" if "sp" in have else "sp"
+            for loop, have in roles.items()
+            if "op" in have and len(have) == 2 and loop not in self._exact
+        }
+        self._group = {group.lower(): group for group in reversed([*self.groups, *self.passed_over])}
 
     def loops(self, stem: str) -> dict[str, str]:
         """Name of every loop that the names show to its prefix; the one without a prefix has the name `stem`.
@@ -88,11 +93,15 @@ class SignalColumns:
         bare = stem if stem not in self._exact else f"{stem} (no prefix)"
         return {group or bare: group for group in self.groups or [""]}
 
+    def own_group(self, loop: Loop) -> str | None:
+        """Prefix that is this loop's name, be it one that is taken for a loop only because somebody names it."""
+        if loop.name in self._exact or loop.name in self.passed_over:
+            return loop.name
+        return self._group.get(loop.name.lower())
+
     def group_of(self, loop: Loop) -> str | None:
         """Prefix within which this loop's columns are guessed: its own name, or the only one there is."""
-        if loop.name in self._exact:
-            return loop.name
-        if (group := self._group.get(loop.name.lower())) is not None:
+        if (group := self.own_group(loop)) is not None:
             return group
         if len(self.groups) == 1:
             return self.groups[0]
@@ -256,7 +265,23 @@ def each_with_columns(
         recording.left_out = left_out(loop, group, chosen)
         return recording
 
-    return each(loops, made, label)
+    opened = each(loops, made, label)
+    first = next((one for one in opened if isinstance(one, Recording)), None)
+    if found and first is not None:  # who names the loops knows which others there are
+        first.left_out = [*first.left_out, *_passed_over(signals, named)]
+    return opened
+
+
+def _passed_over(signals: SignalColumns, named: Set[str]) -> Iterator[str]:
+    """Say which names with OP are taken for no loop, and what to do; a sentence for each signal that they lack."""
+    why = {
+        "sp": "PV and OP of {} are not read, because other loops have SP: name what is a loop in loops.toml",
+        "pv": "SP and OP of {} cannot be judged without PV: export PV too, or name it in loops.toml: columns.pv",
+    }
+    for lacking, text in why.items():
+        of = [loop for loop, lacks in signals.passed_over.items() if lacks == lacking]
+        if of := [loop for loop in of if named.isdisjoint(signals.meant("op", loop))]:
+            yield text.format(_listed(of))
 
 
 def _missing(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -544,6 +544,39 @@ def test_a_level_that_sticks_gets_no_bound_beyond_its_band() -> None:
         )
         f = fitted(level.t[::4], level.pv[::4], level.op[::4])
         assert f.verdict == "cannot_tell" or (f.low is not None and f.low <= 3.0), f.reason
+
+
+def test_a_forgotten_direct_action_does_not_turn_the_process_round() -> None:
+    """OP shows that the controller acts the other way, and the fit takes the sign from the recording."""
+
+    def controller(action: Literal["reverse", "direct"]) -> glapp.Controller:
+        return glapp.Controller(k=0.5, ti=90.0, action=action, gain_unit="OP/PV")
+
+    cooler = glapp.simulate.run(
+        glapp.scenario.Scenario(
+            name="cooler",
+            plant=glapp.plant.Plant([-1.2], [2400.0, 100.0, 1.0], 4.0),
+            controller=controller("direct"),
+            d=2.0,
+            noise=(glapp.scenario.Gaussian(sigma=0.05),),
+            setpoint=(glapp.scenario.Steps(steps=((0.0, 50.0),)),),
+            load=(glapp.scenario.Steps(steps=((0.0, 50.0),)), glapp.scenario.Walk(rate=0.3)),
+            h=4.0,
+            t_end=8000,
+            seed=3,
+        )
+    )
+
+    def answer(action: Literal["reverse", "direct"]) -> glapp.Result:
+        loop = glapp.Loop(name="TIC1", controller=controller(action))
+        return glapp.analyze(t=cooler.t, sp=cooler.sp, pv=cooler.pv, op=cooler.op, loop=loop)
+
+    right, forgotten = answer("direct"), answer("reverse")
+    assert [f.code for f in forgotten.quality if f.code == "sign"] == ["sign"]
+    assert right.fit is not None and forgotten.fit is not None and right.fit.process is not None
+    assert forgotten.fit.process is not None and right.fit.process.kp[0] < 0
+    assert forgotten.fit.process.kp[0] == pytest.approx(right.fit.process.kp[0], rel=1e-3)
+    assert forgotten.fit.d == pytest.approx(right.fit.d, rel=1e-3)
 
 
 def flow(every: float, follows: bool = True) -> dict[str, np.ndarray]:

@@ -270,7 +270,7 @@ impl Analysis {
     /// [`finish_with`](Self::finish_with); none where there is none.
     pub fn problem(&mut self) -> Option<FitProblem<'static>> {
         let quality = self.fits().then(|| self.inspected())?;
-        let sign = self.sign();
+        let sign = self.sign(&quality);
         let (batches, _) = self.asked(&quality).ok()?;
         problem(&batches, sign)?.ok()
     }
@@ -387,15 +387,16 @@ impl Analysis {
         self.task.judge && self.task.fit && self.beginning.op.is_some()
     }
 
-    /// Sign of the process gain, 0 where it is not known.
-    fn sign(&self) -> f64 {
-        self.task.sign(self.controller.as_ref())
+    /// Sign of the process gain, 0 where it is not known: the fit finds it. So it does where settings and recording contradict each other.
+    fn sign(&self, quality: &[Finding]) -> f64 {
+        let contradicted = quality.iter().any(|found| found.fault == Fault::Sign);
+        if contradicted { 0.0 } else { self.task.sign(self.controller.as_ref()) }
     }
 
     /// The fit, with the known facts: the sign of the process, and the reason that makes any answer wrong. `pv`: where
     /// it was fitted elsewhere.
     fn fitted(&mut self, quality: &[Finding], pv: Option<Result<JointAnswer, Unfit>>, tell: Tell) -> Fitted {
-        let sign = self.sign();
+        let sign = self.sign(quality);
         match (self.asked(quality), pv) {
             (Err(why), _) => Fitted::not(why),
             (Ok((batches, sinusoid)), Some(pv)) => fitted_with(&batches, sinusoid, pv),

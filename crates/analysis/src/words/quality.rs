@@ -137,10 +137,11 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "quantised_op": "OP comes in steps of {step:.3g} {op_unit}, {levels} within its range, so no width below a few \
          steps can be told: record with more digits";
     "sign kp": "the settings say Kp {kp:.3g} {pv_unit} per {op_unit}, and K is ", gain!("k_seen"),
-        ": a loop controls only where both have one sign, and PV's answer to OP was sought the wrong way; check kp \
+        ": a loop controls only where both have one sign, so the fit finds that of the process by itself; check kp \
          (negative where PV falls as OP rises) and the action";
     "sign": "the settings say K ", gain!("k_given"), " but OP moves as with K ", gain!("k_seen"),
-        ": check the action, direct (K < 0) or reverse (K > 0), or the columns";
+        ", so the fit finds the sign of the process by itself: check the action, direct (K < 0) or reverse (K > 0), or \
+         the columns";
     "settings K": "the settings say {parameter} ", gain!("given"), " but OP moves as with ", gain!("seen"),
         " ({low:.3g} to ", gain!("high"), "): check the controller's form and units";
     "settings": "the settings say {parameter} {given:.3g} s but OP moves as with {seen:.3g} s ({low:.3g} to \

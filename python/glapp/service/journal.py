@@ -6,13 +6,14 @@ import asyncio
 import math
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import pyarrow as pa
 
 from .options import MonitorOptions
 from .recordings import SignalStore, table_of
-from .signal import Event
+from .signal import Event, Signal
 from .store import Entry, Half, Store, StoreFull
 from .watched import WatchedLoop
 
@@ -29,20 +30,26 @@ class Journal:
     - `loops`: the loops, which may be filled in later.
     - `options`: how much waits in memory, and how long signals are kept.
     - `clock`: the time [s since 1970 UTC].
+    - `say`: gets every event, too, also while the store cannot be written.
 
     - `position`: number of the last entry.
     - `failing`: why the store cannot be written now; None where it can.
     """
 
     def __init__(
-        self, store: Store, loops: Mapping[str, WatchedLoop], options: MonitorOptions, clock: Callable[[], float]
+        self,
+        store: Store,
+        loops: Mapping[str, WatchedLoop],
+        options: MonitorOptions,
+        clock: Callable[[], float],
+        say: Callable[[Event], None] | None = None,
     ) -> None:
         self.store, self.signals = store, SignalStore(store.folder)
         self.position = store.position()
         self.failing: str | None = None
-        self._loops, self._options, self._clock = loops, options, clock
+        self._loops, self._options, self._clock, self._say = loops, options, clock, say
         self._events: list[Event] = []
-        self._repeated: dict[tuple[str | None, str], tuple[float, int]] = {}
+        self._repeated: dict[tuple[str | None, str, Signal | None], tuple[float, int]] = {}
         self._backlog: list[tuple[Entry, list[Half]]] = []
         self._failing_since: float | None = None
         self._gave_up = False
@@ -54,8 +61,8 @@ class Journal:
         return len(self._backlog)
 
     def add_event(self, event: Event) -> None:
-        """Add an event; one that comes again within a minute is counted instead."""
-        key = (event.loop, event.kind)
+        """Add an event; one on the same tag that comes again within a minute is counted instead."""
+        key = (event.loop, event.kind, event.signal)
         first, count = self._repeated.get(key, (-math.inf, 0))
         if event.time - first < _REPEATED and count:
             self._repeated[key] = (first, count + 1)
@@ -63,7 +70,9 @@ class Journal:
         again = "once" if count == 2 else f"{count - 1} times"
         more = f" (and {again} more since)" if count > 1 else ""
         self._repeated[key] = (event.time, 1)
-        self._events.append(Event(event.time, event.loop, event.kind, event.text + more))
+        self._events.append(made := replace(event, text=event.text + more))
+        if self._say is not None:
+            self._say(made)
 
     def next_position(self, now: float) -> int:
         """The number of the next entry, greater than all before; it also says when that was made [ms]."""

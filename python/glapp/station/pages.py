@@ -195,11 +195,10 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
                 f"The simulated plant catches up with today: it is at {moment(view.at)[:16]}, "
                 f"{age(catching['seconds'])} to go{left}. Until then nothing here is of now."
             )
-        elif (lost := view.unconnected) is not None:
-            text = (
-                f"The plant's server is not connected: the newest value is of {moment(lost)[11:]}. "
-                "The service tries again."
-            )
+        elif view.unconnected is not None:
+            text = f"The plant's server is not connected: {view.unconnected}."
+            if view.newest is not None:
+                text += f" The newest value is of {moment(view.newest)[11:]}."
             if any(one.get("compensation") for one in view.shown["loops"].values()):
                 text += " Until then u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
         elif view.shown.get("failing"):

@@ -117,6 +117,11 @@ async def main(folder: Path, port: int) -> None:
         if word == "samples":
             monitor.ingest.take(values("FIC1", 100, begin=time.time() - 120.0))
             await monitor.step()
+        if word == "break":  # a value after a break, whose sample is not there yet
+            monitor.ingest.take(values("FIC1", 5, begin=time.time() - 5.0))
+        if word == "after the break":
+            await monitor.step()
+            monitor.ingest.take(values("FIC1", 2, begin=time.time() + 1.0))
         if word == "evil":
             monitor.tell(Event(time.time(), EVIL, "late", f"{EVIL} came late"))
             monitor.store.know([Loop(name=EVIL)])

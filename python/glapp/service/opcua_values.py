@@ -115,6 +115,8 @@ def reason(error: BaseException) -> str:
         return "the name of its host is not known: check it, or write the address in numbers"
     if isinstance(error, ConnectionRefusedError):
         return "nobody listens there: check host and port, and that the server runs"
+    if isinstance(error, ConnectionError):
+        return "the connection broke"
     if isinstance(error, AssertionError):  # asyncua's, where a server refuses the channel that it asks for
         return "the server's answer cannot be read; it may not trust our certificate"
     text = str(error)

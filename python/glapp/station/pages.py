@@ -113,6 +113,11 @@ def moment(at: float | None) -> str:
     return "–" if at is None else time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
 
 
+def _zone_minutes() -> int:
+    """Minutes by which this computer's clock is ahead of UTC."""
+    return time.localtime().tm_gmtoff // 60
+
+
 def heading(text: str, level: int = 1) -> None:
     """A heading, whatever characters are in it."""
     ui.html(f"<h{level}>{escape(text)}</h{level}>", sanitize=False)
@@ -144,7 +149,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     ui.add_head_html(
         f'<style>html{{background:{paper}}}</style><link rel="stylesheet" href="/static/station.css">'
         '<script src="/static/shown.js"></script><script src="/static/station.js"></script>'
-        f"<script>glapp.follow({json.dumps(session.dark)}, {json.dumps(session.chosen)})</script>"
+        f"<script>glapp.follow({json.dumps(session.dark)}, {json.dumps(session.chosen)});"
+        f"glapp.zone({_zone_minutes()})</script>"
     )
     ui.link("To the content", "#content").classes("skip")
     with ui.element("header").classes("top"):
@@ -160,6 +166,9 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             quiet("Log out", flat=True).on("click", js_handler="() => glapp.post('/logout', '/login')")
     with ui.element("div").classes("content").props('id="content" tabindex="-1"'):
         banner = ui.label().classes("banner").props('role="alert"')
+        hours, minutes = divmod(abs(_zone_minutes()), 60)
+        zone = f"UTC{'-' if _zone_minutes() < 0 else '+'}{hours:02d}:{minutes:02d}"
+        ui.label(f"Times in words are {zone}; those of pictures are this browser's.").classes("zone small muted")
         yield
 
     def tick() -> None:

@@ -127,6 +127,7 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
                         "position": "insideTop",
                         "overflow": "truncate",
                         "width": 70,
+                        ":formatter": "glapp.reason",
                     },
                 },
                 {"xAxis": 1000.0 * half["t_end"]},

@@ -43,6 +43,9 @@ DOUBLE = 0.5
 ASK = 3.0
 """Time between two questions whether the service can write [s]."""
 
+WAITS = "What comes waits in its memory for ten minutes: make room on its disk, or repair it."
+"""What is to be done where the service cannot write."""
+
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
 
 
@@ -189,10 +192,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         if view.why is not None:
             text = f"The database cannot be read: {view.why}"
         elif late is not None and (failing := station.failing(session.token)) is not None:
-            text = (
-                f"The service cannot write: {failing}. What comes waits in its memory; you see the state of "
-                f"{moment(view.at)}."
-            )
+            text = f"The service cannot write: {failing}. {WAITS} You see the state of {moment(view.at)}."
         elif late is not None:
             text = (
                 f"The service has written nothing for {age(late)}: you see the state of {moment(view.at)}. "
@@ -211,7 +211,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             if any(one.get("compensation") for one in view.shown["loops"].values()):
                 text += " Until then u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
         elif view.shown.get("failing"):
-            text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
+            text = f"The service cannot write: {view.shown['failing']}. {WAITS}"
         elif view.shown.get("damaged"):
             text = view.shown["damaged"][:1].upper() + view.shown["damaged"][1:] + "."
         banner.classes(remove="calm").classes(add="calm" if catching is not None else "")

@@ -188,6 +188,9 @@ class SignalCards:
         if self.under_way is None:
             self.half.set_text("")
             return
+        if self.under_way.bad:
+            self.half.set_text("No half-period is under way: SP or PV is bad.")
+            return
         found = self.under_way.numbers
         pv = self.loop.pv_unit
         failing = ", ".join(self.under_way.failing)

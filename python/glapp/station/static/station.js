@@ -26,8 +26,11 @@ window.glapp = {
     });
     chart.setOption({ series });
   },
+  // Name of a half-period's reason; on a telephone they would lie on each other.
+  reason: (area) => (innerWidth > 640 ? area.name : ""),
   // Half-periods behind PV, the second line.
   shade(id, areas) {
+    for (const [{ label }] of areas) label.formatter = glapp.reason;
     getElement(id)?.chart?.setOption({ series: [{}, { markArea: { data: areas } }] });
   },
   // Urgency, with a shape for a person who does not see the colour.

@@ -895,3 +895,13 @@ def test_a_demo_takes_no_folder_of_a_service_that_runs(tmp_path: Path) -> None:
 def test_help_teaches() -> None:
     text = CliRunner().invoke(cli, ["station", "--help"]).output
     assert "glapp station --demo" in text and "docs/station.md" in text
+
+
+def test_the_names_of_the_axes_of_an_effect_have_their_own_line() -> None:
+    """Regression: in its 300 px *u_FF [%]* lay on the lowest number of PV − SP."""
+    values = {"time": [0.0, 1.0], "SP": [50.0, 50.0], "PV": [50.0, 51.0], "U_FF": [0.0, 0.1]}
+    upper, lower = charts.effect(values, 0.5, "%", "%", dark=False)["grid"]
+    share = {key: float(grid["height"].rstrip("%")) / 100.0 for key, grid in (("upper", upper), ("lower", lower))}
+    last_number = upper["top"] + share["upper"] * 300.0 + 6.0
+    name = 300.0 - lower["bottom"] - share["lower"] * 300.0 - 15.0 - 6.0
+    assert last_number <= name

@@ -289,6 +289,7 @@ def effect(
         "data": [{"xAxis": 1000.0 * enabled}],
     }
     shown["series"] = [above, below]
+    shown["grid"][0]["height"] = "33%"  # it is lower than that of the signals, and the name of u_FF needs its line
     above_axis, below_axis = shown["yAxis"]
     above_axis["name"], below_axis["name"] = f"PV − SP [{pv_unit or 'PV unit'}]", f"u_FF [{op_unit}]"
     return shown

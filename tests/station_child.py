@@ -17,7 +17,7 @@ from glapp.service.api import ApiServer
 from glapp.service.api import app_of as service_app
 from glapp.service.monitor import Monitor
 from glapp.service.options import MonitorOptions
-from glapp.service.signal import Event
+from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import COLUMNS, Store
 from glapp.service.users import Users
 from glapp.station.app import app_of
@@ -117,6 +117,14 @@ async def main(folder: Path, port: int) -> None:
         if word == "samples":
             monitor.ingest.take(values("FIC1", 100, begin=time.time() - 120.0))
             await monitor.step()
+        if word == "bad":
+            newest = monitor.ingest.live("FIC1")["pv"]["time"]
+            monitor.ingest.take([Value("FIC1", Signal.PV, newest + 2.0, float("nan"), False, "BadSensorFailure")])
+        if word == "break":  # a value after a break, whose sample is not there yet
+            monitor.ingest.take(values("FIC1", 5, begin=time.time() - 5.0))
+        if word == "after the break":
+            await monitor.step()
+            monitor.ingest.take(values("FIC1", 2, begin=time.time() + 1.0))
         if word == "evil":
             monitor.tell(Event(time.time(), EVIL, "late", f"{EVIL} came late"))
             monitor.store.know([Loop(name=EVIL)])

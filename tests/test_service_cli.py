@@ -117,6 +117,28 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
     assert not (tmp_path / "data").exists(), "nothing is begun"
 
 
+def test_days_that_are_no_days_are_refused(tmp_path: Path) -> None:
+    """Regression: `--keep -3` was taken for 1, and all signals but those of a day were deleted."""
+    settings = tmp_path / "loops.toml"
+    settings.write_text("[opcua]\nurl = 'opc.tcp://p:1'\n[loops.A.opcua]\npv = 'i=1'\nsp = 'i=2'\n")
+    with pytest.raises(InputError, match="keep: is -3, must be 1 or more"):
+        glapp(settings, "--data", tmp_path / "data", "--keep", "-3")
+
+
+def test_the_status_names_the_connection_and_missing_tags(folder: Path) -> None:
+    with Reader(folder) as reader:
+        shown = reader.shown()
+    assert shown is not None
+    at, body = shown
+    body |= {"unconnected": "opc.tcp://p: nobody listens there"}
+    body["loops"]["FIC0"]["missing"] = "FIC0 PV: i=1: BadNodeIdUnknown"
+    store = Store(folder)
+    store.show(at, json.dumps(body))
+    store.close()
+    text = glapp("status", "--data", folder)
+    assert "not connected: opc.tcp://p: nobody listens there" in text and "FIC0 PV: i=1: BadNodeIdUnknown" in text
+
+
 def test_settings_of_our_own_server_that_do_not_fit_together(tmp_path: Path) -> None:
     for words, message in (
         (["--opcua-user", "dcs"], "--opcua-port: is needed"),
@@ -143,9 +165,12 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
     """A plant and its service, started, asked and stopped by the command line alone."""
     folder = tmp_path / "data"
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    log = tmp_path / "log"
     words = ["watch", "--demo", "--loops", "2", "--scan", "0.5", "--data", str(folder), "--port", "0"]
     words += ["--opcua-port", "0"]
-    child = subprocess.Popen([sys.executable, str(HERE / "command_line.py"), *words], stdout=subprocess.PIPE, text=True)
+    command = [sys.executable, str(HERE / "command_line.py"), *words]
+    with log.open("w") as errors:
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
     try:
         deadline = time.monotonic() + 180
         while time.monotonic() < deadline:
@@ -186,6 +211,10 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         r"Answers and DeviceHealth at opc\.tcp://127\.0\.0\.1:\d+/", printed
     )
     child.stdout.close()
+    logged = log.read_text()
+    assert " connected: opc.tcp://" in logged and " drilled PIC102: the plant took" in logged, (
+        "every event is there too"
+    )
     assert FolderLock.holder(folder) is None
     with Reader(folder) as reader:
         assert reader.one("SELECT id FROM entries LIMIT 1") is None, "all is saved"

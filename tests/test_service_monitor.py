@@ -894,3 +894,35 @@ def test_a_fit_under_way_ends_with_the_service(tmp_path: Path) -> None:
 
     beside(tmp_path, look)
     assert not multiprocessing.active_children()
+
+
+def test_each_missing_tag_is_told_and_known_until_its_value_comes(tmp_path: Path) -> None:
+    """Regression: of several tags of one loop that the server does not have only the first was named."""
+    clock, said = Clock(), []
+    store = Store(tmp_path)
+    monitor = Monitor(loops(), store, clock=clock, say=said.append)
+    for signal in (Signal.PV, Signal.OP, Signal.OP):
+        monitor.tell(Event(clock.now, "FIC0", "tag_missing", f"FIC0 {signal.name}: no such node", signal))
+    asyncio.run(monitor.step())
+    told = [event["text"] for event in monitor.reader.events("FIC0")]
+    assert sorted(told) == ["FIC0 OP: no such node", "FIC0 PV: no such node"]
+    assert sorted(event.text for event in said) == sorted(told), "the terminal hears the same"
+    assert monitor.status()["loops"]["FIC0"]["missing"] == "FIC0 PV: no such node"
+    monitor.ingest.take([Value("FIC0", Signal.PV, clock.now - 5.0, 50.0, True)])
+    status = monitor.status()["loops"]["FIC0"]
+    assert (
+        status["missing"] == "FIC0 OP: no such node" and status["health"] == "CHECK_FUNCTION" and status["age"] == 5.0
+    )
+    monitor.ingest.take([Value("FIC0", Signal.OP, clock.now, 50.0, True)])
+    status = monitor.status()["loops"]["FIC0"]
+    assert status["missing"] is None and status["health"] == "NORMAL"
+    store.close()
+
+
+def test_the_status_says_why_the_plant_is_not_connected(tmp_path: Path) -> None:
+    monitor = service.monitor(tmp_path, loops(), Clock())
+    assert monitor.status()["unconnected"] is None
+    monitor.tell(Event(BEGIN, None, "lost", "opc.tcp://p: nobody listens there"))
+    assert monitor.status()["unconnected"] == "opc.tcp://p: nobody listens there"
+    monitor.tell(Event(BEGIN, None, "connected", "opc.tcp://p: connected"))
+    assert monitor.status()["unconnected"] is None

@@ -451,13 +451,13 @@ def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
 
 @pytest.mark.slow
 def test_nobody_there_is_told_once(monkeypatch):
-    tries, client = [], opcua._client
+    tries, client = [], opcua.client_of
 
     async def counted(connection):
         tries.append(connection)
         return await client(connection)
 
-    monkeypatch.setattr(opcua, "_client", counted)
+    monkeypatch.setattr(opcua, "client_of", counted)
 
     async def run():
         plant = SimpleNamespace(url=f"opc.tcp://127.0.0.1:{free_port()}")
@@ -466,7 +466,7 @@ def test_nobody_there_is_told_once(monkeypatch):
         return watch.events
 
     events = asyncio.run(run())
-    assert [e.kind for e in events] == ["lost"] and "nobody listens there" in events[0].text
+    assert [e.kind for e in events] == ["lost"] and "nobody listens there: check host and port" in events[0].text
 
 
 @served
@@ -483,7 +483,8 @@ def test_a_tag_that_is_not_there_and_a_mode_that_is_not_known(shared):
         return watch
 
     watch = shared(run)
-    assert "FIC101.NONE: BadNodeIdUnknown" in watch.texts("tag_missing", "FIC101")[0]
+    assert "FIC101.NONE: BadNodeIdUnknown (the server has no such node)" in watch.texts("tag_missing", "FIC101")[0]
+    assert {e.signal for e in watch.events if e.kind == "tag_missing"} == {Signal.OP}, "each says of which tag it is"
     assert "PIC102 OP: the server has no namespace urn:none" in watch.texts("tag_missing", "PIC102")[0]
     assert all(v.value == 1.0 for v in watch.of("FIC101", Signal.MODE) if v.good), "1 is automatic by itself"
     assert watch.of("TIC103", Signal.MODE)[-1].value == 0.0
@@ -579,9 +580,9 @@ def test_the_servers_own_overflow_is_told(shared):
 class Fed:
     """A source that is handed values as if they came from a server."""
 
-    def __init__(self, tags=1):
+    def __init__(self, tags=1, behind=1e9):
         loops = [Loop(name=f"L{i}", opcua={"pv": f"s=pv{i}", "sp": f"s=sp{i}"}) for i in range(tags)]
-        self.source, self.events = OpcUa(Connection(url="opc.tcp://p:1"), loops), []
+        self.source, self.events = OpcUa(Connection(url="opc.tcp://p:1", behind=behind), loops), []
         self.source._events.tell = self.events.append
         self.source._link = link()
         for tag in self.source._tags:
@@ -746,6 +747,17 @@ def test_a_cancellation_is_not_lost_where_a_message_comes_with_it(steps):
         return task.cancelled()
 
     assert asyncio.run(run())
+
+
+def test_a_clock_that_is_behind_is_told_and_its_values_are_used():
+    """Regression: a plant whose clock was an hour behind sent everybody to look why no value comes."""
+    fed = Fed(behind=60.0)
+    assert [value.value for t in (10.0, 11.0, 45.0) for value in fed(t)] == [1.0, 1.0, 1.0]
+    [event] = fed.events
+    assert (event.kind, event.loop, event.signal) == ("behind", "L0", Signal.PV)
+    assert re.search(r"is 9\d s behind this computer's clock; the value is used. Set the clocks", event.text)
+    fed = Fed(behind=60.0)
+    assert fed(45.0) and not fed.events, "55 s is not too much"
 
 
 def test_one_late_value_does_not_look_like_a_clock_that_is_set_back():
@@ -963,15 +975,48 @@ def test_security(certificates, monkeypatch):
             nobody = await attempt(plant, **{k: v for k, v in right.items() if k != "user"})
             assert not nobody.values and nobody.texts("lost")
             readable = await attempt(plant)
-            assert not readable.values and readable.texts("lost")
+            assert not readable.values
+            assert (
+                "does not offer no security; it offers Aes128Sha256RsaOaep (SignAndEncrypt),"
+                in readable.texts("lost")[0]
+            )
+            signed = {k: v for k, v in right.items() if k != "user"} | {"mode": "Sign"}
+            aes = await attempt(plant, **{**signed, "security": "Aes128Sha256RsaOaep"})
+            assert "does not offer Aes128Sha256RsaOaep (Sign); it offers" in aes.texts("lost")[0]
             other = {**right, "server_certificate": at / "stranger.der", "password_file": at / "password"}
             stranger = await attempt(plant, **other)
-            assert not stranger.values and stranger.texts("lost")
+            assert not stranger.values
+            assert f"shows another certificate than {at / 'stranger.der'}" in stranger.texts("lost")[0]
             other = {**right, "server_certificate": at / "none.der", "password_file": at / "password"}
             missing = await attempt(plant, **other)
             assert "none.der: there is no such file" in missing.texts("lost")[0]
 
     asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "expected"),
+    [
+        ("certificate", "none.der", "none.der: there is no such file"),
+        ("certificate", "word", "word: is no certificate in DER or PEM"),
+        ("server_certificate", "word", "word: is no certificate in DER or PEM"),
+        ("private_key", "ours.der", "ours.der: is no private key without a password, in DER or PEM"),
+        ("private_key", "stranger.pem", "stranger.pem: is not the key of the certificate ours.der"),
+    ],
+)
+def test_a_wrong_certificate_ends_the_service_at_once(certificates, tmp_path, monkeypatch, name, file, expected):
+    """Regression: it ran on, said nothing on the terminal, and tried again for ever with words of the ASN.1 parser."""
+    monkeypatch.chdir(certificates)
+    (certificates / "word").write_text("secret")
+    files = {"certificate": "ours.der", "private_key": "ours.pem", "server_certificate": "plant.der", name: file}
+    keys = "".join(f"{key} = '{path}'\n" for key, path in files.items())
+    text = f"[opcua]\nurl = 'opc.tcp://127.0.0.1:1'\nsecurity = 'Basic256Sha256'\n{keys}"
+    Path("loops.toml").write_text(text + "[loops.A.opcua]\npv = 'i=1'\nsp = 'i=2'\n")
+    for words in (["watch", "loops.toml", "--data", str(tmp_path / "data")], ["tags", "loops.toml"]):
+        with pytest.raises(InputError) as error:
+            glapp.cli.app(words, standalone_mode=False)
+        assert expected in str(error.value)
+    assert not (tmp_path / "data").exists(), "nothing is begun"
 
 
 # ---------------------------------------------------------------- settings
@@ -999,6 +1044,8 @@ def test_tags_that_are_wrong(text, expected):
         ("", "opcua.url: is required"),
         ("url = 'http://plant'", "opcua.url: is 'http://plant', must be an address such as opc.tcp://plant:4840"),
         ("url = 'opc.tcp://user:word@plant'", "opcua.url: has an @, must be an address such as opc.tcp://plant:4840;"),
+        ("url = 'opc.tcp://p:99999'", "opcua.url: is 'opc.tcp://p:99999', must have a port from 0 to 65535"),
+        ("url = 'opc.tcp://p:48x9'", "opcua.url: is 'opc.tcp://p:48x9', must have a port from 0 to 65535"),
         ("ulr = 'opc.tcp://p:1'", "opcua.ulr: no such key; did you mean url?"),
         ("url = 'opc.tcp://p:1'\nsecurty = 'None'", "opcua.securty: no such key; did you mean security?"),
         ("url = 'opc.tcp://p:1'\nsecurity = 'Basic128'", "opcua.security: is 'Basic128', must be one of"),
@@ -1162,6 +1209,9 @@ def test_the_command_serves_a_plant_and_finds_its_tags(tmp_path):
             assert served.stdout.readline() == "fault: bad in FIC101 for 9 s\n"
             look = [*map(str, [*GLAPP, "tags", f"opc.tcp://127.0.0.1:{port}", "--find", "fic"])]
             found = subprocess.run(look, capture_output=True, text=True, timeout=60, check=True)
+            none = subprocess.run([*look[:-1], "TIC"], capture_output=True, text=True, timeout=60, check=False)
+            assert none.returncode == 1
+            assert "--find: no loop has 'TIC' in its name; there are FIC101, PIC102" in none.stderr
             served.send_signal(signal.SIGINT)
             assert served.wait(20) == 0
         finally:

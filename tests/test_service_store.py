@@ -557,6 +557,23 @@ def test_what_happens_again_and_again_is_told_once_a_minute_with_its_count(tmp_p
     assert monitor.reader.events("FIC0")[0]["text"] == "twice (and once more since)"
 
 
+def test_the_last_of_a_minute_is_told_when_it_is_over(tmp_path: Path) -> None:
+    """Regression: lost, connected, lost within a minute was told as lost, connected: it stayed so for hours."""
+    clock = Clock()
+    monitor = service.monitor(tmp_path, loops(), clock)
+    for later, kind in ((0.0, "lost"), (20.0, "connected"), (30.0, "lost"), (40.0, "lost")):
+        clock.now = BEGIN + later
+        monitor.tell(Event(clock.now, None, kind, f"{kind} after {later:g} s"))
+    asyncio.run(monitor.step())
+    assert [event["text"] for event in monitor.reader.events()] == ["connected after 20 s", "lost after 0 s"]
+    clock.now = BEGIN + 61.0
+    asyncio.run(monitor.step())
+    assert monitor.reader.events()[0]["text"] == "lost after 40 s (and once more since)"
+    clock.now = BEGIN + 200.0
+    asyncio.run(monitor.step())
+    assert len(monitor.reader.events()) == 3, "it is told once"
+
+
 def test_a_save_waits_for_the_step_under_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Regression: a change of a parameter was refused on a busy computer, as if the store could not be written."""
     clock = Clock()

@@ -168,14 +168,44 @@ def test_a_lost_connection_is_told_by_its_name(view: View) -> None:
     assert view.at is not None and view.unconnected is None
     for loop in view.shown["loops"].values():
         loop |= {"seen": view.at - 30.0, "lost": True}
-    assert view.unconnected == view.at - 30.0
+    view.shown["unconnected"] = "opc.tcp://plant: nobody listens there"
+    assert view.unconnected == "opc.tcp://plant: nobody listens there" and view.newest == view.at - 30.0
     assert {row.todo for row in view.rows()} == {
         "The plant's server is not connected: check the server and the network."
     }
-    view.shown["loops"]["FIC1"]["seen"] = None
-    assert view.unconnected == view.at - 30.0 and "no value comes" in view.todo("FIC1")
-    view.shown["loops"]["FIC0"]["lost"] = False
-    assert view.unconnected is None
+    view.shown["unconnected"] = None
+    assert "no value comes" in view.todo("FIC1")
+
+
+def test_a_plant_that_was_never_connected_is_told_by_its_name(view: View) -> None:
+    """Regression: with a wrong address at the start each loop sent people to its transmitter, and no line said why."""
+    assert view.at is not None
+    for loop in view.shown["loops"].values():
+        loop |= {"seen": None, "lost": True}
+    view.shown |= {"begun": view.at - 61.0, "unconnected": "opc.tcp://plant: nobody listens there"}
+    assert view.unconnected is not None and view.newest is None
+    assert {row.todo for row in view.rows()} == {
+        "The plant's server is not connected: check the server and the network."
+    }
+
+
+def test_a_tag_that_the_server_does_not_have_is_named(view: View) -> None:
+    """Regression: a loop without SP looked as if it were only waiting for its first fit."""
+    view.shown["loops"]["FIC1"]["missing"] = "FIC1 SP: ns=2;s=X: BadNodeIdUnknown (the server has no such node)"
+    row = next(row for row in view.rows() if row.loop == "FIC1")
+    assert row.soon == "Signal" and row.todo == (
+        "FIC1 SP: ns=2;s=X: BadNodeIdUnknown (the server has no such node). Correct the tag in loops.toml, or at the "
+        "server."
+    )
+
+
+def test_a_clock_that_is_behind_is_told_and_not_a_missing_value(view: View) -> None:
+    assert view.at is not None
+    late = {"seen": view.at - 3605.0, "heard": view.at - 3605.0, "lost": False, "good": True}
+    view.shown["loops"]["FIC1"] |= late | {"age": 3603.0}
+    assert "set the clock of the plant's server" in view.todo("FIC1")
+    view.shown["loops"]["FIC1"] |= late | {"age": 0.2}
+    assert "Find out why no value comes" in view.todo("FIC1")
 
 
 def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:
@@ -865,3 +895,13 @@ def test_a_demo_takes_no_folder_of_a_service_that_runs(tmp_path: Path) -> None:
 def test_help_teaches() -> None:
     text = CliRunner().invoke(cli, ["station", "--help"]).output
     assert "glapp station --demo" in text and "docs/station.md" in text
+
+
+def test_the_names_of_the_axes_of_an_effect_have_their_own_line() -> None:
+    """Regression: in its 300 px *u_FF [%]* lay on the lowest number of PV − SP."""
+    values = {"time": [0.0, 1.0], "SP": [50.0, 50.0], "PV": [50.0, 51.0], "U_FF": [0.0, 0.1]}
+    upper, lower = charts.effect(values, 0.5, "%", "%", dark=False)["grid"]
+    share = {key: float(grid["height"].rstrip("%")) / 100.0 for key, grid in (("upper", upper), ("lower", lower))}
+    last_number = upper["top"] + share["upper"] * 300.0 + 6.0
+    name = 300.0 - lower["bottom"] - share["lower"] * 300.0 - 15.0 - 6.0
+    assert last_number <= name

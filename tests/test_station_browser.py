@@ -1,6 +1,7 @@
 """The operator's window as a person meets it, in Chromium."""
 
 import re
+import time
 import urllib.request
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from station_child import EVIL, PASSWORDS
 from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
+from glapp.report.words import URGENCIES
 from glapp.service.store import Reader
 from glapp.station import charts
 
@@ -70,6 +72,44 @@ def test_one_typeface_and_a_page_that_does_not_exist(browser: Any, window: Windo
     assert found.status == 404 and page.locator("h1").inner_text() == "There is no such page"
     page.get_by_role("link", name="Overview").click()
     page.locator(".ag-row").first.wait_for()
+
+
+def test_a_browser_in_another_zone_is_told_whose_times_are_shown(browser: Any, window: Window) -> None:
+    """Regression: pictures were an hour from the words beside them, where the service's computer runs in UTC."""
+    there = "Etc/GMT-5" if time.localtime().tm_gmtoff != 5 * 3600 else "Etc/GMT-6"
+    page = logged_in(browser, window, "vera", timezone_id=there)
+    page.get_by_text(
+        re.compile(r"^Times in words are UTC[+-]\d\d:\d\d; those of pictures are this browser's")
+    ).wait_for()
+    own = logged_in(browser, window, "olaf")
+    assert not own.get_by_text("Times in words are").is_visible()
+
+
+def test_a_loop_that_nobody_has_judged_does_not_look_like_one_that_needs_nothing(browser: Any, window: Window) -> None:
+    page = logged_in(browser, window, "vera")
+    shape = "(row) => glapp.soon(row)[0]"
+    shapes = [page.evaluate(shape, {"urgency": key, "soon": ""}) for key in (*URGENCIES, "signal", "unjudged")]
+    assert len(set(shapes)) == len(shapes)
+
+
+def test_reasons_use_the_width_of_a_telephone(browser: Any, window: Window) -> None:
+    """Regression: their sentences had a column of 80 px, a word a line."""
+    page = logged_in(browser, window, "vera")
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.goto(window.url + "/loop?name=FIC0")
+    unfolded(page)
+    cell = page.locator(".reasons td:last-child").first
+    cell.wait_for()
+    assert cell.bounding_box()["width"] > 250
+    names = (
+        f"() => {CHART}.getOption().series[1].markArea.data.map(([a]) => a.label.formatter({{ name: 'too short' }}))"
+    )
+    page.wait_for_function(f"() => ({names})().length > 0")
+    assert set(page.evaluate(names)) == {""}, "they lay on each other"
+    page.set_viewport_size({"width": 1280, "height": 800})
+    assert set(page.evaluate(names)) == {"too short"}
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
 
 
 HARMLESS = r"() => !/[\p{Cf}\p{Zl}\p{Zp}]|(?![\t\n\r])\p{Cc}/u.test(document.body.innerText + document.title)"
@@ -340,6 +380,7 @@ def test_a_service_with_a_full_disk_says_so(browser: Any, window: Window) -> Non
     page = logged_in(browser, window, "vera")
     window.say("full")
     page.get_by_text("The service cannot write: glapp.db cannot be written: database or disk is full.").wait_for()
+    page.get_by_text("make room on its disk").wait_for()
     window.say("room")
     page.get_by_role("alert").filter(has_text="The service").wait_for(state="hidden")
     assert page.wrong == []
@@ -487,3 +528,22 @@ def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
             urllib.request.urlopen(urllib.request.Request(window.url + "/", headers={"Host": "evil.example"}))
     finally:
         window.end()
+
+
+def test_no_line_is_drawn_across_a_break(browser: Any, window: Window) -> None:
+    """Regression: the first value after a lost connection was joined to the last one before: it looked measured."""
+    page = logged_in(browser, window, "vera")
+    window.say("samples")
+    page.goto(window.url + "/loop?name=FIC1")
+    under_way(page)
+    window.say("bad")  # regression: it had a half-period of 0 s whose SP had moved by 50 %
+    page.get_by_text("No half-period is under way: SP or PV is bad.").wait_for()
+    times = f"() => {CHART}.getOption().series[1].data.map(([t, x]) => x === null ? null : t / 1000)"
+    page.wait_for_function(f"() => ({times})().length > 50")
+    last = page.evaluate(times)[-1]
+    window.say("break")
+    page.wait_for_timeout(2000)
+    assert page.evaluate(times)[-1] == last, "its sample is not there yet"
+    window.say("after the break")
+    page.wait_for_function(f"() => {{ const t = ({times})(); return t.at(-1) > {last} && t.includes(null); }}")
+    assert page.wrong == []

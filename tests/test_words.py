@@ -109,6 +109,8 @@ BESIDE = {
         "the service has not written",
         "The plant's server is not connected",
         "Find out why no value comes",
+        "The time stamps of its values",
+        "{}. Correct the tag in loops.toml",
         "Look at the transmitter",
         "{}: write them into loops.toml.",
         "{}It will be judged",

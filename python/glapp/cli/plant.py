@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import InputError
+from ..report.words import count
 from ..service.connection import Connection, read_connection
 from ..service.tags import as_settings, loops_of
 from .outputs import check_output, save
@@ -196,6 +197,11 @@ def tags(
     need_opcua()
     found = asyncio.run(_variables(connection))
     loops, without = loops_of(found)
+    if find and loops and not any(text.lower() in name.lower() for text in find for name in loops):
+        some = ", ".join(list(loops)[:20]) + (", …" if len(loops) > 20 else "")
+        raise InputError(
+            f"no loop has {' or '.join(map(repr, find))} in its name; there are {some}", parameter="--find"
+        )
     if find:
         loops = {name: nodes for name, nodes in loops.items() if any(text.lower() in name.lower() for text in find)}
     if not loops:
@@ -207,7 +213,7 @@ def tags(
     else:
         save(output, text)
         err.print(f"Wrote {output}. Fill in spans and controller.", soft_wrap=True)
-    err.print(f"{len(loops)} loops; {without} of {len(found)} variables are of none", soft_wrap=True)
+    err.print(f"{count(len(loops), 'loop')}; {without} of {len(found)} variables are of none", soft_wrap=True)
 
 
 async def _variables(connection: Connection) -> list[tuple[str, str]]:

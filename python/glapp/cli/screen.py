@@ -6,6 +6,7 @@ them instead.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -20,6 +21,7 @@ __all__ = [
     "Column",
     "CommandError",
     "err",
+    "event_line",
     "examples",
     "fitting",
     "key_values",
@@ -64,6 +66,15 @@ def say_error(error: Exception | str) -> None:
 def say_note(text: str) -> None:
     """Print one line on standard error about a step that was done."""
     err.print(f"note: {one_line(text)}", soft_wrap=True)
+
+
+def event_line(at: float, kind: str, loop: str | None, text: str) -> Text:
+    """An event on one line.
+
+    - `at`: when it was [s since 1970 UTC].
+    """
+    moment = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
+    return styled(one_line(f"{moment} {kind}{f' {loop}' if loop else ''}: {text}"))
 
 
 def key_values(rows: list[tuple[str, str]]) -> Table:

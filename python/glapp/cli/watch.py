@@ -18,7 +18,7 @@ from typer.core import TyperGroup
 
 from ..errors import InputError
 from ..escape import one_line
-from .screen import CommandError, examples, key_values, out, say_note, styled
+from .screen import CommandError, event_line, examples, key_values, out, say_note, styled
 from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def run(
     options = MonitorOptions(
         period=period,
         lost=max(15.0, 3.0 * period),
-        keep=max(keep, int(days or 0.0) + 1),
+        keep=keep if days is None else max(keep, int(days) + 1),
         fit_days=fit_days,
         fit_hour=fit_hour,
         fit_longest=fit_longest,
@@ -197,10 +197,13 @@ def status(
         return
     at, body = shown
     rows.append(("as of", f"{_moment(at)}, {_age(time.time() - at)} ago"))
+    if body.get("unconnected"):
+        rows.append(("plant", f"not connected: {body['unconnected']}"))
     if body["failing"]:
         rows.append(("store", body["failing"]))
     if body.get("damaged"):
         rows.append(("database", body["damaged"]))
+    rows += [("tag", loop["missing"]) for loop in body["loops"].values() if loop.get("missing")]
     out.print(key_values(rows))
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     for name in ("loop", "seen", "gap (95 %)", "valve", "estimate", "detections", "compensation"):
@@ -247,13 +250,13 @@ def events(
     with Reader(data) as reader:
         found = reader.commands(loop, most) if commands else reader.events(loop, most)
     for row in reversed(found):
-        place = f" {row['loop']}" if row["loop"] else ""
         if commands:
+            place = f" {row['loop']}" if row["loop"] else ""
             what = f"{row['before']} → {row['after']}" if row["refused"] is None else f"refused: {row['refused']}"
             text = f"{_moment(row['time'])} {row['person']} ({row['role']}) {row['command']}{place}: {what}"
+            out.print(styled(one_line(text)), soft_wrap=True)
         else:
-            text = f"{_moment(row['time'])} {row['kind']}{place}: {row['text']}"
-        out.print(styled(one_line(text)), soft_wrap=True)
+            out.print(event_line(row["time"], row["kind"], row["loop"], row["text"]), soft_wrap=True)
 
 
 @watch.command(epilog=examples("glapp watch backup plant.db --data plant"))

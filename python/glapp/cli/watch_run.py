@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
@@ -13,16 +14,18 @@ from ..loop import Loop
 from ..reading.settings import parse_settings, read_settings
 from ..service import demonstration
 from ..service.api import ApiServer, app_of
-from ..service.connection import Connection, read_connection
+from ..service.connection import Connection, check_tags, read_connection
 from ..service.monitor import Monitor
 from ..service.opcua import OpcUa
+from ..service.opcua_client import client_of
 from ..service.options import MonitorOptions
 from ..service.plant import SimPlant
 from ..service.server import AnswerServer
+from ..service.signal import Event
 from ..service.store import Store
 from ..service.users import Users, first_user
 from ..writing import write_file
-from .screen import out, say_note
+from .screen import err, event_line, out
 from .serving import say_first_login, until_stopped
 
 __all__ = ["SimulatedPlant", "clock_of", "serve"]
@@ -82,13 +85,23 @@ async def serve(
         else:
             plant, catches_up, clock = None, False, time.time
             loops, connection = read_settings(watched), _connection_of(watched)
+            try:
+                check_tags(connection, loops)
+            except InputError as error:
+                error.file = str(watched)
+                raise
+            await client_of(connection)  # refuses certificates, keys and passwords that cannot be used
         store = Store(data)
         stack.callback(store.close)
-        if store.found is not None:
-            say_note(store.found)
         first_user(store, time.time())
         monitor = Monitor(
-            loops, store, options=options, compensable=_compensable(loops), clock=clock, hurries=catches_up
+            loops,
+            store,
+            options=options,
+            compensable=_compensable(loops),
+            clock=clock,
+            hurries=catches_up,
+            say=_say,
         )
         if plant is not None and catches_up:
             plant.follow = monitor.feedforward.caught_up
@@ -105,6 +118,11 @@ async def serve(
             out.print(f"Answers and DeviceHealth at {answers.url}, read-only.", soft_wrap=True)
             tasks.append(answers.run())
         await until_stopped(*tasks)
+
+
+def _say(event: Event) -> None:
+    """An event on standard error, where a terminal or the system's journal has it."""
+    err.print(event_line(event.time, event.kind, event.loop, event.text), soft_wrap=True)
 
 
 def _connection_of(settings: Path) -> Connection:
@@ -146,7 +164,11 @@ async def _simulate(
     settings.write_text(plant.settings(), encoding="utf-8")
     connection = _connection_of(settings)
     if options.catches_up:  # a thousand values a second of each tag
-        return plant, loops, connection.model_copy(update={"samples": 10_000, "interval": _CATCH_UP_INTERVAL})
+        return (
+            plant,
+            loops,
+            connection.model_copy(update={"samples": 10_000, "interval": _CATCH_UP_INTERVAL, "behind": math.inf}),
+        )
     # Short against the scan time: a late value makes a late u_FF.
     return plant, loops, connection.model_copy(update={"interval": min(1.0, options.scan_time / 2.0)})
 

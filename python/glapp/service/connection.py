@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 from pydantic import Field, field_validator, model_validator
 
@@ -53,6 +54,8 @@ class Connection(Checked):
         The longest break that is read from the server's history, ≥ 0 [s].
     ahead : float
         How far time stamps may be ahead of this computer's clock, ≥ 0 [s].
+    behind : float
+        How far a PV's time stamp may be behind this computer's clock when it comes, before that is reported, > 0 [s].
     watchdog : str, optional
         Node of a number that is counted up while we are alive. There is one for all loops: where it stands still, the
         plant takes u_FF of every loop away.
@@ -81,6 +84,7 @@ security = "Basic256Sha256"
     timeout: Positive = 5.0
     history: Annotated[float, Field(ge=0)] = 86_400.0
     ahead: Annotated[float, Field(ge=0)] = 60.0
+    behind: Positive = 60.0
     watchdog: Node | None = None
 
     @field_validator("url")
@@ -92,6 +96,11 @@ security = "Basic256Sha256"
             raise InputError(f"has an @, must be {bound}", bound=bound, hint="write user and password_file")
         if re.fullmatch(r"opc\.tcp://[^\s/]+(/\S*)?", url) is None:
             raise InputError(f"is {url!r}, must be {bound}", value=url, bound=bound)
+        try:
+            urlsplit(url).port  # noqa: B018 - it raises
+        except ValueError:
+            bound = "a port from 0 to 65535"
+            raise InputError(f"is {url!r}, must have {bound}", value=url, bound=bound) from None
         return url
 
     @model_validator(mode="after")

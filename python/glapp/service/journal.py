@@ -6,13 +6,14 @@ import asyncio
 import math
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pyarrow as pa
 
 from .options import MonitorOptions
 from .recordings import SignalStore, table_of
-from .signal import Event
+from .signal import Event, Signal
 from .store import Entry, Half, Store, StoreFull
 from .watched import WatchedLoop
 
@@ -22,6 +23,15 @@ _REPEATED = 60.0
 """An event that comes again and again is written once in this time, with how often it came [s]."""
 
 
+@dataclass(slots=True)
+class _Again:
+    """Events of one kind that were only counted: since when [s since 1970 UTC], how many, the newest of them."""
+
+    since: float
+    count: int = 0
+    last: Event | None = None
+
+
 class Journal:
     """Entries, half-periods, events, states and signals of a monitor, on their way to the disk.
 
@@ -29,20 +39,26 @@ class Journal:
     - `loops`: the loops, which may be filled in later.
     - `options`: how much waits in memory, and how long signals are kept.
     - `clock`: the time [s since 1970 UTC].
+    - `say`: gets every event, too, also while the store cannot be written.
 
     - `position`: number of the last entry.
     - `failing`: why the store cannot be written now; None where it can.
     """
 
     def __init__(
-        self, store: Store, loops: Mapping[str, WatchedLoop], options: MonitorOptions, clock: Callable[[], float]
+        self,
+        store: Store,
+        loops: Mapping[str, WatchedLoop],
+        options: MonitorOptions,
+        clock: Callable[[], float],
+        say: Callable[[Event], None] | None = None,
     ) -> None:
         self.store, self.signals = store, SignalStore(store.folder)
         self.position = store.position()
         self.failing: str | None = None
-        self._loops, self._options, self._clock = loops, options, clock
+        self._loops, self._options, self._clock, self._say = loops, options, clock, say
         self._events: list[Event] = []
-        self._repeated: dict[tuple[str | None, str], tuple[float, int]] = {}
+        self._repeated: dict[tuple[str | None, str, Signal | None], _Again] = {}
         self._backlog: list[tuple[Entry, list[Half]]] = []
         self._failing_since: float | None = None
         self._gave_up = False
@@ -54,16 +70,28 @@ class Journal:
         return len(self._backlog)
 
     def add_event(self, event: Event) -> None:
-        """Add an event; one that comes again within a minute is counted instead."""
-        key = (event.loop, event.kind)
-        first, count = self._repeated.get(key, (-math.inf, 0))
-        if event.time - first < _REPEATED and count:
-            self._repeated[key] = (first, count + 1)
+        """Add an event; one on the same tag that comes again within a minute is counted instead."""
+        key = (event.loop, event.kind, event.signal)
+        again = self._repeated.get(key)
+        if again is not None and event.time - again.since < _REPEATED:
+            again.count, again.last = again.count + 1, event
             return
-        again = "once" if count == 2 else f"{count - 1} times"
-        more = f" (and {again} more since)" if count > 1 else ""
-        self._repeated[key] = (event.time, 1)
-        self._events.append(Event(event.time, event.loop, event.kind, event.text + more))
+        self._append(event, 0 if again is None else again.count)
+        self._repeated[key] = _Again(event.time)
+
+    def _append(self, event: Event, count: int) -> None:
+        """Add an event to those that are written; it stands for so many others of its kind, too."""
+        more = f" (and {'once' if count == 1 else f'{count} times'} more since)" if count else ""
+        self._events.append(made := replace(event, text=event.text + more))
+        if self._say is not None:
+            self._say(made)
+
+    def _flush(self, now: float) -> None:
+        """Add the newest of the events that were only counted in a minute that is over: the last one is how it is."""
+        for again in self._repeated.values():
+            if again.last is not None and now - again.since >= _REPEATED:
+                self._append(again.last, again.count - 1)
+                again.since, again.count, again.last = now, 0, None
 
     def next_position(self, now: float) -> int:
         """The number of the next entry, greater than all before; it also says when that was made [ms]."""
@@ -76,6 +104,7 @@ class Journal:
 
     async def write(self, now: float) -> None:
         """Write to the store all that was added; where that fails it waits, and `failing` says why."""
+        self._flush(now)
         backlog, events = list(self._backlog), list(self._events)
         if not backlog and not events:
             return

@@ -30,7 +30,7 @@ from .settable import DETECTOR, SETTINGS
 from .signal import Event, Plant, Signal
 from .store import Reader, Store, StoreFull
 from .watchdog import Watchdog
-from .watched import WatchedLoop, loop_with
+from .watched import NEEDED, WatchedLoop, loop_with
 
 __all__ = ["Monitor"]
 
@@ -52,7 +52,9 @@ class Monitor:
     - `clock`: the time [s since 1970 UTC].
     - `hurries`: whether that is the time of a simulated plant that hurries; u_FF is then computed by its time, too.
       Such a plant has to wait for `FeedForward.caught_up` after every scan.
+    - `say`: gets every event as it is written.
 
+    - `unconnected`: why there is no connection to the plant; None where there is, and before the first attempt.
     - `loops`: the loops by name.
     - `ingest`, `journal`, `feedforward`, `watchdog`, `fits`, `commands`: the parts.
 
@@ -68,14 +70,16 @@ class Monitor:
         compensable: Mapping[str, tuple[float, float]] | None = None,
         clock: Callable[[], float] = time.time,
         hurries: bool = False,
+        say: Callable[[Event], None] | None = None,
     ) -> None:
+        self.unconnected: str | None = None
         self.store, self.options, self.reader = store, options or MonitorOptions(), Reader(store.folder)
         self.begun = clock()
         self._clock, self._hurries = clock, hurries
         self._started = self.begun, time.time()
         self._stepping = asyncio.Lock()
         self.loops: dict[str, WatchedLoop] = {}
-        self.journal = Journal(store, self.loops, self.options, clock)
+        self.journal = Journal(store, self.loops, self.options, clock, say)
         ids, states = store.know(loops), store.states()
         for loop in loops:
             state = states.get(ids[loop.name])
@@ -170,6 +174,10 @@ class Monitor:
     def tell(self, event: Event) -> None:
         """Take an event of the source: where the connection is lost, nothing is compensated any more."""
         self.journal.add_event(event)
+        if event.kind == "tag_missing" and event.loop in self.loops and event.signal is not None:
+            self.loops[event.loop].missing[event.signal] = event.text
+        if event.kind in ("connected", "lost") and event.loop is None:
+            self.unconnected = event.text if event.kind == "lost" else None
         if event.kind not in ("connected", "lost", "clock_back"):
             return
         for watched in self.loops.values():
@@ -282,6 +290,7 @@ class Monitor:
             "begun": self.begun,
             "failing": self.journal.failing,
             "damaged": damaged,
+            "unconnected": self.unconnected,
             "waiting": self.journal.waiting,
             "wall": time.time(),
             "behind": self._behind(),
@@ -312,9 +321,11 @@ class Monitor:
         shown: dict[str, Any] = {
             "seen": None if pv is None else pv.time,
             "heard": self.ingest.alive(name),
+            "age": watched.pv_age,
             "good": None if pv is None else pv.good,
             "note": "" if pv is None else pv.note,
             "lost": watched.lost,
+            "missing": next((watched.missing[key] for key in NEEDED if key in watched.missing), None),
             "estimate": None if estimate is None else estimate[0],
             "detections": 0 if detector is None or detector.median_mean is None else detector.median_mean[4],
             "half_periods": watched.half_periods,

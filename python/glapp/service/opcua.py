@@ -20,15 +20,13 @@ from datetime import UTC, datetime
 from typing import Any
 
 from asyncua import Client, ua
-from asyncua.crypto import security_policies, uacrypto
 
-from ..errors import InputError
 from ..loop import Loop
 from .connection import Connection, check_tags
+from .opcua_client import DENIALS, client_of, connect, disconnect
 from .opcua_events import REPEATED, EventFilter
 from .opcua_u_ff import UffNodes
-from .opcua_values import LostError, NotANumberError, number_reader, reason
-from .security import uri_of
+from .opcua_values import LostError, NotANumberError, number_of, number_reader, reason, status_text
 from .signal import Signal, Take, Tell, Value, WriteRefused
 
 __all__ = ["Found", "OpcUa", "browse"]
@@ -43,11 +41,6 @@ _STATUS = 0.001  # a status that changes without a new time stamp counts from so
 _MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been sent
 _LITTLE = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
 
-_DENIALS = {
-    ua.StatusCodes.BadUserAccessDenied,
-    ua.StatusCodes.BadIdentityTokenRejected,
-    ua.StatusCodes.BadIdentityTokenInvalid,
-}
 _NO_FILTER = {
     ua.StatusCodes.BadMonitoredItemFilterUnsupported,
     ua.StatusCodes.BadMonitoredItemFilterInvalid,
@@ -141,7 +134,7 @@ class OpcUa:
                 raise error.__cause__ or error from None
             except Exception as error:  # years of service: whatever a server answers, we try again
                 why = reason(error)
-                denied = isinstance(error, ua.UaStatusCodeError) and error.code in _DENIALS
+                denied = isinstance(error, ua.UaStatusCodeError) and error.code in DENIALS
                 if self._was_connected:
                     pause = _PAUSES[0]
                 if self._was_connected or why != last_reason:
@@ -214,11 +207,10 @@ class OpcUa:
     async def _connected(self, take: Take) -> None:
         """Connect, catch up from the history, subscribe, and hand on until it is lost."""
         connection = self._connection
-        client = await _client(connection)
+        client = await client_of(connection)
         link = _Link(client, connection)
         try:
-            async with asyncio.timeout(4.0 * connection.timeout):
-                await client.connect()
+            await connect(client, connection)
             client.connection_lost_callback = link.on_lost
             await self._resolve(link)
             await self._catch_up(link, take)
@@ -233,7 +225,7 @@ class OpcUa:
         finally:
             self._link = None
             self._u_ff.disconnected()
-            await _disconnect(client, connection)
+            await disconnect(client, connection)
 
     async def _resolve(self, link: _Link) -> None:
         """Node ids of this connection: the server may have put its namespaces in another order."""
@@ -256,10 +248,12 @@ class OpcUa:
             node_id = self._node(self._connection.watchdog, uris, None, "opcua.watchdog")
             if node_id is not None:
                 [seen] = await link.client.uaclient.read_attributes([node_id], ua.AttributeIds.Value)
-                if seen.Value is None or not isinstance(seen.Value.Value, _NUMBERS):
-                    self._events.event("tag_missing", None, f"opcua.watchdog: {self._connection.watchdog} is no number")
+                value, note = number_of(seen)
+                if note or seen.Value is None:
+                    text = f"opcua.watchdog: {self._connection.watchdog}: {note}; no loop can be compensated"
+                    self._events.event("tag_missing", None, text)
                 else:
-                    link.heartbeat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
+                    link.heartbeat = (node_id, seen.Value.VariantType, int(value))
 
     async def _limits(self, link: _Link) -> None:
         """Number of tags that the server takes in one request."""
@@ -324,7 +318,7 @@ class OpcUa:
                     slower = max(slower, result.RevisedSamplingInterval / 1000.0)
                 else:
                     link.missing.add(handle)
-                    text = f"{tag.name}: {tag.path}: {result.StatusCode.name}"
+                    text = f"{tag.name}: {tag.path}: {status_text(result.StatusCode)}"
                     self._events.often("tag_missing", text, tag=tag)
         if slower > 1.01 * connection.interval:
             text = f"the server takes samples every {slower:g} s at best, not every {connection.interval:g} s"
@@ -438,11 +432,19 @@ class OpcUa:
                     self._tell_not_newer(tag, t, value)
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
+        if live and tag.signal is Signal.PV and not tag.first and time.monotonic() > self._quiet:
+            self._tell_behind(tag, self._clock.now() - t)
         tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
         tag.first = tag.first and not live
         if t > self._newest[tag.loop]:
             self._newest[tag.loop] = t
         return Value(tag.loop, tag.signal, t, value, not note, note)
+
+    def _tell_behind(self, tag: _Tag, behind: float) -> None:
+        """Report a PV whose time stamp is long past when it comes [s]: one of the clocks is wrong."""
+        if behind > self._connection.behind:
+            text = f"{tag.name}: a time stamp is {behind:.0f} s behind this computer's clock; the value is used"
+            self._events.often("behind", f"{text}. Set the clocks of both", tag=tag, many="values in all")
 
     def _tell_not_newer(self, tag: _Tag, t: float, value: float) -> None:
         """Report a value that is left out, since it is not newer than the last one."""
@@ -465,7 +467,7 @@ class OpcUa:
         """Report that a tag's type has changed."""
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
-            self._events.once("type_changed", tag.loop, text)
+            self._events.once("type_changed", tag.loop, text, tag.signal)
         tag.kind = kind
 
     # ----------------------------------------------------------------- history
@@ -706,33 +708,6 @@ def _hand(take: Take, values: list[Value]) -> None:
         raise _TakerError from error
 
 
-async def _client(connection: Connection) -> Client:
-    """A client with everything that the connection says."""
-    client = Client(connection.url, timeout=connection.timeout, watchdog_intervall=connection.timeout)
-    client.name = client.description = "glapp"
-    client.session_timeout = 60_000
-    if connection.security is not None:
-        own, key, server = connection.certificate, connection.private_key, connection.server_certificate
-        assert own is not None and key is not None and server is not None  # Connection has seen to it
-        for path in (own, key, server):
-            if not path.is_file():
-                raise InputError("there is no such file", file=str(path))
-        client.application_uri = uri_of(await uacrypto.load_certificate(own)) or client.application_uri
-        policy = getattr(security_policies, f"SecurityPolicy{connection.security}")
-        mode = ua.MessageSecurityMode[connection.mode]
-        await client.set_security(policy, own, key, server_certificate=server, mode=mode)
-    if connection.user is not None:
-        client.set_user(connection.user)
-        client.set_password(connection.password() or "")
-    return client
-
-
-async def _disconnect(client: Client, connection: Connection) -> None:
-    with contextlib.suppress(Exception):
-        async with asyncio.timeout(connection.timeout):
-            await client.disconnect()
-
-
 # --------------------------------------------------------------------- browsing
 
 
@@ -750,14 +725,13 @@ async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
     - `connection`: how the server is reached.
     - `most`: nodes that are looked at.
     """
-    client = await _client(connection)
-    async with asyncio.timeout(4.0 * connection.timeout):
-        await client.connect()
+    client = await client_of(connection)
     try:
+        await connect(client, connection)
         uris = await client.get_namespace_array()
         return [found async for found in _variables_below(client, uris, most)]
     finally:
-        await _disconnect(client, connection)
+        await disconnect(client, connection)
 
 
 async def _variables_below(client: Client, uris: Sequence[str], most: int) -> Any:

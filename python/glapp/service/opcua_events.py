@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 from typing import Protocol
 
-from .signal import Event, Tell
+from .signal import Event, Signal, Tell
 
 __all__ = ["REPEATED", "EventFilter"]
 
@@ -23,6 +23,7 @@ class _EventCount:
     """Number of an event's occurrences since its last report."""
 
     loop: str | None
+    signal: Signal | None = None
     text: str = ""
     many: str = ""
     at: float = -math.inf
@@ -43,6 +44,7 @@ class Tag(Protocol):
     """Subject of an event."""
 
     loop: str
+    signal: Signal
 
     @property
     def name(self) -> str:
@@ -60,10 +62,10 @@ class EventFilter:
         self._told: dict[tuple[str, str | None], _EventCount] = {}
         self._rushes: dict[str, _Rush] = {}
 
-    def event(self, kind: str, loop: str | None, text: str) -> None:
+    def event(self, kind: str, loop: str | None, text: str, signal: Signal | None = None) -> None:
         """Report an event."""
         if self.tell is not None:
-            self.tell(Event(time.time(), loop, kind, text))
+            self.tell(Event(time.time(), loop, kind, text, signal))
 
     def often(self, kind: str, text: str, *, tag: Tag | None = None, many: str = "", count: int = 1) -> None:
         """Report at once, and then at most once in `REPEATED` seconds, with how often it happened meanwhile.
@@ -74,15 +76,16 @@ class EventFilter:
         - `count`: how many it were.
         """
         key = (kind, None if tag is None else tag.name)
-        entry = self._told.setdefault(key, _EventCount(None if tag is None else tag.loop))
+        about = _EventCount(None) if tag is None else _EventCount(tag.loop, tag.signal)
+        entry = self._told.setdefault(key, about)
         entry.text, entry.many = text, many
         entry.count += count
         if time.monotonic() - entry.at >= REPEATED:
             self._say(kind, entry)
 
-    def once(self, kind: str, loop: str, text: str) -> None:
+    def once(self, kind: str, loop: str, text: str, signal: Signal | None = None) -> None:
         """Report an event, together with others of its kind where very many tags have it at once."""
-        self._say(kind, _EventCount(loop, text))
+        self._say(kind, _EventCount(loop, signal, text))
 
     def _say(self, kind: str, entry: _EventCount) -> None:
         """Report an event; beyond `_RUSH` of one kind in a minute only count it."""
@@ -95,7 +98,7 @@ class EventFilter:
             rush.since, rush.reported = now, 0
         if rush.reported < _RUSH:
             rush.reported += 1
-            self.event(kind, entry.loop, text)
+            self.event(kind, entry.loop, text, entry.signal)
         else:
             rush.more += 1
             rush.text = text

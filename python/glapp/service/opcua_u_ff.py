@@ -13,7 +13,7 @@ from asyncua import Client, ua
 
 from ..loop import Loop
 from .opcua_events import EventFilter
-from .opcua_values import as_written, number_of, reason
+from .opcua_values import as_written, number_of, reason, status_text
 from .signal import Signal, Value, WriteRefused
 
 __all__ = ["UffNodes"]
@@ -187,16 +187,17 @@ class UffNodes:
             values = await client.uaclient.read_attributes(nodes, ua.AttributeIds.Value)
             levels = await client.uaclient.read_attributes(nodes, ua.AttributeIds.UserAccessLevel)
             for (loop, feed), seen, access in zip(some, values, levels, strict=True):
-                kind = None if seen.Value is None else seen.Value.VariantType
+                kind, bad = None if seen.Value is None else seen.Value.VariantType, seen.StatusCode
                 bits = 0 if access.Value is None or access.Value.Value is None else int(access.Value.Value)
                 if kind not in (ua.VariantType.Double, ua.VariantType.Float):
-                    text = f"{loop} U_FF: {feed.path} is no Double or Float; nothing is written"
-                    self._events.event("tag_missing", loop, text)
+                    there = bad is None or bad.is_good()
+                    why = " is no Double or Float" if there else f": {status_text(bad)}"
+                    text = f"{loop} U_FF: {feed.path}{why}; nothing is written"
+                    self._events.event("tag_missing", loop, text, Signal.U_FF)
                     feed.node = None
                 elif not bits & 1 << ua.AccessLevel.CurrentWrite.value:
-                    self._events.event(
-                        "not_writable", loop, f"{loop} U_FF: the server does not let us write {feed.path}"
-                    )
+                    text = f"{loop} U_FF: the server does not let us write {feed.path}"
+                    self._events.event("not_writable", loop, text, Signal.U_FF)
                     feed.node = None
                 else:
                     feed.kind = kind

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 import struct
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +14,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..reading.values import mode_flag, text_of
 
-__all__ = ["LostError", "NotANumberError", "as_written", "number_of", "number_reader", "reason"]
+__all__ = ["LostError", "NotANumberError", "as_written", "number_of", "number_reader", "reason", "status_text"]
 
 _NUMBERS = (int, float)
 
@@ -59,11 +60,42 @@ def _real(raw: Any) -> float:
 def number_of(seen: ua.DataValue) -> tuple[float, str]:
     """A read value as a number, and why it is not good."""
     if seen.StatusCode is not None and seen.StatusCode.value & 0xC000_0000:
-        return math.nan, seen.StatusCode.name
+        return math.nan, status_text(seen.StatusCode)
     try:
         return _real(None if seen.Value is None else seen.Value.Value), ""
     except NotANumberError as error:
         return math.nan, str(error)
+
+
+_MEANS = {
+    ua.StatusCodes.BadNodeIdUnknown: "the server has no such node",
+    ua.StatusCodes.BadAttributeIdInvalid: "the node is no variable",
+    ua.StatusCodes.BadUserAccessDenied: "the server refuses this user, password or right",
+    ua.StatusCodes.BadNotReadable: "the server does not let us read it",
+    ua.StatusCodes.BadIdentityTokenRejected: "the server wants a user name and a password, or another one",
+    ua.StatusCodes.BadIdentityTokenInvalid: "the server wants a user name and a password, or another one",
+    ua.StatusCodes.BadCertificateUntrusted: "the server's administrator has to trust our certificate",
+    ua.StatusCodes.BadSecurityChecksFailed: "the server's administrator has to trust our certificate",
+    ua.StatusCodes.BadCertificateTimeInvalid: "a certificate has expired, or a clock is wrong",
+    ua.StatusCodes.BadCertificateUriInvalid: "the certificate is of another application",
+    ua.StatusCodes.BadTooManySessions: "the server takes no more clients",
+    ua.StatusCodes.BadTcpEndpointUrlInvalid: "the server does not know the path behind host and port",
+}
+"""Statuses with which a connection that is made for the first time fails, as a person reads them."""
+
+
+def status_text(status: ua.StatusCode) -> str:
+    """A status by its name in OPC UA, and what it means where a person can mend that.
+
+    Examples
+    --------
+    >>> status_text(ua.StatusCode(ua.StatusCodes.BadNodeIdUnknown))
+    'BadNodeIdUnknown (the server has no such node)'
+    >>> status_text(ua.StatusCode(ua.StatusCodes.BadSensorFailure))
+    'BadSensorFailure'
+    """
+    means = _MEANS.get(status.value)
+    return status.name if means is None else f"{status.name} ({means})"
 
 
 def as_written(value: float, kind: ua.VariantType) -> float:
@@ -76,12 +108,18 @@ def as_written(value: float, kind: ua.VariantType) -> float:
 def reason(error: BaseException) -> str:
     """Reason of a connection's failure, for a person."""
     if isinstance(error, ua.UaStatusCodeError):
-        return str(ua.StatusCode(error.code).name)
+        return status_text(ua.StatusCode(error.code))
     if isinstance(error, TimeoutError):
         return "no answer in time"
+    if isinstance(error, socket.gaierror):
+        return "the name of its host is not known: check it, or write the address in numbers"
     if isinstance(error, ConnectionRefusedError):
-        return "nobody listens there"
+        return "nobody listens there: check host and port, and that the server runs"
+    if isinstance(error, ConnectionError):
+        return "the connection broke"
     if isinstance(error, AssertionError):  # asyncua's, where a server refuses the channel that it asks for
         return "the server's answer cannot be read; it may not trust our certificate"
     text = str(error)
+    if isinstance(error, OSError) and "Connect call failed" in text:  # asyncio's, of a name with several addresses
+        return "no address of its host answers: check host and port, and that the server runs"
     return text if isinstance(error, LostError | InputError) else f"{type(error).__name__}: {text}"

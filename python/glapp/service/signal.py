@@ -66,12 +66,14 @@ class Event:
     - `kind`: one word to sort by: connected, lost, overflow, backfilled, late, future, duplicate, type_changed,
       clock_back, …
     - `text`: the sentence that a person reads.
+    - `signal`: the tag that it is about; None where it is about all of the loop.
     """
 
     time: float
     loop: str | None
     kind: str
     text: str
+    signal: Signal | None = None
 
 
 Take = Callable[[Sequence[Value]], None]

@@ -21,7 +21,10 @@ from .resampler import CODES, Resampler, Sample
 from .settable import bounds_of, check, compensation_settings, with_settings
 from .signal import Signal, Value
 
-__all__ = ["Health", "WatchedLoop", "loop_with"]
+__all__ = ["NEEDED", "Health", "WatchedLoop", "loop_with"]
+
+NEEDED = (Signal.PV, Signal.SP, Signal.OP)
+"""Signals without which a loop cannot be judged."""
 
 _FIELDS = len(Sample._fields)
 
@@ -32,8 +35,9 @@ class Health(IntEnum):
     - `NORMAL`: no dead band was found, or all of it is acceptable; also where no fit could decide.
     - `FAILURE`: u_FF in the plant is not 0 though it had to be by now, and the service cannot take it away. A dead band
       alone is no failure: the valve still works.
-    - `CHECK_FUNCTION`: the loop cannot be watched now: no value came yet, its connection is lost, or PV is bad. Also
-      where its answers were set aside with a damaged database and no fit has answered since.
+    - `CHECK_FUNCTION`: the loop cannot be watched now: no value came yet, its connection is lost, a tag of SP, PV
+      or OP is missing, or PV is bad. Also where its answers were set aside with a damaged database and no fit has
+      answered since.
     - `OFF_SPEC`: never used.
     - `MAINTENANCE_REQUIRED`: the last fit found backlash or stiction, more than what is acceptable where that is known.
     """
@@ -60,7 +64,9 @@ class WatchedLoop:
     - `entry_ids` (array of int): of each sample that is not on disk yet, the number of the entry that made it.
     - `samples` (array of float): those samples, one after another.
     - `latest`: the newest value of each signal.
+    - `missing`: tags that the server does not give, each with the reason.
     - `lost`: whether nothing came yet, or the connection was lost since.
+    - `pv_age`: how old the newest PV was when it came, by its time stamp [s].
     - `alive_entered`: the last sign of life that was entered in the journal [s since 1970 UTC].
     - `compensator`: computes u_FF; None where the loop cannot be compensated.
     - `pv_came`: wakes the thread that computes u_FF.
@@ -80,7 +86,9 @@ class WatchedLoop:
     entry_ids: array[int] = field(default_factory=lambda: array("q"))
     samples: array[float] = field(default_factory=lambda: array("d"))
     latest: dict[Signal, Value] = field(default_factory=dict)
+    missing: dict[Signal, str] = field(default_factory=dict)
     lost: bool = True
+    pv_age: float | None = None
     alive_entered: float = -math.inf
     compensator: Compensator | None = None
     pv_came: asyncio.Event = field(default_factory=asyncio.Event)
@@ -94,8 +102,9 @@ class WatchedLoop:
         newest = self.latest.get(value.signal)
         if newest is None or value.time >= newest.time:
             self.latest[value.signal] = value
+        self.missing.pop(value.signal, None)
         if value.signal is Signal.PV:
-            self.lost = False
+            self.lost, self.pv_age = False, now - value.time
         if self.compensator is not None:
             self.compensator.take(value, now)
             if self.compensator.fresh_pv:
@@ -137,7 +146,8 @@ class WatchedLoop:
         pv, answer = self.latest.get(Signal.PV), self.answer
         if self.u_ff_stuck:
             return Health.FAILURE
-        if self.lost or pv is None or not pv.good or (answers_lost and answer is None):
+        missing = any(signal in self.missing for signal in NEEDED)
+        if self.lost or missing or pv is None or not pv.good or (answers_lost and answer is None):
             return Health.CHECK_FUNCTION
         return Health.NORMAL if answer is None or answer["health"] is None else Health[answer["health"]]
 

@@ -12,7 +12,20 @@ from ..palette import FLAT, FONT
 from ..report.words import NAMES, REASONS, number
 from ..step_test import StepTest
 
-__all__ = ["FITTED", "PART", "VALVE", "detections", "effect", "lab", "live", "nothing", "phase", "shades", "step_test"]
+__all__ = [
+    "FITTED",
+    "PART",
+    "VALVE",
+    "detections",
+    "effect",
+    "lab",
+    "live",
+    "longest",
+    "nothing",
+    "phase",
+    "shades",
+    "step_test",
+]
 
 VALVE = "valve (model)"
 """OP after a gap of the width that was found."""
@@ -114,6 +127,7 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
                         "position": "insideTop",
                         "overflow": "truncate",
                         "width": 70,
+                        ":formatter": "glapp.reason",
                     },
                 },
                 {"xAxis": 1000.0 * half["t_end"]},
@@ -153,10 +167,10 @@ def _reach(span: tuple[float, float] | None, part: float) -> dict[str, Any]:
     }
 
 
-def _longest(times: Sequence[float]) -> float:
+def longest(times: Sequence[float]) -> float:
     """Samples further apart than that are not joined by a line [s].
 
-    >>> _longest([]), _longest([0.0, 10.0, 20.0, 300.0])
+    >>> longest([]), longest([0.0, 10.0, 20.0, 300.0])
     (15.0, 50.0)
     """
     steps = sorted(b - a for a, b in pairwise(times))
@@ -193,13 +207,13 @@ def live(
     - `part`: smallest range of an axis as a share of its span.
     """
     tone = _tone(dark)
-    longest = _longest(values["time"])
+    most = longest(values["time"])
 
     def line(name: str, axis: int, color: str, x_of: Sequence[Any] | None = None, **more: Any) -> dict[str, Any]:
         data: list[list[Any]] = []
         last = 0.0
         for t, x in zip(values["time"], values[name] if x_of is None else x_of, strict=True):
-            if data and t - last > longest:
+            if data and t - last > most:
                 data.append([1000.0 * last + 1.0, None])  # nothing came: no line either
             data.append([1000.0 * t, x])
             last = t
@@ -275,6 +289,7 @@ def effect(
         "data": [{"xAxis": 1000.0 * enabled}],
     }
     shown["series"] = [above, below]
+    shown["grid"][0]["height"] = "33%"  # it is lower than that of the signals, and the name of u_FF needs its line
     above_axis, below_axis = shown["yAxis"]
     above_axis["name"], below_axis["name"] = f"PV − SP [{pv_unit or 'PV unit'}]", f"u_FF [{op_unit}]"
     return shown
@@ -455,10 +470,10 @@ def phase(
     """
     tone = _tone(dark)
     data = [[x, y] for x, y in zip(op, pv, strict=True) if x is not None and y is not None]
-    longest = _longest(times)
+    most = longest(times)
     broken: list[list[Any]] = []
     for i, pair in enumerate(zip(op, pv, strict=True)):
-        if i and i < len(times) and times[i] - times[i - 1] > longest:
+        if i and i < len(times) and times[i] - times[i - 1] > most:
             broken.append([None, None])
         broken.append(list(pair))
     series: list[dict[str, Any]] = [

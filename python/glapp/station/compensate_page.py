@@ -243,7 +243,7 @@ class CompensationPage:
         await self._anew()
 
     async def _test_watchdog(self) -> None:
-        if await self._go("watchdog-test", {}, "The test is under way: it takes some seconds."):
+        if await self._go("watchdog-test", {}, "The test is under way: it ends in five minutes at the latest."):
             self.test.set_text("The test is under way. Events tell how it ends.")
 
     async def _enable(self) -> None:

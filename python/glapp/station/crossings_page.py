@@ -93,7 +93,7 @@ class CrossingsCard:
             if not total:
                 ui.label("None yet: the loop has not crossed its setpoint.").classes("muted")
                 return
-            with ui.element("table").classes("plain"), ui.element("tbody"):
+            with ui.element("table").classes("plain reasons"), ui.element("tbody"):
                 for label, n, meaning, remedy in counts:
                     with ui.element("tr"):
                         with ui.element("td").style("white-space: nowrap"):

@@ -43,6 +43,9 @@ DOUBLE = 0.5
 ASK = 3.0
 """Time between two questions whether the service can write [s]."""
 
+WAITS = "What comes waits in its memory for ten minutes: make room on its disk, or repair it."
+"""What is to be done where the service cannot write."""
+
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
 
 
@@ -113,6 +116,11 @@ def moment(at: float | None) -> str:
     return "–" if at is None else time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
 
 
+def _zone_minutes() -> int:
+    """Minutes by which this computer's clock is ahead of UTC."""
+    return time.localtime().tm_gmtoff // 60
+
+
 def heading(text: str, level: int = 1) -> None:
     """A heading, whatever characters are in it."""
     ui.html(f"<h{level}>{escape(text)}</h{level}>", sanitize=False)
@@ -144,7 +152,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     ui.add_head_html(
         f'<style>html{{background:{paper}}}</style><link rel="stylesheet" href="/static/station.css">'
         '<script src="/static/shown.js"></script><script src="/static/station.js"></script>'
-        f"<script>glapp.follow({json.dumps(session.dark)}, {json.dumps(session.chosen)})</script>"
+        f"<script>glapp.follow({json.dumps(session.dark)}, {json.dumps(session.chosen)});"
+        f"glapp.zone({_zone_minutes()})</script>"
     )
     ui.link("To the content", "#content").classes("skip")
     with ui.element("header").classes("top"):
@@ -160,6 +169,9 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             quiet("Log out", flat=True).on("click", js_handler="() => glapp.post('/logout', '/login')")
     with ui.element("div").classes("content").props('id="content" tabindex="-1"'):
         banner = ui.label().classes("banner").props('role="alert"')
+        hours, minutes = divmod(abs(_zone_minutes()), 60)
+        zone = f"UTC{'-' if _zone_minutes() < 0 else '+'}{hours:02d}:{minutes:02d}"
+        ui.label(f"Times in words are {zone}; those of pictures are this browser's.").classes("zone small muted")
         yield
 
     def tick() -> None:
@@ -180,10 +192,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         if view.why is not None:
             text = f"The database cannot be read: {view.why}"
         elif late is not None and (failing := station.failing(session.token)) is not None:
-            text = (
-                f"The service cannot write: {failing}. What comes waits in its memory; you see the state of "
-                f"{moment(view.at)}."
-            )
+            text = f"The service cannot write: {failing}. {WAITS} You see the state of {moment(view.at)}."
         elif late is not None:
             text = (
                 f"The service has written nothing for {age(late)}: you see the state of {moment(view.at)}. "
@@ -195,15 +204,14 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
                 f"The simulated plant catches up with today: it is at {moment(view.at)[:16]}, "
                 f"{age(catching['seconds'])} to go{left}. Until then nothing here is of now."
             )
-        elif (lost := view.unconnected) is not None:
-            text = (
-                f"The plant's server is not connected: the newest value is of {moment(lost)[11:]}. "
-                "The service tries again."
-            )
+        elif view.unconnected is not None:
+            text = f"The plant's server is not connected: {view.unconnected}."
+            if view.newest is not None:
+                text += f" The newest value is of {moment(view.newest)[11:]}."
             if any(one.get("compensation") for one in view.shown["loops"].values()):
                 text += " Until then u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
         elif view.shown.get("failing"):
-            text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
+            text = f"The service cannot write: {view.shown['failing']}. {WAITS}"
         elif view.shown.get("damaged"):
             text = view.shown["damaged"][:1].upper() + view.shown["damaged"][1:] + "."
         banner.classes(remove="calm").classes(add="calm" if catching is not None else "")

@@ -74,6 +74,8 @@ def state_of(values: Mapping[str, Mapping[str, Any]]) -> str:
 class SignalCards:
     """Cards with the values now and with the chart of the signals.
 
+    - `last`: time of the newest point of the chart [s since 1970 UTC].
+    - `longest`: time across which no line is drawn [s].
     - `drawn`: number of samples drawn at once.
     - `shaded`: whether half-periods are shaded in the chart.
     - `half`: label for the half-period under way.
@@ -82,7 +84,7 @@ class SignalCards:
 
     def __init__(self, loop: OneLoop) -> None:
         self.loop = loop
-        self.last = -math.inf
+        self.last, self.longest = -math.inf, math.inf
         self.seen: float | None = None
         self.drawn = 0
         self.under_way: UnderWay | None = None
@@ -134,6 +136,7 @@ class SignalCards:
         """The signals of the window, all of them anew."""
         values, halves = await self.loop.newest(), await self._halves()
         self.last, self.drawn = max(values["time"], default=-math.inf), len(values["time"])
+        self.longest = charts.longest(values["time"])
         width = self.loop.width
         self.valve = DrawnValve(width) if width else None
         valve = None if self.valve is None else [self.valve.after(op) for op in values["OP"]]
@@ -185,6 +188,9 @@ class SignalCards:
         if self.under_way is None:
             self.half.set_text("")
             return
+        if self.under_way.bad:
+            self.half.set_text("No half-period is under way: SP or PV is bad.")
+            return
         found = self.under_way.numbers
         pv = self.loop.pv_unit
         failing = ", ".join(self.under_way.failing)
@@ -234,6 +240,8 @@ class SignalCards:
         self.fresh.classes(add="late") if silent or not pv["good"] else self.fresh.classes(remove="late")
         if pv["time"] > self.last + BRIDGED and self.drawn:
             await self.draw()
+        if pv["time"] > self.last + self.longest:
+            return  # a line across a break would look measured: the samples since then are there in seconds
         if pv["time"] > self.last and self.drawn:  # else it is drawn with those before it
             self.last = pv["time"]
             row = [1000.0 * pv["time"], *(self._number(values, key) for key in ("sp", "pv", "op"))]

@@ -24,6 +24,8 @@ class UnderWay:
     - `loop`: with a controller.
     - `period`: usual time between samples, > 0 [s].
 
+    - `bad`: whether SP or PV of the last sample was bad: no half-period is under way then.
+
     Examples
     --------
     >>> settings = {"controller": {"k": 0.5, "ti": 5}, "process": {"kp": 2}, "op_span": (0, 100), "tf": 0.001}
@@ -38,6 +40,7 @@ class UnderWay:
     def __init__(self, loop: Loop, period: float) -> None:
         self._graph = detection_beside(loop, period)
         self._last: float | None = None
+        self.bad = False
 
     def take(self, t: float, sp: float | None, pv: float | None, op: float | None, *, auto: bool) -> None:
         """A sample; one that is not newer than the last is left out.
@@ -49,9 +52,9 @@ class UnderWay:
         if self._last is not None and t <= self._last:
             return
         h = self._graph.h if self._last is None else t - self._last
-        self._last = t
+        self._last, self.bad = t, sp is None or pv is None
         values = {"sp": sp, "pv": pv, "op": op}
-        flags = (0 if auto else NOT_AUTO) | (BAD if sp is None or pv is None else 0)
+        flags = (0 if auto else NOT_AUTO) | (BAD if self.bad else 0)
         numbers = {name: math.nan if x is None else x for name, x in values.items()}
         self._graph.scan(h=h, flags=float(flags), u_ff=0.0, **numbers)
 

@@ -314,11 +314,20 @@ class View:
         return bool(now - status["seen"] > max(STILL, seldom))
 
     @property
-    def unconnected(self) -> float | None:
-        """Time of the newest PV where no loop is connected to the plant any more; else None [s since 1970 UTC]."""
-        loops = self.shown["loops"].values()
-        seen = [status["seen"] for status in loops if status["seen"] is not None]
-        return max(seen) if seen and all(status.get("lost") for status in loops) else None
+    def unconnected(self) -> str | None:
+        """Why the service is not connected to the plant; None where it is."""
+        why: str | None = self.shown.get("unconnected")
+        return why
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest PV of all loops [s since 1970 UTC]; None where none has come."""
+        return max((one["seen"] for one in self.shown["loops"].values() if one["seen"] is not None), default=None)
+
+    def _clocks_differ(self, status: Mapping[str, Any]) -> bool:
+        """Whether values of a loop come, but with time stamps that are long past when they do."""
+        behind: float | None = status.get("age")
+        return behind is not None and behind > SILENT and (self.at or self._clock()) - status["seen"] - behind < SILENT
 
     def percent(self, loop: str, value: float | None) -> float | None:
         """A width in % of span; None where the span is not known."""
@@ -342,7 +351,7 @@ class View:
         for name, status in self.shown["loops"].items():
             answer = self.answer(name)
             silent = self.silent(name)
-            wrong = silent or status["good"] is False
+            wrong = silent or status["good"] is False or status.get("missing") is not None
             urgency = "none" if answer is None else answer["urgency"]
             width = None if answer is None else answer["width_percent_span"]
             # A bad or missing signal comes after urgent loops, and before all others.
@@ -378,8 +387,15 @@ class View:
     def todo(self, loop: str) -> str:
         """Next step on a loop."""
         status, answer = self.shown["loops"][loop], self.answer(loop)
-        if self.silent(loop) and status.get("lost") and status["seen"] is not None:
+        if self.silent(loop) and self.unconnected is not None:
             return "The plant's server is not connected: check the server and the network."
+        if (missing := status.get("missing")) is not None:
+            return f"{missing}. Correct the tag in loops.toml, or at the server."
+        if self.silent(loop) and self._clocks_differ(status):
+            return (
+                f"The time stamps of its values are {age(status['age'])} behind this computer's clock: set the clock "
+                "of the plant's server, or of this computer."
+            )
         if self.silent(loop):
             return "Find out why no value comes: transmitter, tag, connection."
         if status["good"] is False:

@@ -26,13 +26,16 @@ window.glapp = {
     });
     chart.setOption({ series });
   },
+  // Name of a half-period's reason; on a telephone they would lie on each other.
+  reason: (area) => (innerWidth > 640 ? area.name : ""),
   // Half-periods behind PV, the second line.
   shade(id, areas) {
+    for (const [{ label }] of areas) label.formatter = glapp.reason;
     getElement(id)?.chart?.setOption({ series: [{}, { markArea: { data: areas } }] });
   },
   // Urgency, with a shape for a person who does not see the colour.
   soon: ({ urgency, soon }) =>
-    `${{ high: "▲", signal: "■", medium: "◆", low: "◇", none: "○", unjudged: "○" }[urgency]} ${soon}`,
+    `${{ high: "▲", signal: "■", medium: "◆", low: "◇", none: "○", unjudged: "?" }[urgency]} ${soon}`,
   // On a telephone a loop is a card: its answer, urgency and next step, below each other.
   card({ data }) {
     const card = document.createElement("div");
@@ -136,6 +139,10 @@ window.glapp = {
   expired() {
     const loop = location.pathname === "/loop" ? new URLSearchParams(location.search).get("name") : "";
     location.href = `/login?${new URLSearchParams({ why: "expired", loop: loop ?? "" })}`;
+  },
+  // Words have the times of the service's computer, pictures those of the browser: a person is told where they differ.
+  zone(minutes) {
+    if (-new Date().getTimezoneOffset() !== minutes) document.documentElement.dataset.zone = "other";
   },
   async post(path, then) {
     const reply = await fetch(path, { method: "POST" });

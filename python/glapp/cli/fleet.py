@@ -159,7 +159,8 @@ def analyze(
     )
     if problems := made["tables"]["problems"]["rows"]:
         say_note(
-            f"{problems} problems in the lake, each with its place: the report's last part, and the table problems"
+            f"{problems} problem{'s' * (problems > 1)} in the lake, each with its place: the report's last part, and "
+            "the table problems"
         )
     if missing := lost_of(lost):
         say_error(f"not in the answers: {missing}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from typing import Any
 
 __all__ = ["escaped", "for_spreadsheet", "in_quotes", "one_line"]
 
@@ -53,15 +54,19 @@ def in_quotes(text: str) -> str:
     return _OTHER.sub(code, text)
 
 
-def for_spreadsheet(text: str) -> str:
+def for_spreadsheet(cell: Any) -> Any:
     """A cell of CSV that no spreadsheet takes for a formula: an apostrophe goes before it (OWASP, CSV injection).
+
+    What is no text, as a number, stays what it is.
 
     Examples
     --------
-    >>> for_spreadsheet("=cmd|' /C calc'!A0"), for_spreadsheet("FIC-101")
-    ("'=cmd|' /C calc'!A0", 'FIC-101')
+    >>> for_spreadsheet("=cmd|' /C calc'!A0"), for_spreadsheet("FIC-101"), for_spreadsheet(-2.5)
+    ("'=cmd|' /C calc'!A0", 'FIC-101', -2.5)
     """
-    return ("'" if text.startswith(_FORMULA) else "") + one_line(text)
+    if not isinstance(cell, str):
+        return cell
+    return ("'" if cell.startswith(_FORMULA) else "") + one_line(cell)
 
 
 def _escaped(char: str) -> str:

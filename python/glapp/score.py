@@ -18,7 +18,7 @@ from typing import Any, Literal, get_args
 
 from .checked import nearest
 from .errors import InputError
-from .reading.files import check_file
+from .reading.files import check_file, separator_of
 from .result import Answer, Result, span_of
 
 __all__ = [
@@ -110,8 +110,7 @@ def read_labels(path: Path) -> list[Label]:
     if not text.strip():
         raise InputError("is empty", file=str(path), hint=f"write a row a valve, with the columns {', '.join(COLUMNS)}")
     lines = text.splitlines()
-    # A spreadsheet of a country with decimal commas parts its cells by semicolons.
-    comma = max(",;\t", key=lines[0].count)
+    comma = separator_of(lines[0])
     rows = csv.DictReader(lines, delimiter=comma)
     names = [name.strip().lower() for name in rows.fieldnames or []]
     for name in ("file", "found"):

@@ -121,7 +121,7 @@ def _rows(results: Sequence[Result]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([column.name for column in columns()])
     for row in rows(results):
-        writer.writerow([for_spreadsheet(cell) if isinstance(cell, str) else cell for cell in row])
+        writer.writerow(map(for_spreadsheet, row))
     return text.getvalue()
 
 

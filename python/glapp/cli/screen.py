@@ -25,6 +25,7 @@ __all__ = [
     "examples",
     "fitting",
     "key_values",
+    "moment",
     "out",
     "say_error",
     "say_note",
@@ -68,13 +69,17 @@ def say_note(text: str) -> None:
     err.print(f"note: {one_line(text)}", soft_wrap=True)
 
 
+def moment(at: float) -> str:
+    """Local date and time of `at` [s since 1970 UTC]."""
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
+
+
 def event_line(at: float, kind: str, loop: str | None, text: str) -> Text:
     """An event on one line.
 
     - `at`: when it was [s since 1970 UTC].
     """
-    moment = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
-    return styled(one_line(f"{moment} {kind}{f' {loop}' if loop else ''}: {text}"))
+    return styled(one_line(f"{moment(at)} {kind}{f' {loop}' if loop else ''}: {text}"))
 
 
 def key_values(rows: list[tuple[str, str]]) -> Table:

@@ -18,7 +18,7 @@ from typer.core import TyperGroup
 
 from ..errors import InputError
 from ..escape import one_line
-from .screen import CommandError, event_line, examples, key_values, out, say_note, styled
+from .screen import CommandError, event_line, examples, key_values, moment, out, say_note, styled
 from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def status(
         out.print(key_values([*rows, ("shown", "nothing yet")]))
         return
     at, body = shown
-    rows.append(("as of", f"{_moment(at)}, {_age(time.time() - at)} ago"))
+    rows.append(("as of", f"{moment(at)}, {_age(time.time() - at)} ago"))
     if body.get("unconnected"):
         rows.append(("plant", f"not connected: {body['unconnected']}"))
     if body["failing"]:
@@ -253,7 +253,7 @@ def events(
         if commands:
             place = f" {row['loop']}" if row["loop"] else ""
             what = f"{row['before']} → {row['after']}" if row["refused"] is None else f"refused: {row['refused']}"
-            text = f"{_moment(row['time'])} {row['person']} ({row['role']}) {row['command']}{place}: {what}"
+            text = f"{moment(row['time'])} {row['person']} ({row['role']}) {row['command']}{place}: {what}"
             out.print(styled(one_line(text)), soft_wrap=True)
         else:
             out.print(event_line(row["time"], row["kind"], row["loop"], row["text"]), soft_wrap=True)
@@ -485,10 +485,6 @@ def _printed(value: Any) -> str:
     if isinstance(value, float):
         return "no limit" if abs(value) > 1e30 else f"{value:.9g}"
     return str(value)
-
-
-def _moment(at: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
 
 
 def _age(seconds: float) -> str:

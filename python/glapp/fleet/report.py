@@ -117,7 +117,7 @@ def write_csv(out: str | Path) -> Path:
     writer.writerow(table.column_names)
     for row in table.to_pylist():
         cells = (cell.isoformat() if isinstance(cell, datetime) else cell for cell in row.values())
-        writer.writerow([for_spreadsheet(cell) if isinstance(cell, str) else cell for cell in cells])
+        writer.writerow(map(for_spreadsheet, cells))
     path = Path(out) / "loops.csv"
     write_file(path, text.getvalue())
     return path

@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from ..errors import InputError
 from ..loop import Loop
 from ..reading.csv import encoding_of
+from ..reading.files import separator_of
 from ..reading.settings import read_each
 from .problems import DataIssue
 
@@ -90,8 +91,7 @@ def _of_csv(text: str, label: str) -> Iterator[tuple[int, dict[str, str]]]:
 
     Semicolons, tabs and decimal commas are understood as spreadsheets write them in Europe.
     """
-    head = text[: text.find("\n")]
-    separator = max(",;\t", key=head.count)
+    separator = separator_of(text[: text.find("\n")])
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     names = [name.strip() for name in next(reader, [])]
     if twice := next((name for name in names if names.count(name) > 1), None):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import InputError
 
-__all__ = ["ENDINGS", "FORMS", "check_file", "name_of"]
+__all__ = ["ENDINGS", "FORMS", "check_file", "name_of", "separator_of"]
 
 FORMS = {
     "CSV": (".csv", ".tsv", ".tab", ".txt", ".asc", ".prn", ".dat", ".data", ".log"),
@@ -66,3 +66,16 @@ def check_file(path: Path, label: str) -> None:
     what = next((kind for test, kind in kinds if test(mode)), "a device")
     hint = "a recording is read more than once: write it to a file, and name that"
     raise InputError(f"is {what}, not a file", file=label, hint=hint)
+
+
+def separator_of(head: str) -> str:
+    """Separator of a small table that a person keeps, from its first line.
+
+    A spreadsheet of a country with decimal commas separates cells by semicolons.
+
+    Examples
+    --------
+    >>> separator_of("file;found;width")
+    ';'
+    """
+    return max(",;\t", key=head.count)

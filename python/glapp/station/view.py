@@ -566,5 +566,5 @@ def as_csv(rows: Sequence[LoopRow] | Sequence[Mapping[str, Any]]) -> str:
         writer = csv.DictWriter(out, list(plain[0]))
         writer.writeheader()
         for row in plain:
-            writer.writerow({key: for_spreadsheet(x) if isinstance(x, str) else x for key, x in row.items()})
+            writer.writerow({key: for_spreadsheet(x) for key, x in row.items()})
     return out.getvalue()

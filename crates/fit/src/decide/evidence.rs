@@ -167,11 +167,10 @@ impl Evidence {
 
     /// Kind of the width of a gap.
     pub(super) fn width_kind(&self) -> WidthKind {
-        let coarse = self.is_coarse() && !self.all_agree();
         let differ = self.low < LEAST_LOW * self.d || self.dispersion > DISAGREE;
         match () {
             // What a load adds to the swing, or undoes of the valve's effect, is taken for width.
-            _ if coarse || differ || self.opposed() || self.cancels > CANCELS => WidthKind::Unsure,
+            _ if self.coarse_alone() || differ || self.opposed() || self.cancels > CANCELS => WidthKind::Unsure,
             _ if self.bound() => WidthKind::Bound,
             _ => WidthKind::Interval,
         }
@@ -228,13 +227,18 @@ impl Evidence {
     pub(super) fn veto(&self) -> Option<&'static str> {
         let vetoes = [
             (self.immobile, "still"),
-            (self.is_coarse() && !self.all_agree(), "coarse"),
+            (self.coarse_alone(), "coarse"),
             (self.d < self.lined_below, "lined"),
             (self.one_way, "once"),
             (self.cancels > CANCELS, "cancelled"),
             (self.low < LEAST_LOW * self.d, "families_disagree"),
         ];
         vetoes.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
+    }
+
+    /// Whether the rows are too far apart, and no windows or recordings agree in spite of that.
+    fn coarse_alone(&self) -> bool {
+        self.is_coarse() && !self.all_agree()
     }
 
     /// Whether every window or recording has by itself the width that all share: how far apart its rows are does not matter then. A load

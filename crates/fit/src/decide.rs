@@ -6,6 +6,7 @@ pub(crate) mod combine;
 pub(crate) mod evidence;
 pub(crate) mod joint;
 pub(crate) mod judgement;
+mod pooled;
 pub(crate) mod segment;
 pub(crate) mod segment_fit;
 pub(crate) mod thresholds;

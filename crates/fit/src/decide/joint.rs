@@ -6,6 +6,7 @@ use crate::decide::best::as_likely;
 use crate::decide::combine::Reading;
 use crate::decide::evidence::{Evidence, lr_asked, lr_asked_of_changes, often};
 use crate::decide::judgement::{Judgement, Verdict};
+use crate::decide::pooled::pooled;
 use crate::decide::segment::Fitted;
 use crate::decide::segment_fit::SegmentFit;
 use crate::decide::thresholds::*;
@@ -322,53 +323,16 @@ impl JointAnswer {
 fn joint_width(curves: &mut [Curve]) -> Together {
     let n = curves.len() as f64;
     let range = curves.iter().map(|c| c.fitted.record.range).fold(0.0, f64::max);
-    let mut tried: Vec<f64> = curves.iter().map(|c| c.fitted.answer.d).chain([0.0, range]).collect();
-    tried.sort_by(f64::total_cmp);
-    tried.dedup();
-    let mut known: Vec<(f64, Vec<Vec<f64>>)> = tried.into_iter().map(|d| (d, costs_at(curves, d))).collect();
-    // The most likely width, narrowed down between its neighbours.
-    let best = loop {
-        let costs: Vec<f64> = known.iter().map(|(_, costs)| total_cost(curves, costs)).collect();
-        let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).expect("0 at least");
-        let room =
-            |beside: Option<usize>| beside.and_then(|i| known.get(i)).map_or(0.0, |(d, _)| (d - known[best].0).abs());
-        let (below, above) = (room(best.checked_sub(1)), room(Some(best + 1)));
-        if below.max(above) < NEAR * known[best].0.max(0.02 * range) {
-            break best;
-        }
-        let d = if below > above { known[best].0 - below / 2.0 } else { known[best].0 + above / 2.0 };
-        let costs = costs_at(curves, d);
-        known.insert(known.partition_point(|(at, _)| *at < d), (d, costs));
-    };
+    let (known, best) = around_most_likely(curves, range);
     let (d, here) = known[best].clone();
     // Distance of the joint width from the optimum of each record alone.
     let off: f64 = curves.iter().zip(&here).map(|(curve, costs)| curve.worth * curve.off(costs)).sum();
     let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
-    let rise = |curves: &[Curve], costs: &[Vec<f64>]| rises(curves, &here, costs).iter().sum::<f64>();
-    let limit = RISE * dispersion;
-    let inside: Vec<bool> = known.iter().map(|(_, costs)| rise(curves, costs) <= limit).collect();
-    let (first, last) = (inside.iter().position(|i| *i), inside.iter().rposition(|i| *i));
-    let (first, last) = (first.expect("the best is inside"), last.expect("the best is inside"));
-    let mut border = |mut within: f64, mut beyond: f64| {
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (within + beyond);
-            let costs = costs_at(curves, middle);
-            *(if rise(curves, &costs) <= limit { &mut within } else { &mut beyond }) = middle;
-        }
-        0.5 * (within + beyond)
-    };
-    let low = if first == 0 { 0.0 } else { border(known[first].0, known[first - 1].0) };
-    let high = (last + 1 < known.len()).then(|| border(known[last].0, known[last + 1].0));
+    let (low, high) = interval(curves, &known, &here, RISE * dispersion);
     let resolution = curves.iter().map(|c| c.fitted.record.resolution()).sum::<f64>() / n;
     let low = (low - resolution).max(0.0);
-    // No gap: what each record leaves of it, the loads that were looked for counted in.
-    let none = &known[0].1;
-    let mut against: Vec<f64> = rises(curves, &here, none);
-    for (curve, lr) in curves.iter().zip(&mut against) {
-        let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
-        let jumps = (answer.lr_no_jump - LR_JUMP).max(0.0);
-        *lr = (*lr + curve.worth * jumps).min(curve.worth * lr_of_loads);
-    }
+    let high = high.map(|high| high + MISSED_TURNS * resolution);
+    let against = against(curves, &here, &known[0].1);
     let lr_no_gap: f64 = against.iter().sum();
     let most = against.iter().copied().fold(0.0, f64::max);
     let times = |d: f64| {
@@ -376,68 +340,87 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     };
     let traversals = times(d);
-    let many =
-        |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.answer.evidence)).count() > curves.len();
     let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
     let asked = LR_JOINT.max(lr_asked(traversals)).max(lr_asked_of_changes(traversals, marks));
-    let lr_needed = (dispersion * asked).max(most + dispersion * LR_MIN);
     // Gain of a slip jump over all; where it gains nothing it counts against it.
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
-    let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.answer.evidence)).sum::<f64>() / n;
-    let high = high.map(|high| high + MISSED_TURNS * resolution);
-    let median = |of: fn(&Evidence) -> f64| middle(curves.iter().map(|c| of(&c.fitted.answer.evidence)).collect());
-    let clearest = clearest(curves.iter().map(|c| &c.fitted.answer.evidence));
     let agree = curves.iter().filter(|c| (c.fitted.answer.d - d).abs() <= AGREES_WITH * d).count();
-    let evidence = Evidence {
-        autocorrelation: mean(|e| e.autocorrelation),
+    let records: Vec<_> = curves.iter().map(|c| (&c.fitted.answer.evidence, 1.0)).collect();
+    Together::judged(Evidence {
         d,
-        cells: clearest.cells,
         lr_no_gap,
-        lr_needed,
-        lr_no_answer: mean(|e| e.lr_no_answer),
+        lr_needed: (dispersion * asked).max(most + dispersion * LR_MIN),
         low,
         high,
         range,
-        immobile: many(|e| e.immobile),
         traversed: often(lr_no_gap / dispersion, times(low), traversals),
         one_way: traversals.contains(&0),
-        coarse: many(|e| e.coarse),
-        at_once: many(|e| e.at_once),
-        noisy_below: median(|e| e.noisy_below),
-        misfit_at_turns: many(|e| e.misfit_at_turns),
         slips: lr_no_jump > LR_JUMP && 2 * jumping > curves.len(),
-        slips_wholly: many(|e| e.slips_wholly),
-        periodic_load: many(|e| e.periodic_load),
-        even_swing: many(|e| e.even_swing),
-        unsampled_below: median(|e| e.unsampled_below),
-        lined_below: median(|e| e.lined_below),
-        hidden: curves.iter().find_map(|c| c.fitted.answer.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
-        dissent: 3 * curves.iter().filter(|c| c.fitted.answer.evidence.dissent).count() > curves.len(),
         passes: traversals,
         passes_high: high.map_or([0; 2], times),
-        oscillates: many(|e| e.oscillates),
-        cycle: clearest.cycle,
-        plateau: clearest.plateau,
-        cancels: median(|e| e.cancels),
-        lag_up_to: median(|e| e.lag_up_to),
         agree: [agree, curves.len()],
         dispersion,
-        shows: Some(curves.iter().filter(|c| c.fitted.answer.evidence.shows_alone()).count()),
-    };
-    Together::judged(evidence)
+        shows: Some(records.iter().filter(|(e, _)| e.shows_alone()).count()),
+        ..pooled(&records)
+    })
 }
 
-/// The evidence of the record that shows most.
-pub(crate) fn clearest<'e>(of: impl Iterator<Item = &'e Evidence>) -> &'e Evidence {
-    of.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).expect("there are records")
+/// A width, and what it costs in each family of each record.
+type Known = (f64, Vec<Vec<f64>>);
+
+/// Widths from 0 to `range` in rising order with their costs, and the index of the most likely one, narrowed down between its neighbours.
+fn around_most_likely(curves: &mut [Curve], range: f64) -> (Vec<Known>, usize) {
+    let mut tried: Vec<f64> = curves.iter().map(|c| c.fitted.answer.d).chain([0.0, range]).collect();
+    tried.sort_by(f64::total_cmp);
+    tried.dedup();
+    let mut known: Vec<Known> = tried.into_iter().map(|d| (d, costs_at(curves, d))).collect();
+    loop {
+        let costs: Vec<f64> = known.iter().map(|(_, costs)| total_cost(curves, costs)).collect();
+        let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).expect("0 at least");
+        let room =
+            |beside: Option<usize>| beside.and_then(|i| known.get(i)).map_or(0.0, |(d, _)| (d - known[best].0).abs());
+        let (below, above) = (room(best.checked_sub(1)), room(Some(best + 1)));
+        if below.max(above) < NEAR * known[best].0.max(0.02 * range) {
+            return (known, best);
+        }
+        let d = if below > above { known[best].0 - below / 2.0 } else { known[best].0 + above / 2.0 };
+        let costs = costs_at(curves, d);
+        known.insert(known.partition_point(|(at, _)| *at < d), (d, costs));
+    }
+}
+
+/// The widths at which the likelihood has risen by `limit` over the costs `here`; None where the highest of the `known` widths has not
+/// risen as far.
+fn interval(curves: &mut [Curve], known: &[Known], here: &[Vec<f64>], limit: f64) -> (f64, Option<f64>) {
+    let inside = |curves: &[Curve], costs: &[Vec<f64>]| rises(curves, here, costs).iter().sum::<f64>() <= limit;
+    let near: Vec<bool> = known.iter().map(|(_, costs)| inside(curves, costs)).collect();
+    let first = near.iter().position(|i| *i).expect("the best is inside");
+    let last = near.iter().rposition(|i| *i).expect("the best is inside");
+    let mut border = |mut within: f64, mut beyond: f64| {
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (within + beyond);
+            let costs = costs_at(curves, middle);
+            *(if inside(curves, &costs) { &mut within } else { &mut beyond }) = middle;
+        }
+        0.5 * (within + beyond)
+    };
+    let low = if first == 0 { 0.0 } else { border(known[first].0, known[first - 1].0) };
+    let high = (last + 1 < known.len()).then(|| border(known[last].0, known[last + 1].0));
+    (low, high)
+}
+
+/// Likelihood ratio of no gap that each record leaves, from the costs `here` to those of `none`: the loads that were looked for take their
+/// part of it.
+fn against(curves: &[Curve], here: &[Vec<f64>], none: &[Vec<f64>]) -> Vec<f64> {
+    let mut against = rises(curves, here, none);
+    for (curve, lr) in curves.iter().zip(&mut against) {
+        let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
+        let jumps = (answer.lr_no_jump - LR_JUMP).max(0.0);
+        *lr = (*lr + curve.worth * jumps).min(curve.worth * lr_of_loads);
+    }
+    against
 }
 
 /// Relative accuracy of the most likely width.
 const NEAR: f64 = 0.01;
-
-/// The upper one of the two middle values where their number is even.
-pub(crate) fn middle(mut of: Vec<f64>) -> f64 {
-    of.sort_by(f64::total_cmp);
-    of[of.len() / 2]
-}

@@ -12,8 +12,9 @@ use crate::data::samples::Unfit;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
 use crate::decide::evidence::{Evidence, lr_asked_of_changes, lr_asked_of_passes};
-use crate::decide::joint::{Curve, JointAnswer, Together, clearest, middle, newest};
+use crate::decide::joint::{Curve, JointAnswer, Together, newest};
 use crate::decide::judgement::{Confidence, Judgement, Verdict};
+use crate::decide::pooled::pooled;
 use crate::decide::segment::swings_evenly;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
@@ -109,6 +110,16 @@ impl Member<'_> {
     /// Cost at a width, on a line between the computed widths.
     fn interpolated_cost(&self, d: f64) -> Vec<f64> {
         self.curve.interpolated_cost(d / self.size)
+    }
+
+    /// Lowers its weight where many changes of its load are marked. They lie where they suit the best width, `d`, and make the others look
+    /// worse than they are: the ratio that is asked of so many counts as what is asked of none.
+    fn trust_less(&mut self, d: f64) {
+        let record = &self.curve.fitted.record;
+        let asked = lr_asked_of_changes(record.traversals(d / self.size), record.changes());
+        if asked > 0.0 {
+            self.worth /= (asked / LR_MIN).max(RISE_BESIDE_CHANGES);
+        }
     }
 
     /// Why it must not speak for a gap of this width; `agreed`: whether enough of all have this width by themselves.
@@ -308,20 +319,7 @@ fn who_counts<'a>(
 /// no gap.
 fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [f64]) -> Together {
     let n = members.len() as f64;
-    let range = range(members);
-    for member in members.iter_mut() {
-        // Marks lie where they suit the best width, and make the others look worse than they are: what alone is asked of so many
-        // counts as what is asked of none.
-        let record = &member.curve.fitted.record;
-        let asked = lr_asked_of_changes(record.traversals(d / member.size), record.changes());
-        if asked > 0.0 {
-            member.worth /= (asked / LR_MIN).max(RISE_BESIDE_CHANGES);
-        }
-    }
-    // How far each lies above its own best, as for its own limits.
-    let above = |members: &[Member], costs: &[Vec<f64>]| -> Vec<f64> {
-        members.iter().zip(costs).map(|(member, costs)| member.curve.off_within_limits(costs)).collect()
-    };
+    members.iter_mut().for_each(|member| member.trust_less(d));
     let least = above(members, here);
     // A record that is not believed to exclude that there is none is not believed to exclude this width either.
     let off = members.iter().zip(&least).map(|(member, off)| {
@@ -329,15 +327,64 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     });
     let dispersion = (off.sum::<f64>() / (n - 1.0) / AGREES).max(1.0);
     let limit = RISE * dispersion;
+    let (low, high) = interval(members, d, &least, limit);
+    let resolution = members.iter().map(|m| m.curve.fitted.record.resolution() * m.size).sum::<f64>() / n;
+    let against = against(members, d, here, dispersion);
+    for (member, lr) in members.iter().zip(&against) {
+        gives[member.recording] += lr;
+    }
+    let lr_no_gap: f64 = gives.iter().sum();
+    // No gap is heard in the family that believes least: where that does not exclude it, neither does the interval.
+    let low = if lr_no_gap > limit { (low - resolution).max(0.0) } else { 0.0 };
+    let high = high.map(|high| high + MISSED_TURNS * resolution);
+    let most = gives.iter().copied().fold(0.0, f64::max);
+    let times = |d: f64| {
+        let each = members.iter().map(|m| m.curve.fitted.record.traversals(d / m.size));
+        each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+    };
+    let traversals = times(d);
+    let lr_no_jump: f64 = members.iter().map(|m| m.worth * m.curve.jumps()).sum();
+    let jumping = members.iter().filter(|m| m.curve.jumps() > 0.0).count();
+    let records: Vec<_> = members.iter().map(|m| (&m.curve.fitted.answer.evidence, m.size)).collect();
+    Together::judged(Evidence {
+        d,
+        lr_no_gap,
+        lr_needed: (dispersion * LR_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * LR_MIN),
+        low,
+        high,
+        range: range(members),
+        traversed: times(low).iter().chain(&traversals).all(|n| *n >= PASSES_JOINT),
+        one_way: traversals.contains(&0),
+        slips: lr_no_jump > LR_JUMP && 2 * jumping > members.len(),
+        // Such records do not count here.
+        immobile: false,
+        even_swing: false,
+        passes: traversals,
+        passes_high: high.map_or([0; 2], times),
+        agree: [agreeing(members, d), members.len()],
+        dispersion,
+        shows: None,
+        ..pooled(&records)
+    })
+}
+
+/// How far each member lies above its own best, as for its own limits.
+fn above(members: &[Member], costs: &[Vec<f64>]) -> Vec<f64> {
+    members.iter().zip(costs).map(|(member, costs)| member.curve.off_within_limits(costs)).collect()
+}
+
+/// The widths at which the likelihood of all has risen by `limit` from the width `d`, where each member lies `least` above its own best;
+/// None where the highest width that was looked at has not risen as far.
+fn interval(members: &mut [Member], d: f64, least: &[f64], limit: f64) -> (f64, Option<f64>) {
     let rise = |members: &[Member], costs: &[Vec<f64>]| {
-        let each: Vec<f64> = above(members, costs).iter().zip(&least).map(|(there, here)| there - here).collect();
+        let each: Vec<f64> = above(members, costs).iter().zip(least).map(|(there, here)| there - here).collect();
         total_rise(&each)
     };
     let predicted = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
     let widths: Vec<f64> = widths(members);
     let inside: Vec<bool> = widths.iter().map(|w| *w == d || predicted(members, *w) <= limit).collect();
-    let (first, last) = (inside.iter().position(|i| *i), inside.iter().rposition(|i| *i));
-    let (first, last) = (first.expect("the best is inside"), last.expect("the best is inside"));
+    let first = inside.iter().position(|i| *i).expect("the best is inside");
+    let last = inside.iter().rposition(|i| *i).expect("the best is inside");
     let mut border = |mut within: f64, mut beyond: f64| {
         for _ in 0..LOOKS {
             let (mut low, mut high) = (within, beyond);
@@ -357,73 +404,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     };
     let low = if first == 0 { 0.0 } else { border(widths[first], widths[first - 1]) };
     let high = (last + 1 < widths.len()).then(|| border(widths[last], widths[last + 1]));
-    let resolution = members.iter().map(|m| m.curve.fitted.record.resolution() * m.size).sum::<f64>() / n;
-    let against = against(members, d, here, dispersion);
-    for (member, lr) in members.iter().zip(&against) {
-        gives[member.recording] += lr;
-    }
-    let lr_no_gap: f64 = gives.iter().sum();
-    // No gap is heard in the family that believes least: where that does not exclude it, neither does the interval.
-    let low = if lr_no_gap > limit { (low - resolution).max(0.0) } else { 0.0 };
-    let most = gives.iter().copied().fold(0.0, f64::max);
-    let times = |d: f64| {
-        let each = members.iter().map(|m| m.curve.fitted.record.traversals(d / m.size));
-        each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
-    };
-    let traversals = times(d);
-    let of = |member: &Member, of: fn(&Evidence) -> f64| of(&member.curve.fitted.answer.evidence);
-    let mean = |what: fn(&Evidence) -> f64| members.iter().map(|m| of(m, what)).sum::<f64>() / n;
-    let many = |of: fn(&Evidence) -> bool| {
-        2 * members.iter().filter(|m| of(&m.curve.fitted.answer.evidence)).count() > members.len()
-    };
-    let jumps = |m: &Member| m.curve.jumps();
-    let lr_no_jump: f64 = members.iter().map(|m| m.worth * jumps(m)).sum();
-    let jumping = members.iter().filter(|m| jumps(m) > 0.0).count();
-    let median = |what: fn(&Evidence) -> f64| middle(members.iter().map(|m| of(m, what) * m.size).collect());
-    let usual = |what: fn(&Evidence) -> f64| middle(members.iter().map(|m| of(m, what)).collect());
-    let high = high.map(|high| high + MISSED_TURNS * resolution);
-    let clearest = clearest(members.iter().map(|m| &m.curve.fitted.answer.evidence));
-    let agree = agreeing(members, d);
-    let evidence = Evidence {
-        autocorrelation: mean(|e| e.autocorrelation),
-        d,
-        cells: clearest.cells,
-        lr_no_gap,
-        lr_needed: (dispersion * LR_JOINT.max(lr_asked_of_passes(traversals))).max(most + dispersion * LR_MIN),
-        lr_no_answer: mean(|e| e.lr_no_answer),
-        low,
-        high,
-        range,
-        immobile: false,
-        traversed: times(low).iter().chain(&traversals).all(|n| *n >= PASSES_JOINT),
-        one_way: traversals.contains(&0),
-        coarse: many(|e| e.coarse),
-        at_once: many(|e| e.at_once),
-        noisy_below: median(|e| e.noisy_below),
-        misfit_at_turns: many(|e| e.misfit_at_turns),
-        slips: lr_no_jump > LR_JUMP && 2 * jumping > members.len(),
-        slips_wholly: many(|e| e.slips_wholly),
-        periodic_load: many(|e| e.periodic_load),
-        even_swing: false,
-        unsampled_below: median(|e| e.unsampled_below),
-        lined_below: median(|e| e.lined_below),
-        hidden: members
-            .iter()
-            .find_map(|m| m.curve.fitted.answer.evidence.hidden)
-            .filter(|_| many(|e| e.hidden.is_some())),
-        dissent: 3 * members.iter().filter(|m| m.curve.fitted.answer.evidence.dissent).count() > members.len(),
-        passes: traversals,
-        passes_high: high.map_or([0; 2], times),
-        oscillates: many(|e| e.oscillates),
-        cycle: clearest.cycle,
-        plateau: clearest.plateau,
-        cancels: usual(|e| e.cancels),
-        lag_up_to: usual(|e| e.lag_up_to),
-        agree: [agree, members.len()],
-        dispersion,
-        shows: None,
-    };
-    Together::judged(evidence)
+    (low, high)
 }
 
 /// Likelihood ratio of no gap that each member leaves, with the loads that were looked for. Where all of it would show

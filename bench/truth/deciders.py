@@ -45,7 +45,7 @@ def asked(samples: list[Sample]) -> Iterator[Scored]:
         assert made is not None
         of, truth = made
         answers = {name: of_fit(sample, claims) for name, claims in CLAIMS.items()}
-        answers |= {name: answer_of(name, of) for name in METHODS if name != "fit"}
+        answers |= {name: answer_of(name, of) for name in METHODS if not name.startswith("fit")}
         for name, answer in answers.items():
             yield Scored(
                 truth, name, answer.verdict, answer.d, answer.low, answer.high, answer.at_least, answer.reason, 0.0

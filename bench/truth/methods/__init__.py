@@ -12,6 +12,7 @@ from . import ellipse, fit, haegglund, he, horch, slope, thesis, yamashita
 
 METHODS: dict[str, Callable[[Record], MethodAnswer]] = {
     "fit": fit.answer,
+    "fit, found or likely": fit.likely,
     "thesis": thesis.answer,
     "Hägglund": haegglund.answer,
     "ellipse": ellipse.answer,

@@ -12,8 +12,22 @@ from ..records import Record
 
 
 def answer(record: Record) -> MethodAnswer:
-    """Answer by `glapp.fit`, with the width where it gives one."""
+    """Answer by `glapp.fit` where a gap is *found*, with the width where it gives one."""
+    return _claimed(glapp.fit(record.recording))
+
+
+def likely(record: Record) -> MethodAnswer:
+    """The same where a gap is *found* or *likely*; a likely one whose width is unsure is a faulty valve without a width."""
     fit = glapp.fit(record.recording)
+    judgement = fit.judgement or {}
+    if judgement.get("confidence") != "likely":
+        return _claimed(fit)
+    if judgement["width_kind"] == "interval":
+        return MethodAnswer("backlash", fit.d, fit.low, fit.high, reason=fit.reason)
+    return MethodAnswer("valve", reason=fit.reason)
+
+
+def _claimed(fit: glapp.Fit) -> MethodAnswer:
     if fit.verdict in ("backlash", "stiction", "both"):
         return MethodAnswer(fit.verdict, fit.d, fit.low, fit.high, reason=fit.reason)
     high = fit.high if fit.verdict == "sound" else None

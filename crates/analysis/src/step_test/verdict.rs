@@ -116,73 +116,27 @@ impl Test<'_> {
         let lag = if self.integrating { 0.0 } else { settle / (1.0 + TAILS) };
         let blocks = Blocks::of(t, y, h, &nodes, lag, self.integrating);
         let extra = self.coarse();
-        // A level for each hold leaves only the slopes of the drift.
-        let mut columns = blocks.levels();
-        columns.extend(blocks.drift(false));
-        if blocks.len() < columns.len() + FREEDOM {
+        let Some(each) = EachHold::of(&blocks, nodes.len(), extra) else {
             return refused(outcome, Reason::TooShort);
-        }
-        let free = Axes::of(&blocks).and_then(|axes| Posterior::of(&columns, &axes, extra, 1.0));
-        let Some(free) = free else { return refused(outcome, Reason::TooShort) };
-        let unit = |at: usize, of: usize| (0..of).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
-        let ends: Vec<Vec<f64>> = (0..nodes.len()).map(|i| unit(i, columns.len())).collect();
-        let levels = levels(&blocks, nodes.len());
-        // `below` is small where PV rose.
-        let change = |i: usize| {
-            (nodes[i + 1].op - nodes[i].op) * (free.below(0.0, &difference(&ends[i + 1], &ends[i], 1.0)) - 0.5)
         };
-        let sign = if (0..nodes.len() - 1).map(change).sum::<f64>() > 0.0 { -1.0 } else { 1.0 };
-        let moves = moves(&mut nodes, op, self.tolerance, &free, &ends, sign);
+        let sign = each.sign(&nodes);
+        let moves = moves(&mut nodes, op, self.tolerance, &each.fit, &each.ends, sign);
+        let levels = levels(&blocks, nodes.len());
         outcome.holds = self.holds(&nodes, &levels);
         outcome.readings = moves.iter().map(|one| self.plain(one, &nodes, &levels)).collect();
-        if moves.iter().all(Move::unanswered) && nodes.iter().all(|node| node.side == 0) {
-            let largest = nodes.windows(2).map(|pair| (pair[1].op - pair[0].op).abs()).fold(0.0, f64::max);
-            return refused(outcome, Reason::UnansweredMoves { largest });
-        }
-        if !moves.iter().any(|one| one.kind == Kind::Gain) {
-            let unsettled = self.nodes.iter().filter(|node| node.settled.is_none()).count();
-            let reason = match unsettled {
-                0 => Reason::NoGain,
-                _ => Reason::NoGainUnsettled { unsettled, holds: self.nodes.len() },
-            };
+        if let Some(reason) = self.without_gain(&moves, &nodes) {
             return refused(outcome, reason);
         }
         let reversed = moves.iter().any(|one| one.kind == Kind::Gap);
-        let used: Vec<usize> = (0..nodes.len()).filter(|i| nodes[*i].side != 0).collect();
-        let part = blocks.of_holds(&used);
-        let mut columns = part.drift(true);
-        let at = columns.len();
-        let middle = part.hold.iter().map(|i| nodes[*i].op).sum::<f64>() / part.len() as f64;
-        columns.push(part.hold.iter().map(|i| sign * (nodes[*i].op - middle)).collect());
-        if reversed {
-            columns.push(part.hold.iter().map(|i| -sign * f64::from(nodes[*i].side) / 2.0).collect());
-        }
-        if part.len() < columns.len() + FREEDOM || !independent(&columns) {
-            return refused(outcome, Reason::TooShort);
-        }
-        let Some(axes) = Axes::of(&part) else { return refused(outcome, Reason::TooShort) };
-        let Some(mut fit) = Posterior::of(&columns, &axes, extra, 1.0) else {
+        let Some(all) = AllHolds::of(&blocks, &nodes, sign, reversed, extra) else {
             return refused(outcome, Reason::TooShort);
         };
-        let mut notes = Vec::new();
-        if more > 0 {
-            notes.push(Note::FirstHolds { read: MOST_HOLDS, left: more });
-        }
-        let disagree = misfit(&part, &axes, &fit, extra);
-        if let Some(f) = disagree
-            && let Some(wider) = Posterior::of(&columns, &axes, extra, f)
-        {
-            fit = wider;
-            notes.push(Note::Disagree { f });
-        }
-        let at_gain = unit(at, columns.len());
-        let kp = fit.interval(&at_gain);
+        let kp = all.fit.interval(&all.gain);
         if kp.low <= 0.0 {
-            return refused(outcome, disagree.map_or(Reason::GainNearZero, |f| Reason::GainNearZeroDisagree { f }));
+            return refused(outcome, all.misfit.map_or(Reason::GainNearZero, |f| Reason::GainNearZeroDisagree { f }));
         }
         for (one, reading) in moves.iter().zip(&mut outcome.readings) {
-            let answer = free.interval(&difference(&ends[one.to], &ends[one.origin], 1.0));
-            valued(one, reading, answer, kp);
+            valued(one, reading, each.change(one.origin, one.to), kp);
         }
         let answered = outcome.readings.iter().filter(|one| {
             let sure = |(low, high): (f64, f64)| low * high > 0.0;
@@ -193,25 +147,53 @@ impl Test<'_> {
         outcome.kp = Some(signed.median);
         outcome.kp_low = Some(signed.low.min(signed.high));
         outcome.kp_high = Some(signed.low.max(signed.high));
-        if !reversed {
-            let silent = moves.iter().filter_map(|one| Some((one, one.since.filter(|_| one.unanswered())?)));
-            // The first of the largest.
-            let largest = silent.reduce(|a, b| if b.0.travel.abs() > a.0.travel.abs() { b } else { a });
-            let Some((one, since)) = largest else { return refused(outcome, Reason::NoReversal) };
-            let answer = free.interval(&difference(&ends[one.to], &ends[since], 1.0));
-            let most = answer.low.abs().max(answer.high.abs());
-            let at_least = (one.travel.abs() - most / kp.low).max(0.0);
-            outcome.low = Some(at_least);
-            outcome.asked = self.width.map(|width| Asked::at_least(width, at_least));
-            return refused(outcome, Reason::AtLeast { reversal: one.travel.abs(), at_least });
-        }
-        let at_gap = unit(columns.len() - 1, columns.len());
-        let d = fit.ratio(&at_gap, &at_gain).map(|d| d.max(0.0));
-        outcome.asked = self.width.map(|width| Asked::by(width, |x| fit.ratio_below(x, &at_gap, &at_gain)));
-        if d.low == 0.0 {
-            notes.push(Note::ReachesZero { high: d.high });
-        }
+        let Some(at_gap) = &all.gap else {
+            return self.bounded(&moves, &each, kp, outcome);
+        };
+        let d = all.fit.ratio(at_gap, &all.gain).map(|d| d.max(0.0));
+        outcome.asked = self.width.map(|width| Asked::by(width, |x| all.fit.ratio_below(x, at_gap, &all.gain)));
+        let notes = [
+            (more > 0).then_some(Note::FirstHolds { read: MOST_HOLDS, left: more }),
+            all.misfit.map(|f| Note::Disagree { f }),
+            (d.low == 0.0).then_some(Note::ReachesZero { high: d.high }),
+        ];
+        let notes = notes.into_iter().flatten().collect();
         StepTest { reason: None, d: Some(d.median), low: Some(d.low), high: Some(d.high), notes, ..outcome }
+    }
+
+    /// Why the moves give no process gain; None where they do.
+    fn without_gain(&self, moves: &[Move], nodes: &[Node]) -> Option<Reason> {
+        if moves.iter().all(Move::unanswered) && nodes.iter().all(|node| node.side == 0) {
+            let largest = nodes.windows(2).map(|pair| (pair[1].op - pair[0].op).abs()).fold(0.0, f64::max);
+            return Some(Reason::UnansweredMoves { largest });
+        }
+        if moves.iter().any(|one| one.kind == Kind::Gain) {
+            return None;
+        }
+        let unsettled = self.nodes.iter().filter(|node| node.settled.is_none()).count();
+        Some(match unsettled {
+            0 => Reason::NoGain,
+            _ => Reason::NoGainUnsettled { unsettled, holds: self.nodes.len() },
+        })
+    }
+
+    /// The bound that the largest reversal without an answer gives, where no reversal came through the gap.
+    fn bounded(&self, moves: &[Move], each: &EachHold, kp: Limits, outcome: StepTest) -> StepTest {
+        let silent = moves.iter().filter_map(|one| Some((one, one.since.filter(|_| one.unanswered())?)));
+        // The first of the largest.
+        let largest = silent.reduce(|a, b| if b.0.travel.abs() > a.0.travel.abs() { b } else { a });
+        let Some((one, since)) = largest else {
+            return StepTest { reason: Some(Reason::NoReversal), ..outcome };
+        };
+        let answer = each.change(since, one.to);
+        let most = answer.low.abs().max(answer.high.abs());
+        let at_least = (one.travel.abs() - most / kp.low).max(0.0);
+        StepTest {
+            reason: Some(Reason::AtLeast { reversal: one.travel.abs(), at_least }),
+            low: Some(at_least),
+            asked: self.width.map(|width| Asked::at_least(width, at_least)),
+            ..outcome
+        }
     }
 
     /// Variance that a coarse signal adds to a level.
@@ -264,6 +246,81 @@ impl Test<'_> {
         };
         self.nodes.iter().map(hold).collect()
     }
+}
+
+/// A level of PV for each hold, without a model of what leads from one to the next: only the slopes of the drift are common.
+struct EachHold {
+    fit: Posterior,
+    /// The columns of the levels.
+    ends: Vec<Vec<f64>>,
+}
+
+impl EachHold {
+    /// None where the holds have too few rows.
+    fn of(blocks: &Blocks, holds: usize, extra: f64) -> Option<Self> {
+        let mut columns = blocks.levels();
+        columns.extend(blocks.drift(false));
+        if blocks.len() < columns.len() + FREEDOM {
+            return None;
+        }
+        let fit = Posterior::of(&columns, &Axes::of(blocks)?, extra, 1.0)?;
+        let ends = (0..holds).map(|i| unit(i, columns.len())).collect();
+        Some(Self { fit, ends })
+    }
+
+    /// Change of PV from one hold to another.
+    fn change(&self, from: usize, to: usize) -> Limits {
+        self.fit.interval(&difference(&self.ends[to], &self.ends[from], 1.0))
+    }
+
+    /// Sign of the process gain: whether PV mostly went the way of OP.
+    fn sign(&self, nodes: &[Node]) -> f64 {
+        // `below` is small where PV rose.
+        let against = |i: usize| {
+            let fell = self.fit.below(0.0, &difference(&self.ends[i + 1], &self.ends[i], 1.0)) - 0.5;
+            (nodes[i + 1].op - nodes[i].op) * fell
+        };
+        if (0..nodes.len() - 1).map(against).sum::<f64>() > 0.0 { -1.0 } else { 1.0 }
+    }
+}
+
+/// One process gain for all holds whose side of the gap is known, and one dead band where OP reversed through it.
+struct AllHolds {
+    fit: Posterior,
+    /// The column of the gain [PV unit / OP unit], and that of the dead band times the gain.
+    gain: Vec<f64>,
+    gap: Option<Vec<f64>>,
+    /// F ratio by which the holds lie off the model, where it widens the interval.
+    misfit: Option<f64>,
+}
+
+impl AllHolds {
+    /// None where the holds have too few rows, or do not tell gain and dead band from the drift.
+    fn of(blocks: &Blocks, nodes: &[Node], sign: f64, reversed: bool, extra: f64) -> Option<Self> {
+        let used: Vec<usize> = (0..nodes.len()).filter(|i| nodes[*i].side != 0).collect();
+        let part = blocks.of_holds(&used);
+        let mut columns = part.drift(true);
+        let at = columns.len();
+        let middle = part.hold.iter().map(|i| nodes[*i].op).sum::<f64>() / part.len() as f64;
+        columns.push(part.hold.iter().map(|i| sign * (nodes[*i].op - middle)).collect());
+        if reversed {
+            columns.push(part.hold.iter().map(|i| -sign * f64::from(nodes[*i].side) / 2.0).collect());
+        }
+        if part.len() < columns.len() + FREEDOM || !independent(&columns) {
+            return None;
+        }
+        let axes = Axes::of(&part)?;
+        let fit = Posterior::of(&columns, &axes, extra, 1.0)?;
+        let misfit = misfit(&part, &axes, &fit, extra);
+        let fit = misfit.map_or(Some(fit), |f| Posterior::of(&columns, &axes, extra, f))?;
+        let gap = reversed.then(|| unit(at + 1, columns.len()));
+        Some(Self { fit, gain: unit(at, columns.len()), gap, misfit })
+    }
+}
+
+/// One of so many columns alone.
+fn unit(at: usize, of: usize) -> Vec<f64> {
+    (0..of).map(|i| f64::from(u8::from(i == at))).collect()
 }
 
 /// Weighted mean of each hold's blocks.

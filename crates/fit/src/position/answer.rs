@@ -62,33 +62,7 @@ impl Track {
         let best = if slips { stuck } else { gap };
         let (information_ratio, traversals) = self.information_ratio(&best);
         let lr_no_gap = (none.cost - best.cost).max(0.0) * information_ratio;
-        let sigma = best.left.sqrt();
-        let mut low = f64::INFINITY;
-        let mut high = Some(0.0);
-        let mut hold = |limits: (f64, Option<f64>)| {
-            low = low.min(limits.0);
-            high = high.and_then(|h: f64| limits.1.map(|l| h.max(l)));
-        };
-        let d = best.motion.d;
-        if slips {
-            hold(self.limits(&stuck, stuck.cost + RISE_OF_STICKING / information_ratio));
-        } else {
-            hold(self.limits(&gap, gap.cost + RISE / information_ratio));
-            if stuck.cost < gap.cost + RISE / information_ratio {
-                hold(self.limits(&stuck, gap.cost.min(stuck.cost) + RISE / information_ratio));
-            }
-        }
-        // Width that the recorder hides, at most the residual where rows do not fit.
-        let seen = 4.0 * sigma / per_op;
-        let rounding = match self.recorder {
-            Recorder::Rounded(step) => 0.5 * step / per_op,
-            _ => 0.0,
-        };
-        let least = 1e-4 * d + 1e-6 * self.range;
-        let op = (2.0 * self.op_band).min(seen) + rounding + least;
-        let low = (low - op - (0.5 * self.op_move).min(seen)).max(0.0);
-        let kept = if let Recorder::Kept(band) = self.recorder { band / per_op } else { 0.0 };
-        let high = high.map(|h| h + op + (1.5 * self.op_move).min(seen) + kept);
+        let (low, high) = self.interval(&gap, &stuck, slips, information_ratio);
         // A position that stands still is explained by nothing.
         let explained = if best.b == 0.0 { 0.0 } else { 1.0 - best.left * self.rows as f64 / self.zz };
         let lr_needed = if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { LR_MIN } else { LR_IF_SELDOM };
@@ -102,7 +76,7 @@ impl Track {
                 Some(high) if high < SOUND_BELOW * self.range => (Verdict::Sound, "no_gap"),
                 _ => (Verdict::CannotTell, "may_be_a_gap"),
             }
-        } else if low < LEAST_LOW * d {
+        } else if low < LEAST_LOW * best.motion.d {
             (Verdict::CannotTell, "may_be_a_gap")
         } else if high.is_none() || traversals.iter().any(|n| *n < CYCLES_IF_CLEAR) {
             (Verdict::AtLeast, "not_traversed")
@@ -118,10 +92,10 @@ impl Track {
         AtValve {
             verdict,
             reason,
-            d,
+            d: best.motion.d,
             low: if verdict == Verdict::Sound { 0.0 } else { low },
             high,
-            jump: best.motion.share * d,
+            jump: best.motion.share * best.motion.d,
             lr_no_gap,
             lr_needed,
             lr_no_jump,
@@ -131,7 +105,7 @@ impl Track {
             gain: best.b,
             delay: best.motion.delay,
             lag: best.motion.lag,
-            sigma,
+            sigma: best.left.sqrt(),
             explained,
             recorder: self.recorder,
             rows: self.rows,
@@ -140,6 +114,37 @@ impl Track {
             profile: self.profile(&best, &none, information_ratio),
             shown: self.shown(&best),
         }
+    }
+
+    /// Limits of the width, those of a valve that sticks among them where it is as likely, moved out by what the recorder hides; no upper
+    /// limit where OP does not reach one.
+    fn interval(&self, gap: &Tried, stuck: &Tried, slips: bool, information_ratio: f64) -> (f64, Option<f64>) {
+        let best = if slips { stuck } else { gap };
+        let rise = RISE / information_ratio;
+        let (low, high) = if slips {
+            self.limits(stuck, stuck.cost + RISE_OF_STICKING / information_ratio)
+        } else {
+            let (low, high) = self.limits(gap, gap.cost + rise);
+            if stuck.cost < gap.cost + rise {
+                let (lower, higher) = self.limits(stuck, gap.cost.min(stuck.cost) + rise);
+                (low.min(lower), high.zip(higher).map(|(high, higher)| high.max(higher)))
+            } else {
+                (low, high)
+            }
+        };
+        // At most the residual where rows do not fit.
+        let per_op = gap.b.abs().max(1e-300);
+        let seen = 4.0 * best.left.sqrt() / per_op;
+        let (rounding, kept) = match self.recorder {
+            Recorder::Plain => (0.0, 0.0),
+            Recorder::Rounded(step) => (0.5 * step / per_op, 0.0),
+            Recorder::Kept(band) => (0.0, band / per_op),
+        };
+        let least = 1e-4 * best.motion.d + 1e-6 * self.range;
+        let op = (2.0 * self.op_band).min(seen) + rounding + least;
+        let low = (low - op - (0.5 * self.op_move).min(seen)).max(0.0);
+        let high = high.map(|high| high + op + (1.5 * self.op_move).min(seen) + kept);
+        (low, high)
     }
 
     /// The best candidate with the width of `at`, and the lag (and share of jump) that is best from there on.

@@ -306,7 +306,7 @@ class Moves:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The one answer of a loop, from all that is known of its valve; decided in `crates/analysis/src/summary.rs`.
+    """The one answer of a loop, from all that is known of its valve; decided in `crates/analysis/src/summary`.
 
     Attributes
     ----------

@@ -87,7 +87,7 @@ BESIDE = {
         "Silence proves nothing",
         "On 1104 simulated",
         "A width has two limits",
-        " On 4800 more",
+        " On 2800 more",
         "Where there was no gap",
         "It is silent rather than",
         "Evidence is strong where",

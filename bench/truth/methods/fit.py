@@ -17,7 +17,10 @@ def answer(record: Record) -> MethodAnswer:
 
 
 def likely(record: Record) -> MethodAnswer:
-    """The same where a gap is *found* or *likely*; a likely one whose width is unsure is a faulty valve without a width."""
+    """The same where a gap is *found* or *likely*.
+
+    A likely one whose width is unsure is a faulty valve without a width.
+    """
     fit = glapp.fit(record.recording)
     judgement = fit.judgement or {}
     if judgement.get("confidence") != "likely":

@@ -727,10 +727,10 @@ def nyquist_figure(
         legend={"orientation": "h", "y": 1.08},
     )
     figure.update_xaxes(
-        title="Re", range=[-window, window / 3], zeroline=True, zerolinecolor=paper.MUTED, constrain="domain"
+        title="Re L(iω)", range=[-window, window / 3], zeroline=True, zerolinecolor=paper.MUTED, constrain="domain"
     )
     figure.update_yaxes(
-        title="Im", range=[-window, window / 3], scaleanchor="x", zeroline=True, zerolinecolor=paper.MUTED
+        title="Im L(iω)", range=[-window, window / 3], scaleanchor="x", zeroline=True, zerolinecolor=paper.MUTED
     )
     return figure
 

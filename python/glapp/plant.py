@@ -17,6 +17,7 @@ import numpy.typing as npt
 from . import _glapp
 from .checked import check_number, numbers_of
 from .errors import InputError
+from .palette import FONT, INK, SIGNAL
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["PLANTS", "Bode", "Plant", "Step"]
 
 _KEYS = "known keys: num, den, dead_time"
+
+_LINE = {"color": SIGNAL, "width": 2}
+_LOOK: dict[str, Any] = {"template": "plotly_white", "font": {"family": FONT, "color": INK}}
 
 _QUIET = 0.02
 """A loop gain below this no longer matters for stability or robustness."""
@@ -47,8 +51,8 @@ class Step(NamedTuple):
         """A zoomable figure."""
         import plotly.graph_objects as go
 
-        figure = go.Figure(go.Scatter(x=self.t, y=self.y))
-        return figure.update_layout(xaxis_title="t [s]", yaxis_title="y", template="simple_white", height=300)
+        figure = go.Figure(go.Scatter(x=self.t, y=self.y, line=_LINE))
+        return figure.update_layout(**_LOOK, xaxis_title="time [s]", yaxis_title="PV [per step of OP]", height=300)
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
         return self.plot()._repr_mimebundle_(include, exclude)
@@ -76,11 +80,11 @@ class Bode(NamedTuple):
         from plotly.subplots import make_subplots
 
         figure = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.06)
-        figure.add_scatter(x=self.w, y=self.magnitude, row=1, col=1, showlegend=False)
-        figure.add_scatter(x=self.w, y=self.phase, row=2, col=1, showlegend=False)
+        figure.add_scatter(x=self.w, y=self.magnitude, row=1, col=1, line=_LINE, showlegend=False)
+        figure.add_scatter(x=self.w, y=self.phase, row=2, col=1, line=_LINE, showlegend=False)
         figure.update_xaxes(type="log").update_xaxes(title="ω [rad/s]", row=2)
         figure.update_yaxes(type="log", title="magnitude", row=1).update_yaxes(title="phase [°]", row=2)
-        return figure.update_layout(template="simple_white", height=420)
+        return figure.update_layout(**_LOOK, height=420)
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
         return self.plot()._repr_mimebundle_(include, exclude)

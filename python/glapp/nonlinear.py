@@ -667,14 +667,7 @@ def nyquist_figure(
     from . import palette as paper
 
     window = check_number(window, "window", lambda x: x > 0, "greater than 0")
-    if isinstance(loops, Mapping):
-        named = dict(loops)
-    elif isinstance(loops, list | tuple) and len(loops) != 1:
-        named = {f"L{i}(iω)": loop for i, loop in enumerate(loops, start=1)}
-    else:
-        named = {"L(iω)": loops[0] if isinstance(loops, list | tuple) else loops}
-    if not named:
-        raise InputError("is empty, give one loop or more", parameter="loops", value=loops, bound="one loop or more")
+    named = _named(loops)
     figure = go.Figure()
     if criteria:
         figure.add_shape(
@@ -700,21 +693,7 @@ def nyquist_figure(
         met += [complex(loop.response(cycle.w)) for cycle in backlash_cycles(loop, 1.0)] if backlash else []
     dashed = {"color": paper.INK, "width": 1.5, "dash": "dash"}
     if backlash:
-        x = np.linspace(-0.999, 1, 800)
-        curve = negative_inverse(_n_of_x(x))
-        figure.add_scatter(
-            x=curve.real,
-            y=curve.imag,
-            customdata=1 / (1 - np.minimum(x, 1 - 1e-9)),
-            name="−1/N(A) of a gap",
-            mode="lines",
-            line=dashed,
-            hovertemplate="A = %{customdata:.3f} d",
-        )
-        if met:
-            at = np.array(met)
-            marker = {"color": paper.TOO_WIDE, "size": 10, "symbol": "circle-open", "line": {"width": 2}}
-            figure.add_scatter(x=at.real, y=at.imag, name="limit cycle", mode="markers", marker=marker)
+        _draw_backlash(figure, met, dashed)
     if relay:
         figure.add_scatter(x=[-4 * window, 0], y=[0, 0], name="−1/N(A) of a relay", mode="lines", line=dashed)
     figure.add_scatter(x=[-1], y=[0], name="−1", mode="markers", marker={"color": paper.INK, "symbol": "x", "size": 8})
@@ -735,7 +714,41 @@ def nyquist_figure(
     return figure
 
 
+def _draw_backlash(figure: go.Figure, met: Sequence[complex], line: Mapping[str, Any]) -> None:
+    """Draw −1/N(A) of a gap, and the limit cycles where loops meet it."""
+    from . import palette as paper
+
+    x = np.linspace(-0.999, 1, 800)
+    curve = negative_inverse(_n_of_x(x))
+    figure.add_scatter(
+        x=curve.real,
+        y=curve.imag,
+        customdata=1 / (1 - np.minimum(x, 1 - 1e-9)),
+        name="−1/N(A) of a gap",
+        mode="lines",
+        line=line,
+        hovertemplate="A = %{customdata:.3f} d",
+    )
+    if met:
+        at = np.array(met)
+        marker = {"color": paper.TOO_WIDE, "size": 10, "symbol": "circle-open", "line": {"width": 2}}
+        figure.add_scatter(x=at.real, y=at.imag, name="limit cycle", mode="markers", marker=marker)
+
+
 # --- Reading arguments ----------------------------------------------------------------------------------------------
+
+
+def _named(loops: Any) -> dict[str, Any]:
+    """Loops by the names that a legend shows."""
+    if isinstance(loops, Mapping):
+        named = dict(loops)
+    elif isinstance(loops, list | tuple) and len(loops) != 1:
+        named = {f"L{i}(iω)": loop for i, loop in enumerate(loops, start=1)}
+    else:
+        named = {"L(iω)": loops[0] if isinstance(loops, list | tuple) else loops}
+    if not named:
+        raise InputError("is empty, give one loop or more", parameter="loops", value=loops, bound="one loop or more")
+    return named
 
 
 def _checked(loop: Any) -> Plant:

@@ -182,8 +182,13 @@ def relay_experiment(
         ["op -> tuner.in", "tuner -> gap -> process -> noise -> tuner.pv", "load -> process.load"],
     )
     n = int(longest / step) + 2
+    return _experiment(process, graph, (n + 0.5) * step, _load(load, n, step))
+
+
+def _experiment(process: Plant, graph: modules.Graph, t: float, load: npt.NDArray[np.float64]) -> RelayExperiment:
+    """Run the graph for `t` seconds, and read what its autotuner found."""
     graph["tuner.run"] = 1
-    recorded = graph.run((n + 0.5) * step, record=["noise", "tuner", "tuner.phase"], load=_load(load, n, step))
+    recorded = graph.run(t, record=["noise", "tuner", "tuner.phase"], load=load)
     phase = recorded["tuner.phase"].astype(np.int8)
     end = int(np.argmax(phase >= _DONE)) + 1
     found = [graph[f"tuner.{name}"] for name in ("ku", "tu", "kp", "kappa")]

@@ -102,6 +102,16 @@ def test_what_is_no_number_is_refused_by_name(
         (lambda: simulate.run("P2"), "scenario: is 'P2', must be a Scenario"),
         (lambda: simulate.closed_loop("P2", (0, 2.0)), "controller.k: is 0, must be other than 0"),
         (lambda: modules.Graph(0.1, {"gap": modules.Backlash("wide")}, []), "Backlash: d: is 'wide', must be a number"),
+        (lambda: modules.Graph(0.1, {"pid": "PID"}, []), "pid: is 'PID', must be a module"),
+        (lambda: modules.Graph(0.1, [modules.Pid(k=1, ti=1)], []), "modules: is .*, must be names with their modules"),
+        (
+            lambda: simulate.Scenario(plant="P2", controller={"k": -0.5, "ti": 2.0}),
+            "controller.k: is -0.5, must be > 0; the action has its sign: write action = 'direct'",
+        ),
+        (
+            lambda: simulate.Scenario(plant="P2", controller=(0.5, 2.0), load=[{"kind": "wlak", "rate": 0.1}]),
+            "load.0.kind: is 'wlak', must be one of 'steps', 'ramp', 'sine', 'walk'",
+        ),
         (lambda: modules.Graph("0.1 s", {}, []), "must be real number, not str"),
     ],
 )

@@ -169,6 +169,10 @@ def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
         bound = f"{sign} {first['ctx'][name]:g}"
     elif kind == "literal_error":
         bound = f"one of {first['ctx']['expected']}"
+    elif kind == "union_tag_invalid":
+        # The place is the whole table; its key that decides and the value there are in the context.
+        key, value = f"{key}.{first['ctx']['discriminator'].strip(chr(39))}", first["ctx"]["tag"]
+        bound = f"one of {first['ctx']['expected_tags']}"
     elif kind == "finite_number":
         bound = "a finite number"
     elif kind in ("tuple_type", "list_type", "set_type", "frozen_set_type"):

@@ -946,6 +946,12 @@ class Graph:
     """
 
     def __init__(self, h: float, modules: Mapping[str, Module], wires: Sequence[str]) -> None:
+        if not isinstance(modules, Mapping):
+            bound = "names with their modules: {'pid': Pid(k=1.0, ti=5.0), …}"
+            raise InputError(f"is {modules!r}, must be {bound}", parameter="modules", value=modules, bound=bound)
+        for name, module in modules.items():
+            if not isinstance(module, Module):
+                raise InputError(f"is {module!r}, must be a module", parameter=name, value=module, bound="a module")
         with _input_errors():
             self._graph = _glapp.Graph(h, list(modules.items()), list(wires))
 

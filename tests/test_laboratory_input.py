@@ -99,6 +99,8 @@ def test_what_is_no_number_is_refused_by_name(
         (lambda: nonlinear.nyquist_figure([]), "loops: is empty, give one loop or more"),
         (lambda: nonlinear.describing_function(Backlash(1.0), 1.0), "element: is .*, must be a function"),
         (lambda: P2 * "2", "gain: is '2', must be a number other than 0, or a Plant"),
+        (lambda: plant.Plant([1j], [1, 1]), "num: is \\[1j\\], must be finite numbers"),
+        (lambda: simulate.run_many(3), "scenarios: is 3, must be a list of Scenario"),
         (lambda: simulate.run("P2"), "scenario: is 'P2', must be a Scenario"),
         (lambda: simulate.closed_loop("P2", (0, 2.0)), "controller.k: is 0, must be other than 0"),
         (lambda: modules.Graph(0.1, {"gap": modules.Backlash("wide")}, []), "Backlash: d: is 'wide', must be a number"),

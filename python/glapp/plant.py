@@ -452,7 +452,8 @@ def _zeros_at_end(coefficients: Sequence[float]) -> int:
 def _coefficients(name: str, values: Any) -> tuple[float, ...]:
     """Coefficients without zeros in front."""
     try:
-        numbers = [float(c) for c in np.atleast_1d(values)]
+        given = np.atleast_1d(values)
+        numbers = [math.nan] if np.any(np.imag(given)) else [float(c) for c in np.real(given)]
     except (TypeError, ValueError, OverflowError):
         numbers = [math.nan]
     if not all(math.isfinite(c) for c in numbers):

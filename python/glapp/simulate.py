@@ -265,6 +265,9 @@ def run_many(
     >>> [round(d, 3) for d in table["d_hat"].to_pylist()]
     [0.049, 0.051, 0.05]
     """
+    if not isinstance(scenarios, Iterable):
+        bound = "a list of Scenario"
+        raise InputError(f"is {scenarios!r}, must be {bound}", parameter="scenarios", value=scenarios, bound=bound)
     given = list(scenarios)
     if keep not in ("signals", "estimate"):
         raise InputError(f"is {keep!r}, must be 'signals' or 'estimate'", parameter="keep", value=keep)
@@ -375,7 +378,7 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
     Parameters
     ----------
     n : int
-        Number of samples.
+        Number of samples, 0..10⁹.
     h : float
         Time between samples [s], > 0.
     rate : float
@@ -398,7 +401,7 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
     if not (isinstance(seed, Integral) and 0 <= seed < 2**64):
         bound = "a whole number, 0..2⁶⁴ − 1"
         raise InputError(f"is {seed!r}, must be {bound}", parameter="seed", value=seed, bound=bound)
-    n = int(check_number(n, "n", lambda x: x >= 0 and x == int(x), "a whole number, 0 or greater"))
+    n = int(check_number(n, "n", lambda x: 0 <= x <= 1e9 and x == int(x), "a whole number, 0..10⁹"))
     h = check_number(h, "h", lambda x: x > 0, "greater than 0 s")
     rate = check_number(rate, "rate", lambda x: x >= 0, "0 or greater")
     try:

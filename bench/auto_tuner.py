@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import pyplot as plt
 
 from glapp.plant import PLANTS, Plant
 from glapp.tuning import RelayExperiment, relay_experiment, ultimate
+from glapp_thesis import style
 
 from .page import write
 
@@ -126,28 +126,22 @@ def picture(path: Path) -> None:
     plant = PLANTS["P2"]
     tu = ultimate(plant).tu
     e = relay_experiment(plant, noise=0.01, load=[(2.5 * tu, 0.3)], wait=2 * tu, seed=3)
-    figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 5), height_ratios=(3, 2))
-    above.plot(e.t, e.pv, lw=0.8, color="tab:blue")
-    above.set_ylabel("PV")
-    below.step(e.t, e.op, where="post", lw=0.9, color="tab:red")
-    below.set_ylabel("OP")
-    below.set_xlabel("t [s]")
-    below.set_ylim(-1.2, 1.2)
+    figure, (above, below) = style.panels(2, height=4.6, ratios=(3, 2))
+    above.plot(e.t, e.pv, linewidth=0.9, color=style.FILTERED)
+    below.step(e.t, e.op, where="post", linewidth=1.0, color=style.OP)
+    below.set(xlabel="time [s]", ylabel="OP", ylim=(-1.2, 1.2))
     for level in (-1, 1):
-        below.axhline(level, ls=":", lw=0.8, color="grey")
+        below.axhline(level, linestyle=":", linewidth=0.9, color=style.MUTED)
     top = 1.25 * max(abs(e.pv))
-    above.set_ylim(-top, top)
+    above.set(ylabel="PV", ylim=(-top, top))
     for number, title in ((1, "waiting"), (2, "balanced"), (3, "biased")):
         t = e.t[e.phase == number]
         for axis in (above, below):
-            axis.axvline(t[0], lw=0.8, color="grey")
+            axis.axvline(t[0], linewidth=0.8, color=style.MUTED)
         above.text(t[0] + 0.5, 0.85 * top, title)
-    above.set_title(f"P2: Ku {e.ku:.2f} (4), Tu {e.tu:.2f} s (6.28 s), Kp {e.kp_process:.2f} (1)", fontsize=10)
-    for axis in (above, below):
-        axis.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout()
-    figure.savefig(path, dpi=100, metadata={"Software": None})
-    plt.close(figure)
+    found = f"Ku {e.ku:.2f} (true 4.00), Tu {e.tu:.2f} s (true {tu:.2f} s), Kp {e.kp_process:.2f} (true 1.00)"
+    above.set_title(f"P2: {found}")
+    style.save(figure, path)
 
 
 def main() -> None:

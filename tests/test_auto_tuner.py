@@ -119,12 +119,12 @@ def test_it_ends_with_its_reason(given: dict[str, Any], stop: str) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"amplitude": -1.0}, "amplitude: is -1.0, must be > 0"),
+        ({"amplitude": -1.0}, "amplitude: is -1, must be greater than 0"),
         ({"relay_hysteresis": -1.0}, "relay_hysteresis = -1: must be 0 or greater"),
         ({"wait": 5.0, "longest": 4.0}, "longest = 4: must be greater than wait"),
         ({"known_d": 1.4}, "d = 1.4: must be 0 or greater, and less than 4/3"),
-        ({"h": 0.0}, "h = 0"),
-        ({"pv_limits": (1.0, -1.0)}, "pv_low = 1: must be a number less than pv_high"),
+        ({"h": 0.0}, "h: is 0, must be greater than 0 s"),
+        ({"pv_limits": (1.0, -1.0)}, "pv_limits: goes from 1 to -1, must be low < high"),
     ],
 )
 def test_refuses_what_it_cannot_do(given: dict[str, Any], words: str) -> None:

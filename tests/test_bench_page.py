@@ -38,6 +38,7 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
         *[("truth.md", mark) for mark in ("ladder", "loads", "ordinary", "lengths", "times", "recordings", "tables")],
         ("fleet.md", "measured"),
         ("fleet.md", "speed"),
+        ("nonlinear.md", "limit cycles"),
         ("nonlinear.md", "phase lead"),
         ("page.md", "measured"),
         ("modules.md", "wrong sign"),

@@ -333,7 +333,7 @@ class TestMigo:
     @pytest.mark.parametrize(
         ("plant", "bounds", "message"),
         [
-            ("P2", {"ms": 1.0}, "ms: is 1.0, must be greater than 1"),
+            ("P2", {"ms": 1.0}, "ms: is 1, must be greater than 1"),
             ("P2", {"m": 0.9}, "m: is 0.9"),
             ("P2", {"m": 1.4, "ms": 1.4}, "give it, or ms and mt"),
             (Plant([1], [1, -1]), {}, "stable"),

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from numbers import Real
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from .errors import InputError
 
-__all__ = ["Checked", "check_limits", "check_positive", "nearest"]
+__all__ = ["Checked", "check_limits", "check_number", "check_positive", "nearest", "numbers_of"]
 
 _BOUNDS = {
     "greater_than": ("gt", ">"),
@@ -63,9 +66,69 @@ def check_positive(value: float, parameter: str | None = None) -> None:
     Traceback (most recent call last):
     glapp.errors.InputError: minutes: is inf, must be a finite number > 0
     """
-    if not (math.isfinite(value) and value > 0):
-        bound = "a finite number > 0"
-        raise InputError(f"is {value:g}, must be {bound}", parameter=parameter, value=value, bound=bound)
+    check_number(value, parameter, lambda x: x > 0, "a finite number > 0")
+
+
+def check_number(value: Any, parameter: str | None, good: Callable[[float], bool], bound: str) -> float:
+    """The number, refused where it is none, not finite, or not `good`.
+
+    - `bound`: what is good, in words.
+
+    Raises InputError where it is not.
+
+    Examples
+    --------
+    >>> check_number(2, "ti", lambda x: x > 0, "greater than 0 s")
+    2.0
+    >>> check_number("2 s", "ti", lambda x: x > 0, "greater than 0 s")
+    Traceback (most recent call last):
+    glapp.errors.InputError: ti: is '2 s', must be greater than 0 s
+    """
+    shown = repr(value)
+    if isinstance(value, Real | np.ndarray):
+        try:
+            number = float(value)
+        except (TypeError, ValueError, OverflowError):
+            pass
+        else:
+            if math.isfinite(number) and good(number):
+                return number
+            shown = f"{number:g}"
+    raise InputError(f"is {shown}, must be {bound}", parameter=parameter, value=value, bound=bound)
+
+
+def numbers_of(
+    values: Any,
+    parameter: str,
+    bound: str = "finite numbers",
+    good: Callable[[npt.NDArray[Any]], npt.NDArray[np.bool_]] | None = None,
+    dtype: npt.DTypeLike = np.float64,
+) -> npt.NDArray[Any]:
+    """An array of finite numbers, each of them `good`.
+
+    - `bound`: what is good, in words.
+
+    Raises InputError where it is none, with the first number that is not good.
+
+    Examples
+    --------
+    >>> numbers_of([1, 2], "t")
+    array([1., 2.])
+    >>> numbers_of([1, -2], "a", "greater than 0", lambda x: x > 0)
+    Traceback (most recent call last):
+    glapp.errors.InputError: a: is -2, must be greater than 0
+    """
+    try:
+        found = np.asarray(values, dtype=dtype)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"is {values!r}, must be {bound}", parameter=parameter, value=values, bound=bound) from None
+    right = np.isfinite(found)
+    if good is not None:
+        right &= good(found)
+    if not right.all():
+        first = found[~right].flat[0]
+        raise InputError(f"is {first:g}, must be {bound}", parameter=parameter, value=values, bound=bound)
+    return found
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
@@ -106,6 +169,10 @@ def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
         bound = f"{sign} {first['ctx'][name]:g}"
     elif kind == "literal_error":
         bound = f"one of {first['ctx']['expected']}"
+    elif kind == "union_tag_invalid":
+        # The place is the whole table; its key that decides and the value there are in the context.
+        key, value = f"{key}.{first['ctx']['discriminator'].strip(chr(39))}", first["ctx"]["tag"]
+        bound = f"one of {first['ctx']['expected_tags']}"
     elif kind == "finite_number":
         bound = "a finite number"
     elif kind in ("tuple_type", "list_type", "set_type", "frozen_set_type"):

@@ -18,9 +18,9 @@ multiplied by (width of OP span)/(width of PV span). A direct-acting controller 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from .checked import Checked
 from .errors import InputError
@@ -123,6 +123,15 @@ class Controller(Checked):
     error_gap: NotNegative = 0.0
     output_dead_band: NotNegative = 0.0
     pv_filter: Annotated[float, Field(ge=0)] = 0.0
+
+    @field_validator("k", "pb", "kp", mode="before")
+    @classmethod
+    def _sign_is_the_action(cls, value: Any) -> Any:
+        """Refuse a sign of the gain: `action` has it."""
+        if isinstance(value, int | float) and value < 0:
+            hint = "the action has its sign: write action = 'direct' where OP rises with PV"
+            raise InputError(f"is {value!r}, must be > 0", value=value, bound="> 0", hint=hint)
+        return value
 
     @model_validator(mode="after")
     def _one_way_of_writing(self) -> Controller:

@@ -49,6 +49,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _glapp
+from .checked import check_number
 from .errors import InputError
 from .plant import Plant as _Plant
 
@@ -249,7 +250,15 @@ class Module:
     def parameters(self) -> list[tuple[str, float]]:
         """Name and value of each parameter that is given."""
         given = [(field.name, getattr(self, field.name)) for field in fields(self) if field.name not in self._also]
-        return [(name, float(value)) for name, value in given if value is not None]
+        return [(name, self._number(name, value)) for name, value in given if value is not None]
+
+    def _number(self, name: str, value: Any) -> float:
+        """A parameter as a number; its bounds are the graph's to check."""
+        try:
+            return float(value)
+        except (TypeError, ValueError, OverflowError):
+            what = f"is {value!r}, must be a number"
+            raise InputError(what, parameter=f"{self.kind}: {name}", value=value, bound="a number") from None
 
     @property
     def plant(self) -> tuple[list[float], list[float], float] | None:
@@ -937,6 +946,12 @@ class Graph:
     """
 
     def __init__(self, h: float, modules: Mapping[str, Module], wires: Sequence[str]) -> None:
+        if not isinstance(modules, Mapping):
+            bound = "names with their modules: {'pid': Pid(k=1.0, ti=5.0), …}"
+            raise InputError(f"is {modules!r}, must be {bound}", parameter="modules", value=modules, bound=bound)
+        for name, module in modules.items():
+            if not isinstance(module, Module):
+                raise InputError(f"is {module!r}, must be a module", parameter=name, value=module, bound="a module")
         with _input_errors():
             self._graph = _glapp.Graph(h, list(modules.items()), list(wires))
 
@@ -984,8 +999,7 @@ class Graph:
         dict of array
             A value a scan for each that is recorded, and `"t"`, the time [s].
         """
-        if not (math.isfinite(t) and t >= 0):
-            raise InputError(f"is {t}, must be 0 s or greater", parameter="t", value=t, bound="≥ 0 s")
+        t = check_number(t, "t", lambda x: x >= 0, "0 s or greater")
         n = math.floor(t / self.h + 1e-9)
         begin = self._graph.scans
         with _input_errors():
@@ -1112,5 +1126,5 @@ class Graph:
 def _input_errors() -> Iterator[None]:
     try:
         yield
-    except ValueError as error:
+    except (ValueError, TypeError) as error:
         raise InputError(str(error)) from None

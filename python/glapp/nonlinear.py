@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from .checked import check_number, numbers_of
 from .errors import InputError
 from .plant import Plant
 from .tuning import Tuning, open_loop
@@ -86,12 +87,7 @@ def n_backlash(a: npt.ArrayLike, d: float) -> ComplexArray:
     glapp.errors.InputError: a: is 0.4, must be greater than d/2 = 0.5
     """
     d = _at_least_zero("d", d)
-    a = np.asarray(a, dtype=np.float64)
-    wrong = ~((a > d / 2) & np.isfinite(a))
-    if wrong.any():
-        raise InputError(
-            f"is {a[wrong].flat[0]:g}, must be greater than d/2 = {d / 2:g}", parameter="a", value=a, bound="> d/2"
-        )
+    a = numbers_of(a, "a", f"greater than d/2 = {d / 2:g}", lambda x: x > d / 2)
     return _n_of_x(1 - d / a)
 
 
@@ -127,11 +123,7 @@ def n_relay(a: npt.ArrayLike, level: float) -> ComplexArray:
 
 def _amplitudes(a: npt.ArrayLike) -> Array:
     """Amplitudes of a sine, checked to be greater than 0."""
-    a = np.asarray(a, dtype=np.float64)
-    wrong = ~((a > 0) & np.isfinite(a))
-    if wrong.any():
-        raise InputError(f"is {a[wrong].flat[0]:g}, must be greater than 0", parameter="a", value=a, bound="> 0")
-    return a
+    return numbers_of(a, "a", "greater than 0", lambda x: x > 0)
 
 
 def negative_inverse(n: npt.ArrayLike) -> ComplexArray:
@@ -152,10 +144,8 @@ def negative_inverse(n: npt.ArrayLike) -> ComplexArray:
     >>> complex(negative_inverse(n_backlash(1.0, 1.0)).round(4))
     (-1.4232-0.906j)
     """
-    n = np.asarray(n, dtype=np.complex128)
-    if (n == 0).any():
-        raise InputError("is 0: an element that gives nothing has no −1/N", parameter="n", value=n, bound="≠ 0")
-    return np.asarray(-1 / n)
+    bound = "other than 0: an element that gives nothing has no −1/N"
+    return np.asarray(-1 / numbers_of(n, "n", bound, lambda x: x != 0, np.complex128))
 
 
 def describing_function(
@@ -173,7 +163,7 @@ def describing_function(
     a : array_like of float
         Amplitudes, > 0. Any shape.
     samples : int
-        Samples a period, ≥ 8. The error falls with its square for a continuous element.
+        Samples a period, 8..10⁸. The error falls with its square for a continuous element.
 
     Returns
     -------
@@ -186,8 +176,10 @@ def describing_function(
     >>> complex(describing_function(lambda: Backlash(1.0).update, 1.0).round(4))
     (0.5-0.3183j)
     """
-    if samples < 8:
-        raise InputError(f"is {samples}, must be 8 or more", parameter="samples", value=samples, bound="8 or more")
+    samples = int(check_number(samples, "samples", lambda x: 8 <= x <= 1e8, "8 to 100 000 000"))
+    if not callable(element):
+        bound = "a function that makes one: lambda: Backlash(1.0).update"
+        raise InputError(f"is {element!r}, must be {bound}", parameter="element", value=element, bound=bound)
     theta = 2 * math.pi * np.arange(samples) / samples
     a = _amplitudes(a)
     n = np.empty(a.shape, dtype=np.complex128)
@@ -347,8 +339,7 @@ def backlash_cycles(loop: Process, d: float) -> list[LimitCycle]:
     []
     """
     loop = _checked(loop)
-    if not (math.isfinite(d) and d > 0):
-        raise InputError(f"is {d}, must be greater than 0", parameter="d", value=d, bound="> 0")
+    d = check_number(d, "d", lambda x: x > 0, "greater than 0")
 
     def target(w: npt.ArrayLike) -> ComplexArray:
         return np.asarray(-1 / loop.response(w))
@@ -416,8 +407,7 @@ def relay_cycles(loop: Process, level: float) -> list[LimitCycle]:
     ['11.0 s, True', '3.1 s, False', '1.8 s, False']
     """
     loop = _checked(loop)
-    if not (math.isfinite(level) and level > 0):
-        raise InputError(f"is {level}, must be greater than 0", parameter="level", value=level, bound="> 0")
+    level = check_number(level, "level", lambda x: x > 0, "greater than 0")
     w = loop.frequencies(per_decade=200)
     # Where dead time turns L further from one frequency to the next, a change of sign may stand for many crossings.
     w = w[: 1 + int(np.argmax(np.append(loop.dead_time * np.diff(w), math.inf) > 1.0))]
@@ -516,6 +506,8 @@ def backlash_margin(loop: Process) -> tuple[float, float]:
         return 0.0, 0.0
     w = loop.frequencies(per_decade=200)
     room = _room(loop, w)
+    if np.isinf(room).all():
+        return math.inf, float(w[-1])
     near = np.flatnonzero(room < 1.1 * room.min())
     fine = np.unique(np.linspace(w[np.maximum(near - 1, 0)], w[np.minimum(near + 1, w.size - 1)], 101))
     room = _room(loop, fine)
@@ -590,8 +582,7 @@ def phase_lead(loop: Process, margin: float) -> PhaseLead:
     ('(0.75 s + 1)/(0.18 s + 1), 1.50', [])
     """
     loop = _checked(loop)
-    if not (math.isfinite(margin) and margin > 1):
-        raise InputError(f"is {margin}, must be greater than 1", parameter="margin", value=margin, bound="> 1")
+    margin = check_number(margin, "margin", lambda x: x > 1, "greater than 1")
     if loop.integrators > 1:
         raise InputError(
             "has two integrators: no phase lead removes its limit cycle",
@@ -675,14 +666,8 @@ def nyquist_figure(
 
     from . import palette as paper
 
-    if not window > 0:
-        raise InputError(f"is {window}, must be greater than 0", parameter="window", value=window, bound="> 0")
-    if isinstance(loops, Mapping):
-        named = dict(loops)
-    elif isinstance(loops, list | tuple):
-        named = {f"L{i}(iω)": loop for i, loop in enumerate(loops, start=1)} if len(loops) > 1 else {"L(iω)": loops[0]}
-    else:
-        named = {"L(iω)": loops}
+    window = check_number(window, "window", lambda x: x > 0, "greater than 0")
+    named = _named(loops)
     figure = go.Figure()
     if criteria:
         figure.add_shape(
@@ -708,21 +693,7 @@ def nyquist_figure(
         met += [complex(loop.response(cycle.w)) for cycle in backlash_cycles(loop, 1.0)] if backlash else []
     dashed = {"color": paper.INK, "width": 1.5, "dash": "dash"}
     if backlash:
-        x = np.linspace(-0.999, 1, 800)
-        curve = negative_inverse(_n_of_x(x))
-        figure.add_scatter(
-            x=curve.real,
-            y=curve.imag,
-            customdata=1 / (1 - np.minimum(x, 1 - 1e-9)),
-            name="−1/N(A) of a gap",
-            mode="lines",
-            line=dashed,
-            hovertemplate="A = %{customdata:.3f} d",
-        )
-        if met:
-            at = np.array(met)
-            marker = {"color": paper.TOO_WIDE, "size": 10, "symbol": "circle-open", "line": {"width": 2}}
-            figure.add_scatter(x=at.real, y=at.imag, name="limit cycle", mode="markers", marker=marker)
+        _draw_backlash(figure, met, dashed)
     if relay:
         figure.add_scatter(x=[-4 * window, 0], y=[0, 0], name="−1/N(A) of a relay", mode="lines", line=dashed)
     figure.add_scatter(x=[-1], y=[0], name="−1", mode="markers", marker={"color": paper.INK, "symbol": "x", "size": 8})
@@ -735,15 +706,49 @@ def nyquist_figure(
         legend={"orientation": "h", "y": 1.08},
     )
     figure.update_xaxes(
-        title="Re", range=[-window, window / 3], zeroline=True, zerolinecolor=paper.MUTED, constrain="domain"
+        title="Re L(iω)", range=[-window, window / 3], zeroline=True, zerolinecolor=paper.MUTED, constrain="domain"
     )
     figure.update_yaxes(
-        title="Im", range=[-window, window / 3], scaleanchor="x", zeroline=True, zerolinecolor=paper.MUTED
+        title="Im L(iω)", range=[-window, window / 3], scaleanchor="x", zeroline=True, zerolinecolor=paper.MUTED
     )
     return figure
 
 
+def _draw_backlash(figure: go.Figure, met: Sequence[complex], line: Mapping[str, Any]) -> None:
+    """Draw −1/N(A) of a gap, and the limit cycles where loops meet it."""
+    from . import palette as paper
+
+    x = np.linspace(-0.999, 1, 800)
+    curve = negative_inverse(_n_of_x(x))
+    figure.add_scatter(
+        x=curve.real,
+        y=curve.imag,
+        customdata=1 / (1 - np.minimum(x, 1 - 1e-9)),
+        name="−1/N(A) of a gap",
+        mode="lines",
+        line=line,
+        hovertemplate="A = %{customdata:.3f} d",
+    )
+    if met:
+        at = np.array(met)
+        marker = {"color": paper.TOO_WIDE, "size": 10, "symbol": "circle-open", "line": {"width": 2}}
+        figure.add_scatter(x=at.real, y=at.imag, name="limit cycle", mode="markers", marker=marker)
+
+
 # --- Reading arguments ----------------------------------------------------------------------------------------------
+
+
+def _named(loops: Any) -> dict[str, Any]:
+    """Loops by the names that a legend shows."""
+    if isinstance(loops, Mapping):
+        named = dict(loops)
+    elif isinstance(loops, list | tuple) and len(loops) != 1:
+        named = {f"L{i}(iω)": loop for i, loop in enumerate(loops, start=1)}
+    else:
+        named = {"L(iω)": loops[0] if isinstance(loops, list | tuple) else loops}
+    if not named:
+        raise InputError("is empty, give one loop or more", parameter="loops", value=loops, bound="one loop or more")
+    return named
 
 
 def _checked(loop: Any) -> Plant:
@@ -768,9 +773,7 @@ def _checked(loop: Any) -> Plant:
 
 def _at_least_zero(name: str, value: float) -> float:
     """A parameter, checked to be 0 or greater."""
-    if not (math.isfinite(value) and value >= 0):
-        raise InputError(f"is {value}, must be 0 or greater", parameter=name, value=value, bound="0 or greater")
-    return float(value)
+    return check_number(value, name, lambda x: x >= 0, "0 or greater")
 
 
 def _changes(values: Array) -> list[int]:

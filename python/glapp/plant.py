@@ -15,7 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _glapp
+from .checked import check_number, numbers_of
 from .errors import InputError
+from .palette import FONT, INK, SIGNAL
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["PLANTS", "Bode", "Plant", "Step"]
 
 _KEYS = "known keys: num, den, dead_time"
+
+_LINE = {"color": SIGNAL, "width": 2}
+_LOOK: dict[str, Any] = {"template": "plotly_white", "font": {"family": FONT, "color": INK}}
 
 _QUIET = 0.02
 """A loop gain below this no longer matters for stability or robustness."""
@@ -46,8 +51,8 @@ class Step(NamedTuple):
         """A zoomable figure."""
         import plotly.graph_objects as go
 
-        figure = go.Figure(go.Scatter(x=self.t, y=self.y))
-        return figure.update_layout(xaxis_title="t [s]", yaxis_title="y", template="simple_white", height=300)
+        figure = go.Figure(go.Scatter(x=self.t, y=self.y, line=_LINE))
+        return figure.update_layout(**_LOOK, xaxis_title="time [s]", yaxis_title="PV [per step of OP]", height=300)
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
         return self.plot()._repr_mimebundle_(include, exclude)
@@ -75,11 +80,11 @@ class Bode(NamedTuple):
         from plotly.subplots import make_subplots
 
         figure = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.06)
-        figure.add_scatter(x=self.w, y=self.magnitude, row=1, col=1, showlegend=False)
-        figure.add_scatter(x=self.w, y=self.phase, row=2, col=1, showlegend=False)
+        figure.add_scatter(x=self.w, y=self.magnitude, row=1, col=1, line=_LINE, showlegend=False)
+        figure.add_scatter(x=self.w, y=self.phase, row=2, col=1, line=_LINE, showlegend=False)
         figure.update_xaxes(type="log").update_xaxes(title="ω [rad/s]", row=2)
         figure.update_yaxes(type="log", title="magnitude", row=1).update_yaxes(title="phase [°]", row=2)
-        return figure.update_layout(template="simple_white", height=420)
+        return figure.update_layout(**_LOOK, height=420)
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
         return self.plot()._repr_mimebundle_(include, exclude)
@@ -132,16 +137,10 @@ class Plant:
             raise InputError(
                 f"is of degree {len(top) - 1}, must be {bound}", parameter="num", value=tuple(num), bound=bound
             )
-        if not (isinstance(dead_time, int | float | np.number) and math.isfinite(dead_time) and dead_time >= 0):
-            raise InputError(
-                f"is {dead_time!r}, must be 0 s or greater",
-                parameter="dead_time",
-                value=dead_time,
-                bound="0 s or greater",
-            )
+        dead_time = check_number(dead_time, "dead_time", lambda x: x >= 0, "0 s or greater")
         object.__setattr__(self, "num", top)
         object.__setattr__(self, "den", bottom)
-        object.__setattr__(self, "dead_time", float(dead_time))
+        object.__setattr__(self, "dead_time", dead_time)
 
     @classmethod
     def of(cls, process: Any) -> Plant:
@@ -222,12 +221,13 @@ class Plant:
         if isinstance(other, Plant):
             num, den = np.polymul(self.num, other.num), np.polymul(self.den, other.den)
             return Plant(num.tolist(), den.tolist(), self.dead_time + other.dead_time)
-        return Plant([other * b for b in self.num], self.den, self.dead_time)
+        gain = check_number(other, "gain", lambda x: x != 0, "a number other than 0, or a Plant")
+        return Plant([gain * b for b in self.num], self.den, self.dead_time)
 
     __rmul__ = __mul__
 
     def delayed(self, dead_time: float) -> Plant:
-        """The process with another `dead_time` ≥ 0 [s]."""
+        """The process with `dead_time` ≥ 0 [s] more."""
         return self * Plant([1], [1], dead_time)
 
     @property
@@ -281,7 +281,7 @@ class Plant:
 
     def at(self, s: npt.ArrayLike) -> npt.NDArray[np.complex128]:
         """P(s) at complex s [1/s], any shape."""
-        s = np.asarray(s, dtype=np.complex128)
+        s = numbers_of(s, "s", dtype=np.complex128)
         with np.errstate(divide="ignore", invalid="ignore"):
             value = np.polyval(self.num, s) / np.polyval(self.den, s)
         return np.asarray(value * np.exp(-self.dead_time * s) if self.dead_time else value, dtype=np.complex128)
@@ -299,14 +299,20 @@ class Plant:
         >>> complex(np.round(PLANTS["P2"].response(1.0), 12))
         (-0.25-0j)
         """
-        return self.at(1j * np.asarray(w, dtype=np.float64))
+        return self.at(1j * numbers_of(w, "w"))
 
     def frequencies(self, per_decade: int = 60) -> npt.NDArray[np.float64]:
         """Frequencies [rad/s], ascending, on which nothing of P(iω) is missed.
 
         Logarithmic from far below the slowest corner to far above the fastest; denser where a pole near the axis makes
         a resonance, and where dead time turns the curve while it is still large (against its value at the corners).
+
+        Parameters
+        ----------
+        per_decade : int
+            Frequencies in each decade, 1..10⁶.
         """
+        check_number(per_decade, "per_decade", lambda x: 1 <= x <= 1e6, "1 to 1 000 000")
         corners = np.abs(np.concatenate([self.poles, self.zeros]))
         corners = np.append(corners[corners > 0], [1 / self.dead_time] if self.dead_time else [])
         if corners.size == 0:
@@ -340,7 +346,7 @@ class Plant:
         >>> len(t), round(float(y[-1]), 1)
         (400, 1.0)
         """
-        at = np.linspace(0.0, self._horizon(), 400) if t is None else np.asarray(t, dtype=np.float64)
+        at = np.linspace(0.0, self._horizon(), 400) if t is None else numbers_of(t, "t")
         return Step(at, self.step_response(at))
 
     def bode(self, w: npt.ArrayLike | None = None) -> Bode:
@@ -357,7 +363,7 @@ class Plant:
         >>> round(float(magnitude[0]), 3), round(float(phase[0]))
         (0.707, -45)
         """
-        at = self.frequencies() if w is None else np.asarray(w, dtype=np.float64)
+        at = self.frequencies() if w is None else np.atleast_1d(numbers_of(w, "w", "greater than 0", lambda x: x > 0))
         response = self.response(at)
         return Bode(at, np.abs(response), np.degrees(np.unwrap(np.angle(response))))
 
@@ -388,7 +394,7 @@ class Plant:
         >>> PLANTS["P4"].step_response([3.9, 6.0]).round(4)
         array([0.    , 0.6321])
         """
-        t = np.asarray(t, dtype=np.float64)
+        t = numbers_of(t, "t")
         a, c = self._companion()
         y = np.zeros(t.shape)
         late = t >= self.dead_time
@@ -446,8 +452,9 @@ def _zeros_at_end(coefficients: Sequence[float]) -> int:
 def _coefficients(name: str, values: Any) -> tuple[float, ...]:
     """Coefficients without zeros in front."""
     try:
-        numbers = [float(c) for c in np.atleast_1d(values)]
-    except (TypeError, ValueError):
+        given = np.atleast_1d(values)
+        numbers = [math.nan] if np.any(np.imag(given)) else [float(c) for c in np.real(given)]
+    except (TypeError, ValueError, OverflowError):
         numbers = [math.nan]
     if not all(math.isfinite(c) for c in numbers):
         raise InputError(f"is {values!r}, must be finite numbers", parameter=name, value=values, bound="finite numbers")

@@ -19,7 +19,7 @@ import pyarrow.parquet
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
 
 from . import _glapp
-from .checked import Checked
+from .checked import Checked, check_number
 from .controller import Controller, Ideal, NotNegative, Positive, Span
 from .errors import InputError
 from .plant import PLANTS, Plant
@@ -248,6 +248,7 @@ def _controller(given: Any) -> Any:
         raise InputError(
             "write (k, ti), (k, ti, td) or (k, ti, td, b), or give a Controller or a Tuning", value=given
         ) from None
+    check_number(k, "k", lambda x: x != 0, "other than 0")
     td, b = (*rest, *(0.0, 1.0)[len(rest) :])
     return Controller(k=abs(k), ti=ti, td=td, setpoint_weight=b, action="direct" if k < 0 else "reverse")
 

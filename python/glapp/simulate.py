@@ -20,6 +20,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
@@ -30,6 +31,7 @@ import pyarrow.csv
 from rich.progress import Progress
 
 from . import _glapp
+from .checked import check_number
 from .errors import InputError
 from .notebook import table
 from .recording import AT_HIGH, AT_LOW, NOT_AUTO
@@ -263,6 +265,9 @@ def run_many(
     >>> [round(d, 3) for d in table["d_hat"].to_pylist()]
     [0.049, 0.051, 0.05]
     """
+    if not isinstance(scenarios, Iterable):
+        bound = "a list of Scenario"
+        raise InputError(f"is {scenarios!r}, must be {bound}", parameter="scenarios", value=scenarios, bound=bound)
     given = list(scenarios)
     if keep not in ("signals", "estimate"):
         raise InputError(f"is {keep!r}, must be 'signals' or 'estimate'", parameter="keep", value=keep)
@@ -373,7 +378,7 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
     Parameters
     ----------
     n : int
-        Number of samples.
+        Number of samples, 0..10⁹.
     h : float
         Time between samples [s], > 0.
     rate : float
@@ -393,10 +398,12 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
     >>> bool(np.array_equal(s.load, walk))
     True
     """
-    if not 0 <= seed < 2**64:
-        raise InputError(f"is {seed}, must be 0..2⁶⁴ − 1", parameter="seed", value=seed, bound="0..2⁶⁴ − 1")
-    if n < 0:
-        raise InputError(f"is {n}, must be 0 or greater", parameter="n", value=n, bound="≥ 0")
+    if not (isinstance(seed, Integral) and 0 <= seed < 2**64):
+        bound = "a whole number, 0..2⁶⁴ − 1"
+        raise InputError(f"is {seed!r}, must be {bound}", parameter="seed", value=seed, bound=bound)
+    n = int(check_number(n, "n", lambda x: 0 <= x <= 1e9 and x == int(x), "a whole number, 0..10⁹"))
+    h = check_number(h, "h", lambda x: x > 0, "greater than 0 s")
+    rate = check_number(rate, "rate", lambda x: x >= 0, "0 or greater")
     try:
         return _glapp.random_walk(n, h, rate, seed)
     except ValueError as error:
@@ -405,6 +412,9 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
 
 def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
     """A scenario for the core, checked."""
+    if not isinstance(scenario, Scenario):
+        bound = "a Scenario"
+        raise InputError(f"is {scenario!r}, must be {bound}", parameter="scenario", value=scenario, bound=bound)
     settings = scenario.detector(scenario.filter_time()) if watch else None
     try:
         return _glapp.Scenario(scenario.for_rust(), settings)

@@ -606,11 +606,11 @@ def figure_7_11() -> Shown:
         figure, (diagram, top, bottom) = style.panels(3, height=7.4, share=False, ratios=(0.8, 1.5, 2))
         style.blocks(
             diagram,
-            ("linear PID", "compensation\nby sign(e)", "gap", "process"),
+            ("linear PID", "± δ/2\nby sign(e)", "gap", "process"),
             (style.OP, style.WRONG, style.POSITION, style.FILTERED),
             back="PV",
         )
-        diagram.annotate("more than the gap: together a relay", (1.5, 0.29), ha="center", color=style.WRONG, fontsize=9)
+        diagram.annotate("more than the gap: together a relay", (1.5, 0.31), ha="center", color=style.WRONG, fontsize=9)
         top.plot(signals.t, PERCENT * signals.pv, color=style.PV, linewidth=0.8, label="PV")
         top.plot(signals.t, PERCENT * signals.sp, **style.NARROW, label="SP")
         top.axvline(300.0, color=style.MUTED, linewidth=0.8, linestyle=":")
@@ -626,7 +626,7 @@ def figure_7_11() -> Shown:
                 row - 0.18, even_share, color=style.WRONG, height=0.36, label="code block 7.1" if row == 0 else None
             )
             if ours_share is not None:
-                label = "relay or gap" if row == len(rows) - 1 else None
+                label = "glapp: relay or gap" if row == len(rows) - 1 else None
                 bottom.barh(row + 0.18, ours_share, color=style.DETECTION, height=0.36, label=label)
         bottom.set_yticks(range(len(rows)), [name for name, *_ in rows])
         bottom.set(xlabel="share of half-periods with a warning [%]", ylabel="compensated in P1", xlim=(0, 112))

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..checked import check_number
 from ..controller import Controller, Ideal
 from ..errors import InputError
 from ..notebook import table
 from ..plant import Plant
 from .fotd import Fotd
 from .integrating import Integrating
-from .process import Array, Process, check, root
+from .process import Array, Process, root
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -103,8 +104,7 @@ def open_loop(plant: Process, controller: Sequence[float] | Tuning, tf: float = 
     """
     plant = plant_of(plant)
     k, ti, td, _ = ideal_of(controller)
-    if not (math.isfinite(tf) and tf >= 0):
-        raise InputError(f"is {tf}, must be 0 s or greater", parameter="tf", value=tf, bound="0 s or greater")
+    tf = check_number(tf, "tf", lambda x: x >= 0, "0 s or greater")
     lag = [tf * tf, 2 * tf, 1.0] if tf else [1.0]
     num = np.polymul(plant.num, [k * ti * td, k * ti, k] if td else [k * ti, k])
     den = np.polymul(np.polymul(plant.den, lag), [ti, 0.0])
@@ -267,7 +267,7 @@ def ideal_of(controller: Sequence[float] | Tuning) -> Ideal:
     if not 2 <= len(numbers) <= 4:
         raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b)", parameter="controller", value=controller)
     ideal = Ideal(*[*numbers, 0.0, 0.0][:4])
-    check("k", ideal.k, lambda x: x != 0, "other than 0")
-    check("ti", ideal.ti, lambda x: x > 0, "greater than 0 s")
-    check("td", ideal.td, lambda x: x >= 0, "0 s or greater")
+    check_number(ideal.k, "k", lambda x: x != 0, "other than 0")
+    check_number(ideal.ti, "ti", lambda x: x > 0, "greater than 0 s")
+    check_number(ideal.td, "td", lambda x: x >= 0, "0 s or greater")
     return ideal

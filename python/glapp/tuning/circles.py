@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from ..checked import check_number
 from ..errors import InputError
 from ..plant import Plant
 from .process import Array
@@ -22,8 +23,8 @@ def circles_of(m: float | None, ms: float | None, mt: float | None) -> tuple[Cir
     if m is not None and (ms is not None or mt is not None):
         raise InputError("bounds Ms and Mt together: give it, or ms and mt", parameter="m", value=m)
     for name, value in (("m", m), ("ms", ms), ("mt", mt)):
-        if value is not None and not (math.isfinite(value) and value > 1):
-            raise InputError(f"is {value}, must be greater than 1", parameter=name, value=value, bound="> 1")
+        if value is not None:
+            check_number(value, name, lambda x: x > 1, "greater than 1")
     circles, words = [], []
     if m is not None:
         circles.append(((2 * m * m - 2 * m + 1) / (2 * m * (m - 1)), (2 * m - 1) / (2 * m * (m - 1))))

@@ -10,9 +10,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from ..checked import check_number, numbers_of
 from ..errors import InputError
 from ..plant import Plant
-from .process import Array, Process, check
+from .process import Array, Process
 
 Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
 """Limit of a process's control (thesis 4.1)."""
@@ -47,13 +48,14 @@ class Fotd:
     l: float  # noqa: E741 - the symbol in every source
 
     def __post_init__(self) -> None:
-        check("kp_process", self.kp_process, lambda x: x != 0, "other than 0")
-        check("t", self.t, lambda x: x >= 0, "0 s or greater")
-        check("l", self.l, lambda x: x >= 0, "0 s or greater")
+        check_number(self.kp_process, "kp_process", lambda x: x != 0, "other than 0")
+        check_number(self.t, "t", lambda x: x >= 0, "0 s or greater")
+        check_number(self.l, "l", lambda x: x >= 0, "0 s or greater")
 
     @property
     def tau(self) -> float:
-        """Normalised dead time L/(L + T), 0..1."""
+        """Normalised dead time L/(L + T), 0..1; of a model with neither there is none."""
+        check_number(self.l + self.t, "t + l", lambda x: x > 0, "greater than 0 s for a normalised dead time")
         return self.l / (self.l + self.t)
 
     @property
@@ -227,15 +229,14 @@ def fotd_from_step(t: npt.ArrayLike, y: npt.ArrayLike, u_step: float) -> Fotd:
     >>> round(model.kp_process, 3), round(model.l, 2), round(model.t, 2)
     (1.0, 1.42, 2.93)
     """
-    t, y = np.asarray(t, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    t, y = numbers_of(t, "t"), numbers_of(y, "y")
     if t.ndim != 1 or t.shape != y.shape or t.size < 20:
         raise InputError(
             f"have shapes {t.shape} and {y.shape}, must be equally long, 20 samples or more", column="t, y"
         )
-    if not (np.isfinite(t).all() and np.isfinite(y).all() and np.all(np.diff(t) > 0) and t[-1] > 0):
-        raise InputError("must be finite numbers, t ascending and beyond the step at 0", column="t, y")
-    if not (math.isfinite(u_step) and u_step != 0):
-        raise InputError(f"is {u_step}, must be other than 0", parameter="u_step", value=u_step, bound="≠ 0")
+    if not (np.all(np.diff(t) > 0) and t[-1] > 0):
+        raise InputError("must be ascending and go beyond the step at 0", column="t")
+    u_step = check_number(u_step, "u_step", lambda x: x != 0, "other than 0")
     before = t < 0
     start = float(y[before].mean()) if before.any() else float(y[0])
     t, y = t[~before], y[~before]

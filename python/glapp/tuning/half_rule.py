@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ..errors import InputError
 from ..plant import Plant
-from .process import Kind, Process, stable
+from .process import Kind, Process, kind_of, stable
 
 
 def half_rule(plant: Process, kind: Kind = "PI") -> tuple[float, float, float, float]:
@@ -28,7 +28,8 @@ def half_rule(plant: Process, kind: Kind = "PI") -> tuple[float, float, float, f
     Returns
     -------
     (gain, t, t2, l) : float
-        Kp, or Kv with an integrator, for which t is infinite; lags t ≥ t2 ≥ 0 and dead time l [s].
+        Kp, or Kv with an integrator, for which t is infinite; lags t and t2 ≥ 0 and dead time l [s]. For PI t2 is 0.
+        For PID half of a lag that is left out may make t2 the longer one.
 
     Examples
     --------
@@ -38,6 +39,7 @@ def half_rule(plant: Process, kind: Kind = "PI") -> tuple[float, float, float, f
     (1.0, 1.0, 1.5, 1.5)
     """
     plant = stable(Plant.of(plant))
+    kind = kind_of(kind)
     poles, zeros = plant.poles, plant.zeros
     # A multiple real pole is found as a small ring around it.
     if np.any(np.abs(poles.imag) > 0.05 * np.abs(poles)):

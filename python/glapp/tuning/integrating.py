@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..checked import check_number
 from ..errors import InputError
 from ..plant import Plant
-from .process import Process, check
+from .process import Process
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +33,8 @@ class Integrating:
     l: float  # noqa: E741
 
     def __post_init__(self) -> None:
-        check("kv", self.kv, lambda x: x != 0, "other than 0")
-        check("l", self.l, lambda x: x >= 0, "0 s or greater")
+        check_number(self.kv, "kv", lambda x: x != 0, "other than 0")
+        check_number(self.l, "l", lambda x: x >= 0, "0 s or greater")
 
     @property
     def plant(self) -> Plant:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..checked import check_number
 from ..errors import InputError
 from ..plant import Plant
 from .assess import Tuning, assess, plant_of
@@ -83,7 +84,7 @@ def migo(
     ms, mt = Ms if ms is None else ms, Mt if mt is None else mt
     plant = stable(plant_of(plant))
     circles, bound = circles_of(m, ms, mt)
-    sign = sign_of(plant)
+    sign, tf = sign_of(plant), check_number(tf, "tf", lambda x: x >= 0, "0 s or greater")
     k, ki, kd = _greatest_ki(_filtered(plant, tf) * sign, circles, kind_of(kind) == "PID")
     source = "Åström, Panagopoulos & Hägglund, Automatica 34 (1998); Åström & Hägglund, J. Process Control 14 (2004)"
     return assess(plant, (sign * k, k / ki, kd / k), tf=tf, rule=f"MIGO ({bound}) {kind}", source=source)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, Literal
 
@@ -40,21 +39,9 @@ def sign_of(plant: Plant) -> float:
     return plant.sign
 
 
-def check(name: str, value: float, good: Callable[[float], bool], bound: str) -> None:
-    """Refuse what is no finite number, or out of its bound."""
-    number = isinstance(value, int | float | np.number)
-    if not (number and math.isfinite(value) and good(value)):
-        raise InputError(
-            f"is {format(value, 'g') if number else repr(value)}, must be {bound}",
-            parameter=name,
-            value=value,
-            bound=bound,
-        )
-
-
 def kind_of(kind: Kind) -> Kind:
     """The kind, refused where it is none."""
-    if kind not in ("PI", "PID"):
+    if not (isinstance(kind, str) and kind in ("PI", "PID")):
         raise InputError(f"is {kind!r}, must be 'PI' or 'PID'", parameter="kind", value=kind, bound="'PI' or 'PID'")
     return kind
 

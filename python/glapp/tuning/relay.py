@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import _glapp, modules
+from ..checked import check_limits, check_number, numbers_of
 from ..errors import InputError
 from ..plant import Plant
 from .assess import Tuning, assess
-from .process import Kind, Process, sign_of
+from .process import Kind, Process, kind_of, sign_of
 from .ultimate import ultimate
 
 Rule = Literal["point_placement", "ziegler_nichols", "amigo"]
@@ -74,10 +75,13 @@ class RelayExperiment:
         InputError
             Where the experiment found too little for the rule, and for an unstable closed loop.
         """
+        if not (isinstance(rule, str) and rule in _SOURCES):
+            bound = " or ".join(repr(name) for name in _SOURCES)
+            raise InputError(f"is {rule!r}, must be {bound}", parameter="rule", value=rule, bound=bound)
         if self.ku is None or self.tu is None:
             raise InputError(f"found nothing to tune by: {self.stop}", parameter="experiment")
         try:
-            k, ti, td = _glapp.tuned_by((self.ku, self.tu, self.kp_process, self.kappa), rule, kind)
+            k, ti, td = _glapp.tuned_by((self.ku, self.tu, self.kp_process, self.kappa), rule, kind_of(kind))
         except ValueError as error:
             raise InputError(str(error), parameter="rule", value=rule) from None
         title = f"{rule.replace('_', ' ')} {kind} after a relay experiment"
@@ -147,17 +151,21 @@ def relay_experiment(
     """
     process = Plant.of(plant)
     period = ultimate(process).tu
-    step = period / 100 if h is None else h
-    wait = period if wait is None else wait
-    longest = 60 * period if longest is None else longest
-    if not amplitude > 0:
-        raise InputError(f"is {amplitude}, must be > 0", parameter="amplitude", value=amplitude, bound="> 0")
+    step, wait, longest = (
+        check_number(ours if given is None else given, name, lambda x: x > 0, "greater than 0 s")
+        for name, given, ours in (("h", h, period / 100), ("wait", wait, period), ("longest", longest, 60 * period))
+    )
+    amplitude = check_number(amplitude, "amplitude", lambda x: x > 0, "greater than 0")
+    d, known_d, noise = (
+        check_number(value, name, lambda x: x >= 0, "0 or greater")
+        for name, value in (("d", d), ("known_d", known_d), ("noise", noise))
+    )
     tuner = modules.AutoTuner(
         sign_of(process) * amplitude,
         wait,
         longest,
-        *pv_limits,
-        *op_limits,
+        *_limits("pv_limits", pv_limits),
+        *_limits("op_limits", op_limits),
         relay_hysteresis=relay_hysteresis,
         d=known_d,
     )
@@ -174,8 +182,13 @@ def relay_experiment(
         ["op -> tuner.in", "tuner -> gap -> process -> noise -> tuner.pv", "load -> process.load"],
     )
     n = int(longest / step) + 2
+    return _experiment(process, graph, (n + 0.5) * step, _load(load, n, step))
+
+
+def _experiment(process: Plant, graph: modules.Graph, t: float, load: npt.NDArray[np.float64]) -> RelayExperiment:
+    """Run the graph for `t` seconds, and read what its autotuner found."""
     graph["tuner.run"] = 1
-    recorded = graph.run((n + 0.5) * step, record=["noise", "tuner", "tuner.phase"], load=_load(load, n, step))
+    recorded = graph.run(t, record=["noise", "tuner", "tuner.phase"], load=load)
     phase = recorded["tuner.phase"].astype(np.int8)
     end = int(np.argmax(phase >= _DONE)) + 1
     found = [graph[f"tuner.{name}"] for name in ("ku", "tu", "kp", "kappa")]
@@ -198,9 +211,22 @@ def relay_experiment(
 def _load(load: Sequence[tuple[float, float]] | npt.NDArray[np.float64], n: int, h: float) -> npt.NDArray[np.float64]:
     """One value a sample."""
     values = np.zeros(n)
-    if isinstance(load, np.ndarray):
-        values[: len(load)] = load[:n]
+    given = numbers_of(load, "load", "[(time, value), …], or an array with one number a sample")
+    if isinstance(load, np.ndarray) and load.ndim == 1:
+        values[: given.size] = given[:n]
         return values
-    for t, value in load:
+    if given.size and (given.ndim != 2 or given.shape[1] != 2):
+        bound = "[(time, value), …], or an array with one number a sample"
+        raise InputError(f"is {load!r}, must be {bound}", parameter="load", value=load, bound=bound)
+    for t, value in given.reshape(-1, 2):
         values[max(0, round(t / h)) :] = value
     return values
+
+
+def _limits(name: str, limits: tuple[float, float]) -> tuple[float, float]:
+    """Bounds of a signal, refused where they are none."""
+    found = numbers_of(limits, name, "(low, high)")
+    if found.shape != (2,):
+        raise InputError(f"is {limits!r}, must be (low, high)", parameter=name, value=limits, bound="(low, high)")
+    check_limits((float(found[0]), float(found[1])), name)
+    return float(found[0]), float(found[1])

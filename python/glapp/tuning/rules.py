@@ -7,13 +7,14 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from .. import _glapp
+from ..checked import check_number
 from ..errors import InputError
 from ..plant import Plant
 from .assess import Tuning, assess, plant_of
 from .fotd import Fotd, fotd, tangent
 from .half_rule import half_rule
 from .integrating import Integrating, integrating
-from .process import Kind, Process, check, kind_of
+from .process import Kind, Process, kind_of
 from .ultimate import ultimate
 
 _ZN = "Ziegler & Nichols, Trans. ASME 64 (1942)"
@@ -245,12 +246,11 @@ def _model(process: Process) -> tuple[Fotd | Integrating, Plant]:
 
 def _time(name: str, value: float) -> float:
     """A time constant that is wished for [s], refused where it is none."""
-    check(name, value, lambda x: x > 0, "greater than 0 s")
-    return float(value)
+    return check_number(value, name, lambda x: x > 0, "greater than 0 s")
 
 
 def _table(table: str) -> str:
-    if table not in _TABLES:
+    if not (isinstance(table, str) and table in _TABLES):
         bound = "'textbook' or 'original'"
         raise InputError(f"is {table!r}, must be {bound}", parameter="table", value=table, bound=bound)
     return table

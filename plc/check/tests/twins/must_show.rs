@@ -236,7 +236,7 @@ fn torn<R: Number>() {
             .filter(|one| one.retained && !one.path().ends_with("StateVersion"))
             .map(|one| one.path())
             .collect();
-        assert!(retained.len() > 300, "{name}: {}", retained.len());
+        assert!(retained.len() > 250, "{name}: {}", retained.len());
         let mut shown = 0;
         for seed in 0..30 {
             let mut draw = Draw::new(50_000 + seed);

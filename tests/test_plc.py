@@ -326,7 +326,7 @@ def test_a_program_of_ones_own_runs_as_the_page_shows(my_loop):
     assert coarse / fine == pytest.approx(1.1, abs=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("build", BUILDS)
 def test_the_examples_of_the_pages_can_be_pasted(tmp_path, build):
     """With the variables of the reader's own declared: each line gives what it says, settings and all."""

@@ -72,11 +72,82 @@ def tools() -> Path:
     return out
 
 
+def made_of(compiler: str, text: str, driver: Path, folder: Path, flags: list[str]) -> Path:
+    """A C program of ours with this text as the compiler understands it."""
+    at = tools()
+    (folder / "all.st").write_text(text)
+    flags = ["-O2", "-ffp-contract=off", "-w", f"-I{folder}", *flags]
+    out = folder / driver.stem
+    if compiler == "matiec":
+        library = at / "matiec/lib"
+        run(at / "matiec/iec2c", "-f", "-p", "-I", library, "all.st", folder=folder)
+        run("gcc", *flags, f"-I{library / 'C'}", driver, "-lm", "-o", out, folder=folder)
+    else:
+        run("node", at / "strucpp/dist/node/cli.js", "all.st", "-o", "out.cpp", "--no-line-mapping", folder=folder)
+        headers = [f"-I{at / 'strucpp/src/runtime/include'}", "-std=c++17", "-x", "c++"]
+        run("g++", *flags, *headers, driver, "-o", out, folder=folder)
+    return out
+
+
+def of_examples(compiler: str, build: str, folder: Path) -> list[list[str]]:
+    """What the examples of the pages give: `plc/check/foreign/examples.c`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (_, library), *_ = package.structured_text(package.library(build), build)
+    text = "\n".join([library, *examples(build)])
+    names = re.findall(r"PROGRAM (GlappExample\d+)\nVAR_OUTPUT\n    Wrong : INT;", text)
+    (folder / "examples.inc").write_text("".join(f"RUN({name.upper()})\n" for name in names))
+    program = made_of(compiler, text, HERE / "check/foreign/examples.c", folder, ["-O1"])
+    return [line.split(",") for line in run(program).splitlines()]
+
+
 def texts(build: str) -> str:
     """The library as it is shipped, in one file, and a block of the tests that has the functions on its pins."""
     tries = (HERE / "check/tests/tries/TryFunctions.st").read_text().replace("LREAL", build)
     (_, text), *_ = package.structured_text(package.library(build), build)
     return f"{text}\n{tries}"
+
+
+def examples(build: str) -> list[str]:
+    """Programs with each example of docs/plc.md and plc/blocks.md, as a reader pastes it and declares its variables."""
+    units = {unit.name: unit for unit in package.library(build)}
+    found = []
+    for page in ("docs/plc.md", "plc/blocks.md"):
+        for section in re.split(r"(?m)^##+ ", (ROOT / page).read_text(encoding="utf-8")):
+            name = section.split("\n", 1)[0]
+            for text in re.findall(r"(?ms)^ *```st\n(.*?)^ *```", section):
+                whole = re.match(r"(?:PROGRAM|FUNCTION_BLOCK) (\w+)", text)
+                unit = f"GlappExample{len(found)}"
+                if whole and whole[1] == "MyLoop":
+                    unit = "MyLoop"
+                body = text.replace(whole[1], unit) if whole else around(text, unit, units, name)
+                found.append(body.replace("LREAL", build))
+    return found
+
+
+def around(text: str, name: str, units: dict[str, package.Unit], section: str) -> str:
+    """A program around the lines of an example: its variables, and `Wrong`, the first line that gives other numbers.
+
+    The one block that an example calls is that of the section, or has its name after `Glapp`.
+    """
+    lines, numbers = [], 0
+    block = re.search(r"(?m)^ *(\w+)\(", text)[1]  # type: ignore[index]
+    unit = units[section if section in units else f"Glapp{block}"]
+    for line in text.splitlines():
+        code, _, claims = line.partition("(*") if re.match(r" *\w+\(", line) else (line, "", "")
+        lines.append(f"    {code.strip()}")
+        for claim in filter(None, claims.strip(" *)").split(", ")):
+            pin, value = claim.split(" = ")
+            numbers += 1
+            what = f"{block}.{pin}"
+            same = {"TRUE": what, "FALSE": f"NOT {what}"}.get(value, f"{what} = {value}")
+            if "." in value:
+                same = f"ABS({what} - ({value})) <= {1e-5 * (1.0 + abs(float(value))):.12f}"
+            lines += [f"    Good := {same};", f"    IF NOT Good AND (Wrong = 0) THEN Wrong := {numbers}; END_IF;"]
+    pins = {var.name: var.type for var in unit.vars("VAR_INPUT")}
+    handed = sorted(set(re.findall(r"\b(\w+) := \1\b", text)))
+    held = [f"    {pin} : {pins[pin]};" for pin in handed]
+    head = [f"PROGRAM {name}", "VAR_OUTPUT", "    Wrong : INT;", "END_VAR", "VAR", f"    {block} : {unit.name};"]
+    return "\n".join([*head, *held, "    Good : BOOL;", "END_VAR", *lines, "END_PROGRAM", ""])
 
 
 def compiled(compiler: str, build: str, folder: Path, literals: str = "as they are", foreign: str = "") -> Path:
@@ -86,25 +157,13 @@ def compiled(compiler: str, build: str, folder: Path, literals: str = "as they a
     and rounded at its end. With `literals` "of 32 bits" the C compiler takes them as `float`, as IEC 61131-3 means them
     beside a REAL. `foreign` is the program of that name, made by cargo where it is not given.
     """
-    at = tools()
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "all.st").write_text(texts(build))
     words = [foreign] if foreign else ["cargo", "run", *PACKAGE, "--example", "foreign", "--"]
     (folder / "table.inc").write_text(run(*words, compiler, build))
-    flags = ["-O2", "-ffp-contract=off", "-w", f"-I{folder}", f'-DBUILD="{build}"']
+    flags = [f'-DBUILD="{build}"']
     if literals == "of 32 bits":
         flags.append("-fsingle-precision-constant")
-    driver = HERE / "check/foreign/driver.c"
-    if compiler == "matiec":
-        library = at / "matiec/lib"
-        run(at / "matiec/iec2c", "-f", "-p", "-I", library, "all.st", folder=folder)
-        made = [f"-I{library / 'C'}", driver, "-lm"]
-        run("gcc", *flags, *made, "-o", folder / "driver", folder=folder)
-    else:
-        run("node", at / "strucpp/dist/node/cli.js", "all.st", "-o", "out.cpp", "--no-line-mapping", folder=folder)
-        made = [f"-I{at / 'strucpp/src/runtime/include'}", "-std=c++17", "-x", "c++", driver]
-        run("g++", *flags, *made, "-o", folder / "driver", folder=folder)
-    return folder / "driver"
+    return made_of(compiler, texts(build), HERE / "check/foreign/driver.c", folder, flags)
 
 
 def traces(folder: Path, twins: str = "") -> list[Path]:

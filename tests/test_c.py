@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
@@ -25,6 +26,7 @@ ROOT = Path(__file__).parents[1]
 HEADER = ROOT / "crates/capi/include/glapp.h"
 FFI = ROOT / "crates/capi/src/ffi.rs"
 EXAMPLES = ROOT / "examples/c"
+EMBEDDED = ROOT / "crates/embedded"
 CATALOGUE = json.loads((ROOT / "vectors/catalogue.json").read_text(encoding="utf-8"))
 SYSTEM = ["-lm", "-lpthread", "-ldl"]
 
@@ -160,24 +162,45 @@ def output_of(program: Path, *arguments: str, fed: str = "") -> str:
     return done.stdout
 
 
-def test_the_programs_of_the_page_compile(tmp_path: Path) -> None:
-    compiler = shutil.which("cc")
+LANGUAGES = pytest.mark.parametrize(
+    "language", [("cc", "c", "-std=c99"), ("c++", "c++", "-std=c++11")], ids=["C", "C++"]
+)
+STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
+
+
+def is_taken(language: tuple[str, str, str], source: Path) -> None:
+    compiler = shutil.which(language[0])
     if compiler is None:
-        pytest.skip("there is no compiler for C here")
+        pytest.skip("there is no compiler for C and C++ here")
+    folders = ["-I", HEADER.parent, "-I", EMBEDDED / "include"]
+    command = [compiler, "-fsyntax-only", "-x", *language[1:], *STRICT, *folders, source]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@LANGUAGES
+def test_the_programs_of_the_page_compile(tmp_path: Path, language: tuple[str, str, str]) -> None:
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
-    # The functions for a microcontroller have a header of their own: test_embedded.py.
-    programs = [one for one in re.findall(r"```c\n(.*?)```", page, re.DOTALL) if "_f32(" not in one]
-    assert len(programs) == 3
-    around = "#include <glapp.h>\n#include <stdio.h>\n"
-    given = "glapp_graph *loop, const glapp_columns *columns, double pv, double seconds, double op"
-    around += f"void report({given});\nvoid report({given}) {{\n(void)op;"
-    around += "(void)loop; (void)columns; (void)pv; (void)seconds;\n"
+    programs = re.findall(r"```c\n(.*?)```", page, re.DOTALL)
+    assert len(programs) == 4 and sum("_f32(" in one for one in programs) == 1
     for number, program in enumerate(programs):
+        # The functions for a microcontroller have a header of their own, and numbers of 32 bits.
+        header, real = ("glapp_embedded.h", "float") if "_f32(" in program else ("glapp.h", "double")
+        given = f"{real} sp, {real} pv, {real} op, uint32_t flags, {real} seconds"
+        unused = "(void)sp; (void)pv; (void)op; (void)flags; (void)seconds;"
+        if real == "double":
+            given += ", glapp_graph *loop, const glapp_columns *columns"
+            unused += " (void)loop; (void)columns;"
+        head = f"#include <{header}>\n#include <stdio.h>\nvoid report({given});\nvoid report({given}) {{\n{unused}\n"
         source = tmp_path / f"{number}.c"
-        source.write_text(around + program + "}\n", encoding="utf-8")
-        command = [compiler, "-fsyntax-only", "-std=c99", "-Wall", "-Wextra", "-Werror", "-I", HEADER.parent, source]
-        done = subprocess.run(command, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
+        source.write_text(head + program + "}\n", encoding="utf-8")
+        is_taken(language, source)
+
+
+def test_the_examples_for_a_microcontroller_compile() -> None:
+    """The vector table was no C by the standard."""
+    for source in sorted((EMBEDDED / "example").glob("*.c")):
+        is_taken(("cc", "c", "-std=c99"), source)
 
 
 WAYS = pytest.mark.parametrize(("cpp", "shared"), [(False, True), (True, False)], ids=["C, shared", "C++, static"])
@@ -512,6 +535,49 @@ def graph(loaded: ctypes.CDLL, **settings: float) -> tuple[int, ctypes.c_void_p]
     handle = ctypes.c_void_p()
     sized = modules, ctypes.c_size_t(5), wires, ctypes.c_size_t(4)
     return loaded.glapp_graph_new(ctypes.c_double(1.0), *sized, ctypes.byref(handle)), handle
+
+
+def lagging(loaded: ctypes.CDLL) -> ctypes.c_void_p:
+    """A graph of a lag of 50 000 s behind an input of 1: each scan moves it by other bits."""
+    given = (Setting * 2)(Setting(b"gain", 1.0), Setting(b"t1", 5e4))
+    lag = Module(b"lag", b"ProcessSim", given, 2)
+    modules = (Module * 3)(Module(b"x", b"Input", None, 0), lag, Module(b"out", b"Output", None, 0))
+    wires = (ctypes.c_char_p * 2)(b"x -> lag", b"lag -> out")
+    handle = ctypes.c_void_p()
+    sized = (modules, ctypes.c_size_t(3), wires, ctypes.c_size_t(2))
+    done = loaded.glapp_graph_new(ctypes.c_double(1.0), *sized, ctypes.byref(handle))
+    assert done == OK, loaded.glapp_error()
+    assert loaded.glapp_graph_set(handle, b"x.value", ctypes.c_double(1.0)) == OK
+    return handle
+
+
+@built
+@pytest.mark.slow
+def test_calls_of_several_threads_wait_for_each_other(loaded: ctypes.CDLL) -> None:
+    """No scan is lost, handles do not disturb each other, and the text is that of the thread's own failure."""
+    scans = 4000
+
+    def scan(handle: ctypes.c_void_p, times: int, wrong: str) -> tuple[set[int], str]:
+        codes = {loaded.glapp_graph_scan(handle, ctypes.c_double(1.0)) for _ in range(times)}
+        assert loaded.glapp_graph_set(handle, wrong.encode(), ctypes.c_double(0.0)) < 0
+        return codes, loaded.glapp_error().decode()
+
+    def value(handle: ctypes.c_void_p) -> float:
+        shown = ctypes.c_double()
+        assert loaded.glapp_graph_get(handle, b"out.value", ctypes.byref(shown)) == OK, loaded.glapp_error()
+        return shown.value
+
+    alone, shared, apart = lagging(loaded), lagging(loaded), [lagging(loaded) for _ in range(4)]
+    scan(alone, scans, "none.value")
+    # ctypes lets the other threads run during a call.
+    with ThreadPoolExecutor(4) as pool:
+        names = [f"nobody{number}.value" for number in range(8)]
+        done = pool.map(scan, [shared] * 4 + apart, [scans // 4] * 4 + [scans] * 4, names)
+        for name, (codes, error) in zip(names, done, strict=True):
+            assert codes == {OK}
+            assert name.split(".")[0] in error
+    assert 0.0 < value(alone) < 1.0
+    assert [value(one) for one in (shared, *apart)] == [value(alone)] * 5
 
 
 @built

@@ -22,6 +22,9 @@ from programs import built
 import glapp
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "plc"))
+import compilers  # noqa: E402
+
 BUILDS = ("LREAL", "REAL")
 READ_BY_BLARK = ROOT / "target" / "blark"
 CODE = "{http://www.plcopen.org/xml/tc6_0201}"
@@ -321,6 +324,31 @@ def test_a_program_of_ones_own_runs_as_the_page_shows(my_loop):
         float(check("example", "run", my_loop, "12000", h).split()[-1].split(",")[3]) for h in ("H=0.1", "H=1")
     )
     assert coarse / fine == pytest.approx(1.1, abs=0.02)
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("build", BUILDS)
+def test_the_examples_of_the_pages_can_be_pasted(tmp_path, build):
+    """With the variables of the reader's own declared: each line gives what it says, settings and all."""
+    tried = 0
+    for text in compilers.examples(build):
+        if "\n    Wrong : INT;" in text:
+            (tmp_path / "Pasted.st").write_text(text)
+            head, row = check("example", "run", tmp_path / "Pasted.st", "1", *["REAL"] * (build == "REAL")).split()
+            assert (head, row) == ("scan,Wrong", "1,0"), text
+            tried += 1
+    assert tried > 40
+
+
+def test_no_name_in_an_example_is_taken_by_a_tool():
+    """`Integral` was a block of matiec, CODESYS and STruC++: OpenPLC refused the program of the page."""
+    taken = {}
+    for path in (ROOT / "plc/check/names").glob("*.txt"):
+        lines = path.read_text().splitlines()
+        taken |= dict.fromkeys(" ".join(line for line in lines if not line.startswith("#")).split(), path.stem)
+    names = {name for text in compilers.examples("LREAL") for name in re.findall(r"(?m)^    (\w+) : ", text)}
+    assert {"Detector", "Settings", "Valve"} <= names
+    assert {name: taken[name.upper()] for name in names if name.upper() in taken} == {}
 
 
 def last_row(program: Path, scans: str, *arguments: str) -> dict[str, float]:

@@ -1,5 +1,6 @@
 """The library under two compilers of other makers: both take every file, and their programs give the core's numbers."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -43,6 +44,25 @@ def test_it_shows_the_numbers_of_the_core(compiler, build, literals, traces, tmp
     else:
         assert exact == 1 and off == 0.0
         assert not others
+
+
+@pytest.mark.parametrize("compiler", compilers.COMPILERS)
+@pytest.mark.parametrize("build", compilers.BUILDS)
+def test_the_examples_of_the_pages_are_taken_and_give_what_they_say(compiler, build, tmp_path):
+    """OpenPLC refused the program of the page for `Integral`, a block of matiec; others handed no settings over."""
+    rows = compilers.of_examples(compiler, build, tmp_path)
+    examples, loop = rows[:-20], rows[-20:]
+    assert len(examples) > 40
+    assert [name for name, wrong in examples if wrong != "0"] == []
+    # The program with compensation gives the rows of the page; in REAL a literal of 64 bits leads it another way.
+    page = (ROOT / "docs/plc.md").read_text(encoding="utf-8")
+    shown = re.search(r"```\nscan,.*?\n(.*?)```", page, re.DOTALL)[1].split()
+    if build == "LREAL":
+        printed = [",".join(row) for row in loop]
+        # The last row of the page has PV bad.
+        assert len(shown) == 3 and set(shown[:2]) <= set(printed)
+    standing, width = loop[15][6], float(loop[15][3])
+    assert standing == "0" and abs(width - 1.6) < 0.1
 
 
 @pytest.mark.parametrize("build", compilers.BUILDS)

@@ -13,8 +13,8 @@ pub struct ParameterError {
 }
 
 /// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
-/// number (`ErrorID`).
-pub const PARAMETERS: [&str; 82] = [
+/// number (`ErrorID`). `h` and `pv` are none: they stand for a scan time, and for a signal, that stays bad.
+pub const PARAMETERS: [&str; 83] = [
     "k", "ti", "td", "b", "kp", "tf", "n", "max_h", "op_low", "op_high", "op_span", "h", "pv_span", "size", "share",
     "limit", "band", "rate", "release", "travel", "reversals", "watch", "c", "low", "high", "amplitude",
     "relay_hysteresis", "d", "wait", "longest", "pv_low", "pv_high", "lead", "lag", "detector_tf", "sp_rate",
@@ -23,7 +23,7 @@ pub const PARAMETERS: [&str; 82] = [
     "at of row 3", "k of row 3", "ti of row 3", "td of row 3", "at of row 4", "k of row 4", "ti of row 4",
     "td of row 4", "at of row 5", "k of row 5", "ti of row 5", "td of row 5", "at of row 6", "k of row 6",
     "ti of row 6", "td of row 6", "at of row 7", "k of row 7", "ti of row 7", "td of row 7", "at of row 8",
-    "k of row 8", "ti of row 8", "td of row 8", "push", "hold", "period", "far",
+    "k of row 8", "ti of row 8", "td of row 8", "push", "hold", "period", "far", "pv",
 ];
 
 impl ParameterError {

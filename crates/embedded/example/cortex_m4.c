@@ -37,5 +37,11 @@ static void fault(void) {
     end(2);
 }
 
-__attribute__((section(".vectors"), used)) static void (*const vectors[])(void) = {
-    (void (*)(void)) & stack_top, start, fault, fault, fault, fault, fault};
+/* The first place holds the end of the stack, each other one a function. */
+union vector {
+    const void *stack;
+    void (*run)(void);
+};
+
+__attribute__((section(".vectors"), used)) static const union vector vectors[] = {
+    {&stack_top}, {.run = start}, {.run = fault}, {.run = fault}, {.run = fault}, {.run = fault}, {.run = fault}};

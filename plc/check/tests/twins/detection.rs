@@ -950,6 +950,7 @@ fn random<R: Number>() {
     endless::<R>(&mut cover);
     large::<R>(&mut cover);
     taken_out::<R>(&mut cover);
+    stretches::<R>(&mut cover);
     coarse::<R>(&mut cover);
     begins_anew::<R>(&mut cover);
     wrong_signs::<R>(&mut cover);
@@ -962,6 +963,44 @@ fn random<R: Number>() {
     another_version::<R>(&mut cover);
     cover.holds(&POUS);
     cover.takes("GlappDetector", &["IF Inner.Checked", "IF NOT GlappIsOpen(Inner.Raw)"]);
+}
+
+/// A signal that breaks in some scans in a row, up to twelve: from the tenth on that is an error, until it is whole.
+fn stretches<R: Number>(cover: &mut Cover) {
+    for foreign in [false, true] {
+        let name = if foreign { "GlappForeignDetection" } else { "GlappBacklashDetection" };
+        let mut shown = [0; 84];
+        for seed in 0..60 {
+            let mut draw = Draw::new(90_000 + seed);
+            let mut signals = Loop::new(&mut draw, foreign);
+            let (block, mut reference) = (Block::new::<R>(name), Reference::<R>::default());
+            let (mut left, mut way) = (0, 0);
+            for i in 0..150 {
+                let mut pins = signals.next::<R>(&mut draw, block.get("UFf")).clone();
+                let d = &mut draw;
+                if left == 0 && d.chance(0.1) {
+                    (left, way) = (d.of(&[1, 9, 10, 12]), d.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8]));
+                }
+                if left > 0 {
+                    left -= 1;
+                    match d.of(&[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 2]) {
+                        1 => pins.detector.h = 0.0,
+                        2 => pins.detector.enable = false,
+                        _ if way == 8 => pins.cut = !foreign,
+                        _ => detector::breaks_off(&mut pins.detector, way),
+                    }
+                }
+                let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+                assert!(
+                    agree(&expected, &got),
+                    "{name}, stretches {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}"
+                );
+                shown[block.get("ErrorID") as usize] += 1;
+            }
+            cover.collect(&block);
+        }
+        assert!(shown[12] > 20 && shown[83] > 20, "{shown:?}");
+    }
 }
 
 /// A program with another version of the retained variables is loaded: they are dropped, and that is told.

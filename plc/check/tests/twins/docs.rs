@@ -180,6 +180,20 @@ fn the_first_lines_of_the_page_show_a_width() {
     }
 }
 
+/// The program of the page keeps to the subset, with no name that a compiler or a maker's library has: `Integral`, a block of matiec, once
+/// kept it from OpenPLC and Beremiz.
+#[test]
+fn the_program_of_the_page_keeps_to_the_subset() {
+    let page = std::fs::read_to_string(folder().join("../docs/plc.md")).unwrap();
+    let (_, rest) = page.split_once("```st\nPROGRAM MyLoop\n").unwrap();
+    let program = format!("PROGRAM GlappMyLoop\n{}", rest.split("```").next().unwrap());
+    for build in [Build::Lreal, Build::Real] {
+        let mut files = sources(&folder(), build).unwrap();
+        files.push(("MyLoop.st".into(), program.clone()));
+        Library::of(files.iter().map(|(name, text)| (&**name, &**text)), build).unwrap();
+    }
+}
+
 /// A loop with a gap of 2 and a load, in noise.
 #[test]
 fn the_example_of_the_controller_finds_its_gap() {

@@ -53,6 +53,18 @@ fn runs<R: Number>() {
     one.set_all(&[("H", 5.0), ("Ti", 50.0)]);
     swings(&one, 1500);
     assert!(one.get("Accepted") > accepted + 9.0);
+    // PV stays no number, and nobody has wired Bad: after ten scans it says so, without an alarm of its own.
+    one.set("Pv", f64::NAN);
+    for scan in 1..=12 {
+        one.call();
+        let shown = one.all(&["ErrorID", "AlarmSettings", "Message"]);
+        assert_eq!(shown, if scan < 10 { [0.0, 0.0, 3.0] } else { [83.0, 0.0, 4.0] }, "{scan}");
+    }
+    // A scan time that cannot be is an alarm at once: MaxH goes with it.
+    one.set_all(&[("Pv", 0.0), ("H", -1.0)]);
+    one.call();
+    assert_eq!(one.all(&["ErrorID", "AlarmSettings", "Message"]), [8.0, 1.0, 6.0]);
+    one.set("H", 1.0);
     one.set("Ti", 0.0);
     one.call();
     assert_eq!(one.all(&["AlarmSettings", "ErrorID", "Message"]), [1.0, 2.0, 6.0]);
@@ -62,6 +74,11 @@ fn runs<R: Number>() {
     swings(&open, 1500);
     let width = open.get("Width");
     assert!((width - 4.2).abs() < 0.01, "{width}");
+    // The gain of the process, where it is known, takes the place of 1.5 %/%: (0.5/10·100 − 1/1)·0.97.
+    open.set("Kp", 1.0);
+    swings(&open, 1500);
+    let width = open.get("Width");
+    assert!((width - 3.88).abs() < 0.01, "{width}");
 }
 
 in_both!(lreal, real: runs);

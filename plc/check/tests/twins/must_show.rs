@@ -3,6 +3,7 @@
 
 use crate::common::detector::{Pins, Reference, scan};
 use crate::common::{Block, Draw, Number, compensate, detection, same};
+use glapp_plc_check::Within;
 
 /// Allowed error of REAL, as a share of LREAL.
 const SHARE: f64 = 1e-4;
@@ -224,3 +225,55 @@ fn cut_beside_each<R: Number>() {
 }
 
 in_both!(power_cut_while_compensating_lreal, power_cut_while_compensating_real: cut_beside_each);
+
+/// Power goes while a controller saves its retained variables: some are of that scan, others of one long before. No such mixture leads to
+/// what a controller traps on, at which the evaluator stops; and a width comes out again.
+fn torn<R: Number>() {
+    for foreign in [false, true] {
+        let name = if foreign { "GlappForeignDetection" } else { "GlappBacklashDetection" };
+        let retained: Vec<String> = R::library()
+            .variables(name)
+            .iter()
+            // The places of an array are of one kind, and none of them is an index.
+            .filter(|one| one.retained && one.parts.iter().all(|(_, within)| *within != Within::Array))
+            .filter(|one| !one.path().ends_with("StateVersion"))
+            .map(|one| one.path())
+            .collect();
+        assert!(retained.len() > 40, "{name}: {}", retained.len());
+        let mut shown = 0;
+        for seed in 0..30 {
+            let mut draw = Draw::new(50_000 + seed);
+            let mut signals = detection::Loop::new(&mut draw, foreign);
+            let block = Block::new::<R>(name);
+            let mut runs = |draw: &mut Draw, scans: u64| {
+                for _ in 0..scans {
+                    let u_ff = block.get("UFf");
+                    detection::scan(&block, signals.next::<R>(draw, u_ff));
+                }
+            };
+            let first = draw.of(&[1, 40, 100, 200]);
+            runs(&mut draw, first);
+            let before: Vec<f64> = retained.iter().map(|one| block.peek(one)).collect();
+            runs(&mut draw, 200);
+            block.0.borrow_mut().power_cut();
+            for (variable, value) in retained.iter().zip(&before) {
+                if draw.chance(0.5) {
+                    block.0.borrow_mut().spoil(variable, *value).unwrap();
+                }
+            }
+            runs(&mut draw, 300);
+            shown += u32::from(block.on("HasEstimate"));
+        }
+        assert!(shown > 10, "{name}: {shown}");
+    }
+}
+
+#[test]
+fn power_cut_while_it_saves_lreal() {
+    torn::<f64>();
+}
+
+#[test]
+fn power_cut_while_it_saves_real() {
+    torn::<f32>();
+}

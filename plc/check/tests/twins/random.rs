@@ -5,7 +5,7 @@
 
 use crate::common::blocks::{BLOCKS, core, library};
 use crate::common::cover::{Cost, Cover, sequences};
-use crate::common::detector::{Loop, NUMBERS, Pins, Reference, scan};
+use crate::common::detector::{Loop, NUMBERS, Pins, Reference, breaks_off, scan};
 use crate::common::{Block, Case, Draw, Number, compare, same};
 use glapp_core::Conditions;
 use glapp_plc_check::Build;
@@ -110,10 +110,12 @@ fn all<R: Number>() {
     extremes::<R>(&mut cover);
     large::<R>(&mut cover);
     coarse::<R>(&mut cover);
+    stretches::<R>(&mut cover);
     told_before_it_begins_anew::<R>();
     smaller_and_smaller::<R>(&mut cover);
     at_their_bounds::<R>();
     two_wrong::<R>();
+    stays_bad::<R>();
     another_version::<R>(&mut cover);
     // Branches that no sequence reaches: the ends of counters of 32 bits; a noise floor without end, which has a test
     // of its own; and those that only a block around the detector uses.
@@ -326,6 +328,65 @@ fn coarse<R: Number>(cover: &mut Cover) {
             let pins = Pins { h: if i < 3 { h } else { 0.25 }, ..Pins::default() };
             beside(&mut reference, &block, &pins, &format!("{h}, scan {i}"));
         }
+    }
+}
+
+/// A signal that breaks in some scans in a row, up to twelve: from the tenth on that is an error, until it is whole.
+fn stretches<R: Number>(cover: &mut Cover) {
+    let mut shown = [0; 84];
+    for seed in 0..60 {
+        let mut draw = Draw::new(80_000 + seed);
+        let d = &mut draw;
+        let mut signals = Loop::new(d);
+        let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        let (mut left, mut way) = (0, 0);
+        for i in 0..150 {
+            let mut pins = signals.next::<R>(d).clone();
+            if left == 0 && d.chance(0.1) {
+                (left, way) = (d.of(&[1, 9, 10, 12]), d.of(&[0, 1, 2, 3, 4, 5, 6, 7]));
+            }
+            if left > 0 {
+                left -= 1;
+                // Scans without time, and those in which it is off, between them.
+                match d.of(&[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 2]) {
+                    1 => pins.h = 0.0,
+                    2 => pins.enable = false,
+                    _ => breaks_off(&mut pins, way),
+                }
+            }
+            beside(&mut reference, &block, &pins, &format!("stretches {seed}, scan {i}"));
+            shown[block.get("ErrorID") as usize] += 1;
+        }
+        cover.collect(&block);
+    }
+    assert!(shown[12] > 20 && shown[83] > 20, "{shown:?}");
+}
+
+/// What a programmer sees of a signal that stays bad, and of a scan time that stays wrong.
+fn stays_bad<R: Number>() {
+    for (way, reason, number) in [(0, 1.0, 12.0), (1, 1.0, 12.0), (2, 1.0, 12.0), (3, 2.0, 83.0), (7, 2.0, 83.0)] {
+        let block = Block::new::<R>("GlappDetector");
+        let good = Pins { max_h: Some(1.0), ..Pins::default() };
+        let mut pins = good.clone();
+        breaks_off(&mut pins, way);
+        let shown = |pins: &Pins| {
+            scan(&block, pins);
+            block.all(&["Valid", "Error", "ErrorID", "BreakReason"])
+        };
+        // The first scan of all has none before it.
+        assert_eq!([shown(&good), shown(&good)], [[1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]]);
+        for _ in 0..9 {
+            assert_eq!(shown(&pins), [1.0, 0.0, 0.0, reason], "{way}");
+        }
+        for _ in 0..20 {
+            assert_eq!(shown(&pins), [0.0, 1.0, number, reason], "{way}");
+        }
+        // A setting that is out of bounds is named before it.
+        assert_eq!(shown(&Pins { k: 0.0, ..pins.clone() }), [0.0, 1.0, 1.0, reason]);
+        assert_eq!(shown(&Pins { enable: false, ..pins.clone() }), [0.0, 0.0, 0.0, reason]);
+        assert_eq!(shown(&pins)[1], 0.0, "it counts anew");
+        // After a stretch of bad values the first good one is used.
+        assert_eq!(shown(&good), [1.0, 0.0, 0.0, 0.0], "{way}");
     }
 }
 

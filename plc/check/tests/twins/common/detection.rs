@@ -80,6 +80,8 @@ pub struct Reference<R: Number> {
     seen_h: bool,
     armed: bool,
     held: bool,
+    missed: bool,
+    breaks: detector::Breaks,
     pv_filtered: f64,
     u_fb: f64,
 }
@@ -94,6 +96,8 @@ impl<R: Number> Default for Reference<R> {
             seen_h: false,
             armed: false,
             held: false,
+            missed: true,
+            breaks: detector::Breaks::default(),
             pv_filtered: 0.0,
             u_fb: f64::NAN,
         }
@@ -118,7 +122,7 @@ pub fn restarted<R: Number>(state: &BacklashDetectionState<R>) -> BacklashDetect
 impl<R: Number> Reference<R> {
     pub fn power_cut(&mut self) {
         self.restart();
-        (self.pv_filtered, self.u_fb) = (0.0, f64::NAN);
+        (self.pv_filtered, self.u_fb, self.breaks.reason) = (0.0, f64::NAN, 0.0);
     }
 
     fn restart(&mut self) {
@@ -126,7 +130,14 @@ impl<R: Number> Reference<R> {
         let held = is_withdrawn(&detection.compensation);
         let mut state = ForeignDetectionState::default();
         state.detection = detection;
-        *self = Self { state, held, pv_filtered: self.pv_filtered, u_fb: self.u_fb, ..Self::default() };
+        *self = Self {
+            state,
+            held,
+            pv_filtered: self.pv_filtered,
+            u_fb: self.u_fb,
+            breaks: self.breaks.anew(),
+            ..Self::default()
+        };
     }
 
     fn checked(&self, pins: &Pins) -> Result<Good<R>, f64> {
@@ -164,7 +175,8 @@ impl<R: Number> Reference<R> {
     pub fn scan(&mut self, pins: &Pins) -> Shown {
         let d = &pins.detector;
         if d.reset {
-            *self = Self { pv_filtered: self.pv_filtered, u_fb: self.u_fb, ..Self::default() };
+            *self =
+                Self { pv_filtered: self.pv_filtered, u_fb: self.u_fb, breaks: self.breaks.anew(), ..Self::default() };
         } else if d.restart {
             self.restart();
         }
@@ -185,7 +197,6 @@ impl<R: Number> Reference<R> {
             }
             Err(number) => error = number,
         }
-        let mut shown = vec![on(d.enable && error == 0.0), on(error != 0.0), error];
         let backward = d.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let state = &mut self.state;
         state.detection.compensate = pins.compensate && (self.armed || self.held);
@@ -224,13 +235,26 @@ impl<R: Number> Reference<R> {
         };
         let detection = detection.map(|block| (block, &self.state.detection));
         let Some((block, state)) = detection else {
-            return Shown { row: shown, last: None, ended: false };
+            return Shown { row: vec![0.0, 1.0, error], last: None, ended: false };
         };
+        if d.enable {
+            let cut = pins.cut && pins.foreign.is_none();
+            let h = if cut || self.missed { -R::ONE } else { h };
+            self.breaks.scan(h, block.settings().detector.max_h, state.detector.observed().is_some());
+            if error == 0.0 {
+                error = self.breaks.error();
+            }
+        } else {
+            self.breaks.row = 0;
+        }
+        self.missed = !d.enable;
+        let mut shown = vec![on(d.enable && error == 0.0), on(error != 0.0), error];
         if d.enable {
             self.pv_filtered = state.detector.filtered_pv().as_f64();
             self.u_fb = state.u_fb.filter(|_| op.is_some_and(R::is_measurable)).map_or(f64::NAN, R::as_f64);
         }
         shown.extend(shown_of(block, state, self.pv_filtered, self.u_fb));
+        shown.push(self.breaks.reason);
         let ended = state.last.is_some() && state.last != last;
         Shown { row: shown, last: state.last.map(|last| record_of(&last)), ended }
     }
@@ -379,6 +403,7 @@ pub fn scan(block: &Block, pins: &Pins) -> Shown {
     block.call();
     let mut row = block.all(&["Valid", "Error", "ErrorID"]);
     row.extend(shown_by(block));
+    row.push(block.get("BreakReason"));
     Shown { row, last: Some(record_row(block)), ended: block.on("Ended") }
 }
 

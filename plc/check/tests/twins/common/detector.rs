@@ -4,8 +4,8 @@
 use super::blocks::{FLAGS, pascal, record_of, record_row};
 use super::names::given;
 use super::{Block, Draw, Number};
-use glapp_core::status::Status;
-use glapp_core::{Conditions, Detector, DetectorSettings, DetectorState, PARAMETERS, ParameterError, Sample};
+use glapp_core::status::{BAD, Status};
+use glapp_core::{Conditions, Detector, DetectorSettings, DetectorState, PARAMETERS, ParameterError, Reason, Sample};
 
 /// Pins of a scan.
 #[derive(Clone, Debug)]
@@ -158,11 +158,66 @@ impl Pins {
     }
 }
 
+/// Scans in which the signal broke, by the scan's time and by whether the core then waits for a sample that it can use.
+#[derive(Clone, Copy, Default)]
+pub struct Breaks {
+    begun: bool,
+    pub row: u32,
+    pub reason: f64,
+}
+
+impl Breaks {
+    pub fn scan<R: Number>(&mut self, h: R, max_h: R, observed: bool) {
+        if h == R::ZERO && self.begun {
+            return;
+        }
+        let in_time = h > R::ZERO && h <= max_h;
+        self.reason = if !in_time || !self.begun {
+            Reason::Gap
+        } else if !observed {
+            Reason::BadQuality
+        } else {
+            Reason::Accepted
+        } as u8 as f64;
+        self.row = if self.reason == 0.0 { 0 } else { self.row + 1 };
+        self.begun = true;
+    }
+
+    /// A new start, which keeps what is shown.
+    pub fn anew(self) -> Self {
+        Self { reason: self.reason, ..Self::default() }
+    }
+
+    /// What is shown after ten in a row.
+    pub fn error(&self) -> f64 {
+        match self.reason {
+            _ if self.row < 10 => 0.0,
+            1.0 => number("h"),
+            _ => number("pv"),
+        }
+    }
+}
+
+/// Spoils the signal, or the time, of a scan; one way for each number below 8.
+pub fn breaks_off(p: &mut Pins, way: usize) {
+    match way {
+        0 => p.h = -1.0,
+        1 => p.h = 100.0,
+        2 => p.h = f64::NAN,
+        3 => p.pv = f64::NAN,
+        4 => p.sp = f64::INFINITY,
+        5 => p.pv = 1e36,
+        6 => p.op = p.op.map(|_| f64::NAN),
+        _ => p.flags |= BAD,
+    }
+}
+
 /// Reference of the block.
 pub struct Reference<R: Number> {
     state: DetectorState<R>,
-    good: Option<Detector<R>>,
+    good: Option<(Detector<R>, R)>,
     missed: bool,
+    pub breaks: Breaks,
     steps: u8,
     usual_h: R,
     seen_h: bool,
@@ -172,7 +227,8 @@ pub struct Reference<R: Number> {
 impl<R: Number> Default for Reference<R> {
     fn default() -> Self {
         let state = DetectorState::default();
-        Self { state, good: None, missed: false, steps: 0, usual_h: R::ZERO, seen_h: false, pv_filtered: 0.0 }
+        let breaks = Breaks::default();
+        Self { state, good: None, missed: false, breaks, steps: 0, usual_h: R::ZERO, seen_h: false, pv_filtered: 0.0 }
     }
 }
 
@@ -185,18 +241,21 @@ impl<R: Number> Reference<R> {
     /// Power goes and comes back; what is shown begins at 0.
     pub fn power_cut(&mut self) {
         self.restart();
-        self.pv_filtered = 0.0;
+        (self.pv_filtered, self.breaks.reason) = (0.0, 0.0);
     }
 
     fn restart(&mut self) {
-        *self = Self { state: R::restarted(&self.state), pv_filtered: self.pv_filtered, ..Self::default() };
+        let (state, breaks) = (R::restarted(&self.state), self.breaks.anew());
+        *self = Self { state, pv_filtered: self.pv_filtered, breaks, ..Self::default() };
     }
 
-    fn checked(&self, pins: &Pins) -> Result<Detector<R>, f64> {
+    /// The detector, and the longest time between scans.
+    fn checked(&self, pins: &Pins) -> Result<(Detector<R>, R), f64> {
+        let settings = pins.settings(self.usual_h);
         let unknown = pins.max_h().is_none() && self.usual_h <= R::ZERO;
-        match Detector::of(&pins.settings(self.usual_h)) {
+        match Detector::of(&settings) {
             Ok(_) if unknown => Err(number("h")),
-            Ok(detector) => Ok(detector),
+            Ok(detector) => Ok((detector, settings.max_h)),
             Err(error @ ParameterError { .. }) => Err(error.number().unwrap().into()),
         }
     }
@@ -204,7 +263,7 @@ impl<R: Number> Reference<R> {
     /// One scan: valid, error, its number; the record that ended; estimate and what is shown.
     pub fn scan(&mut self, pins: &Pins) -> (Vec<f64>, Option<Vec<f64>>) {
         if pins.reset {
-            *self = Self { pv_filtered: self.pv_filtered, ..Self::default() };
+            *self = Self { pv_filtered: self.pv_filtered, breaks: self.breaks.anew(), ..Self::default() };
         } else if pins.restart {
             self.restart();
         }
@@ -216,8 +275,8 @@ impl<R: Number> Reference<R> {
         self.seen_h |= h != R::ZERO;
         let mut error = 0.0;
         match self.checked(pins) {
-            Ok(detector) => {
-                self.good = Some(detector);
+            Ok(good) => {
+                self.good = Some(good);
                 if !self.seen_h {
                     error = number("h");
                 }
@@ -226,15 +285,19 @@ impl<R: Number> Reference<R> {
         }
         let mut ended = None;
         match self.good {
-            Some(detector) if pins.enable => {
+            Some((detector, max_h)) if pins.enable => {
                 let h = if self.missed { -R::ONE } else { h };
                 self.missed = false;
                 let (sp, pv, op) = (R::of(pins.sp), R::of(pins.pv), pins.op.map(R::of));
                 let sample = Sample { h, sp, pv, op, flags: pins.flags };
                 ended = detector.update(&mut self.state, &sample).map(|record| record_of(&record));
                 self.pv_filtered = self.state.filtered_pv().as_f64();
+                self.breaks.scan(h, max_h, self.state.observed().is_some());
+                if error == 0.0 {
+                    error = self.breaks.error();
+                }
             }
-            _ => self.missed = true,
+            _ => (self.missed, self.breaks.row) = (true, 0),
         }
         let on = |x: bool| f64::from(u8::from(x));
         let estimate = self.state.estimate();
@@ -252,6 +315,7 @@ impl<R: Number> Reference<R> {
             on(self.state.shown().is_some()),
             self.state.accepted().into(),
             self.pv_filtered,
+            self.breaks.reason,
         ];
         (shown, ended)
     }
@@ -266,7 +330,7 @@ pub fn scan(block: &Block, pins: &Pins) -> (Vec<f64>, Option<Vec<f64>>) {
         shown.push(block.given("HasEstimate", &format!("Estimate.{part}")));
     }
     shown.push(block.given("HasNoiseFloor", "NoiseFloor"));
-    shown.extend(block.all(&["HasShown", "Accepted", "PvFiltered"]));
+    shown.extend(block.all(&["HasShown", "Accepted", "PvFiltered", "BreakReason"]));
     (shown, block.on("Ended").then(|| record_row(block)))
 }
 

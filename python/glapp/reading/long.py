@@ -17,7 +17,7 @@ written as wide Parquet.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from datetime import datetime
@@ -303,7 +303,11 @@ def _in_order(tag: _Tag) -> _Tag:
 
 
 def long_recordings(
-    source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
+    source: Source,
+    stem: str,
+    loops: Sequence[Loop] | None,
+    defaults: Mapping[str, Any] | None,
+    only: Collection[str] | None = None,
 ) -> list[Recording | InputError]:
     """Recordings of the loops of a long table, an error in the place of a loop whose tags cannot be used.
 
@@ -318,4 +322,6 @@ def long_recordings(
         return LongRecording(store, loop, chosen)
 
     signals, kind = SignalColumns(store.names()), "tag" if source.tags is None else "column"
-    return each_with_columns(signals, loops, defaults, make, stem=stem, label=source.label, tags=True, kind=kind)
+    return each_with_columns(
+        signals, loops, defaults, make, only=only, stem=stem, label=source.label, tags=True, kind=kind
+    )

@@ -139,7 +139,7 @@ def test_our_client_and_their_server(stack):
     assert [v.value for v in watch.of("FIC101", Signal.MODE)] == [1.0]
     assert back.good and back.value == pytest.approx(0.1) and back.value != 0.1, "the node holds a Float"
     kinds = {e.kind for e in watch.events}
-    assert kinds == {"connected", "lost", "withdrawn", "backfilled" if stack == "node" else "no_history"}
+    assert kinds == {"connected", "lost", "backfilled" if stack == "node" else "no_history"}
 
 
 @pytest.fixture(scope="module")

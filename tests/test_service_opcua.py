@@ -42,13 +42,7 @@ from glapp.service.tags import as_settings, loops_of, ranges_of
 
 ROOT = Path(__file__).parents[1]
 GLAPP = (sys.executable, Path(__file__).parent / "command_line.py")
-
-
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch):
-    """Connections are tried again at once."""
-    monkeypatch.setattr(opcua, "_PAUSES", (0.2, 0.4))
-    monkeypatch.setattr(opcua, "_DENIED", 0.4)
+pytestmark = pytest.mark.usefixtures("impatient")
 
 
 def served(test):

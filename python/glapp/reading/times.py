@@ -357,7 +357,8 @@ class Clock:
                 at = bisect_left(rows, True, key=lambda k: _cast(column.slice(0, k + 1), self.arrow_type) is None)
                 if column.slice(0, at).null_count == 0:
                     text = written[at].as_py()
-                    raise CellFault(at, f"'{text}' is not a time like those before", value=text)
+                    hint = "correct or delete the row"
+                    raise CellFault(at, f"'{text}' is not a time like those before", hint, value=text)
             else:
                 column = cast
         if column.null_count:

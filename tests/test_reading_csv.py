@@ -662,5 +662,5 @@ def test_a_packed_file_that_is_cut_off_and_a_word_among_times_say_what_to_do(tmp
     rows[100] = rows[100].replace("100,", "noon,", 1)
     path = tmp_path / "plant.csv"
     path.write_text("\n".join(["t,SP,PV,OP", *rows]))
-    with pytest.raises(InputError, match="row 102, column t: 'noon' is not a time .*; correct or delete the row"):
+    with pytest.raises(InputError, match=r"row 102, column t: 'noon' is not a time .*; correct or delete the row"):
         list(open_recordings(path)[0].batches())

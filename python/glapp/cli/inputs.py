@@ -144,7 +144,7 @@ def _gathered(opened: Sequence[Recording | Valve | Refused], name: str) -> list[
 
 def opened_with(file: Path, settings: dict[str, Any], only: Sequence[str] | None) -> list[Recording | Valve | Refused]:
     """The loops of one recording with these settings, which describe the one that is asked for by `only`."""
-    found = _open_each(file, None, settings, only)
+    found = _open_each(file, None, settings, only or ())
     return [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
 
 

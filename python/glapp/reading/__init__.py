@@ -84,8 +84,8 @@ def open_each(
 ) -> list[Recording | InputError]:
     """Open a file, with the error in the place of a loop that cannot be used: the others can go on.
 
-    - `only`: names of loops that are wanted where `loops` is None. What `defaults` say of one loop, such as its column
-      of PV or its controller, is said of the one that is wanted.
+    - `only`: names of loops that are wanted where `loops` is None, none for all. What `defaults` say of one loop, such
+      as its column of PV or its controller, is said of the one that is wanted. None: it is said of each loop.
 
     Raises InputError where the file cannot be used, or `defaults` that describe one loop would be said of several.
     """
@@ -109,9 +109,9 @@ def _of_sheets(
         for source in sources
         for recording in _recordings(source, getattr(source, "sheet", stem), None, defaults, only)
     ]
-    wanted = [one.name for one in opened if isinstance(one, Recording) and (only is None or one.name in only)]
+    wanted = [one.name for one in opened if isinstance(one, Recording) and (not only or one.name in only)]
     # Sheets of the same columns are like files of the same columns: a name of one is the name of it in all.
-    if len(wanted) > 1 and (options := described_one({**(defaults or {}), "columns": {}})):
+    if only is not None and len(wanted) > 1 and (options := described_one({**(defaults or {}), "columns": {}})):
         raise for_one(options, f"holds {len(wanted)} loops", wanted, sources[0].label)
     return opened
 

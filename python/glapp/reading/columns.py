@@ -235,7 +235,8 @@ def each_with_columns(
 
     - `loops`: None for those that the names show.
     - `defaults`: settings of these.
-    - `only`: the loops that are wanted of these; what describes one loop is said of the one that is.
+    - `only`: the loops that are wanted of these, none for all: what describes one loop is said of the one that is
+      wanted. None: all that the settings say is said of each loop.
     - `stem`: name of a loop whose columns have no prefix.
     - `label`, `tags`, `kind`: as of `choose`.
 
@@ -301,10 +302,12 @@ def _described(
     Raises InputError where it would be said of several.
     """
     # With several files a loop may be wanted by its file too: north/day/FIC2.
-    wanted = [name for name in names if only is None or any(f"/{one}".endswith(f"/{name}") for one in only)]
+    wanted = [name for name in names if not only or any(f"/{one}".endswith(f"/{name}") for one in only)]
     options = described_one(settings)
-    if options and len(wanted) > 1:
-        raise for_one(options, f"{'holds' if only is None else '--loop names'} {len(wanted)} loops", wanted, label)
+    if only is None:
+        wanted = list(names)
+    elif options and len(wanted) > 1:
+        raise for_one(options, f"{'--loop names' if only else 'holds'} {len(wanted)} loops", wanted, label)
     rest = {key: value for key, value in settings.items() if key not in ("controller", "process", *_OF_ONE["loop"])}
     if columns := settings.get("columns"):
         rest["columns"] = {role: name for role, name in columns.items() if not name or role not in _OF_ONE["columns"]}

@@ -161,5 +161,5 @@ const Heads = (data, { folded, understand }, { isData, looksLikeStamp }) => {
     return { names: names.map((_, i) => `column ${i + 1}`), units: names.map(() => null), nameless };
   }
 
-  return { headOf, namesOf, beginsWithData, bodyEnd };
+  return { headOf, namesOf, holdsData, beginsWithData, bodyEnd };
 };

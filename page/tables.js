@@ -4,7 +4,7 @@
 // is what is to be said where it has no line of names, `typed` whether its numbers come as numbers.
 "use strict";
 
-const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
+const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
   const SAMPLE = 1 << 16; // characters that tell how a text is written
   const HEAD = 1000; // rows that tell what columns hold
   const notText = () => new InputError("is not text, Parquet or Arrow", { hint: "export the recording as CSV, Excel, Parquet or Arrow" });
@@ -169,7 +169,9 @@ const Tables = (data, { understand }, { headOf, namesOf, beginsWithData, bodyEnd
     const seen = lines.slice(0, HEAD);
     if (!width) throw new InputError("is empty", { hint: "export the recording again" });
     if (width < 2) throw new InputError("has only one column", { hint: "export time, PV and OP of the loop, a column each" });
-    const widest = Math.max(0, seen.findIndex(({ cells: row }) => row.filter(Boolean).length > 1));
+    let widest = Math.max(0, seen.findIndex(({ cells: row }) => row.filter(Boolean).length > 1));
+    const over = widest && !holdsData(seen[widest].cells) ? seen[widest - 1].cells : [];
+    if (!over[0] && over.some(Boolean)) widest -= 1; // the tag of the signals, which is no title
     const head = headOf(seen, widest, width);
     const { names, units, nameless } = namesOf(head);
     const above = nameless ? widest : head.rows;

@@ -97,6 +97,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Connections by OPC UA are tried again at once."""
+    from glapp.service import opcua
+
+    monkeypatch.setattr(opcua, "_PAUSES", (0.2, 0.4))
+    monkeypatch.setattr(opcua, "_DENIED", 0.4)
+
+
+@pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
     """Run a command line of `glapp` in this process; its exit code, standard output and standard error."""
     from glapp.cli import main

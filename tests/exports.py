@@ -651,6 +651,13 @@ def german_modes() -> Export:
     return plain([[*row, mode] for row, mode in zip(rows, modes, strict=True)], manual=range(4))
 
 
+@form("modes in Swedish, as words, in a column called Modus")
+def swedish_modes() -> Export:
+    rows = body(["Tid", "FIC101 Börvärde", "FIC101 Ärvärde", "FIC101 Utsignal"], stamps())
+    modes = ["FIC101 Modus", *("Manuellt" if k < 4 else "Automatiskt" if k < 9 else "automatisch" for k in range(N))]
+    return plain([[*row, mode] for row, mode in zip(rows, modes, strict=True)], manual=range(4))
+
+
 # --- Excel
 
 
@@ -720,6 +727,12 @@ def excel_report() -> Export:
     below: list[list[Any]] = [[], ["Average", 9706.25, 9701.25, 45.5]]
     sheet = [*above, rows[0], ["", "m3/h", "m3/h", "%"], *rows[1:], *below]
     return Export(".xlsx", workbook(("Report", sheet)), pv=pv, units={"SP": "m3/h", "PV": "m3/h", "OP": "%"})
+
+
+@form("Excel: a title, and the tag above its signals")
+def excel_tag_above() -> Export:
+    rows = typed(["Time", "SP", "PV", "OP"])
+    return Export(".xlsx", workbook(("Trend", [["Trend export"], [], ["", "FIC101"], *rows])))
 
 
 @form("Excel: everything as German text, 9.700,00")

@@ -20,6 +20,7 @@ from glapp.service.options import MonitorOptions
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.store import COLUMNS, Store
 from glapp.service.users import Users
+from glapp.service.watchdog import WATCHDOG_SEEN
 from glapp.station.app import app_of
 from glapp.station.client import ApiClient
 from glapp.station.pages import Station
@@ -134,6 +135,10 @@ async def main(folder: Path, port: int) -> None:
             del monitor.status
         if word.startswith("share "):
             await monitor.commands.change("FIC0", {"comp_share": float(word.split()[1])}, "olga", "engineer")
+        if word == "watchdog seen":
+            seen = {"time": time.time(), "person": "olga", "took": 2.0}
+            log = monitor.journal.log
+            await log("olga", "engineer", "drilled", "FIC0", None, seen, settings={WATCHDOG_SEEN: seen})
         if word == "one less":
             station.view.rows = lambda: View.rows(station.view)[1:]
         if word == "all":

@@ -15,22 +15,12 @@ LONGEST = 60_000
 """Longest wait, on any machine [ms]."""
 
 
-class Window:
-    """A window in a process of its own, with commands to it."""
+class Child:
+    """A program of the tests in a process of its own, which answers each word with the word when it has obeyed."""
 
-    def __init__(self, folder: Path, port: int = 0) -> None:
-        self.folder = folder
-        self.known: dict[object, Any] = {}
-        self._start(port)
-
-    def _start(self, port: int) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, str(HERE / "station_child.py"), str(self.folder), str(port)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self.url = self.heard()
+    def __init__(self, program: str, *words: object) -> None:
+        command = [sys.executable, str(HERE / program), *map(str, words)]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def heard(self) -> str:
         assert self.process.stdout is not None
@@ -46,6 +36,19 @@ class Window:
         assert self.process.stdin is not None
         self.process.stdin.close()
         self.process.wait(LONGEST / 1000)
+
+
+class Window(Child):
+    """A window, with commands to it."""
+
+    def __init__(self, folder: Path, port: int = 0) -> None:
+        self.folder = folder
+        self.known: dict[object, Any] = {}
+        self._start(port)
+
+    def _start(self, port: int) -> None:
+        super().__init__("station_child.py", self.folder, port)
+        self.url = self.heard()
 
     def start_again(self) -> None:
         """Starts the window again at the same address, as a service that is restarted."""

@@ -25,7 +25,7 @@ from glapp.cli import app, screen
 from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema
-from glapp.reading import open_recordings
+from glapp.reading import open_each, open_recordings
 from glapp.reading.settings import read_settings
 from glapp.recording import NOT_AUTO, Recording
 from glapp.report.words import clock
@@ -951,6 +951,47 @@ def test_loops_of_a_wide_table_one_of_them_wrong(run):
     assert "could both be OP" in Path("report.html").read_text()
     assert run("identify", "wide.csv", "--loop", "FIC2")[0] == 0
     assert run("identify", "wide.csv", "--loop", "FIC1")[0] == 1
+
+
+def of_two_loops(kind):
+    """Rows of FIC1 and FIC2, which differ in nothing, and of a signal X of no loop that is their PV, moved by 1."""
+    own = [row.split(",") for row in rows(300).splitlines()[1:]]
+    signals = [("SP", 1), ("PV", 2), ("OP", 3)]
+    if kind == "wide":
+        lines = ["t," + ",".join(f"{loop}.{signal}" for loop in ("FIC1", "FIC2") for signal, _ in signals) + ",X"]
+        return lines + [f"{','.join([*row, *row[1:]])},{float(row[2]) + 1:.4f}" for row in own]
+    lines = ["time,tag,value"]
+    for row in own:
+        lines += [f"{row[0]},{loop}.{signal},{row[at]}" for loop in ("FIC1", "FIC2") for signal, at in signals]
+        lines.append(f"{row[0]},X,{float(row[2]) + 1:.4f}")
+    return lines
+
+
+@pytest.mark.parametrize("kind", ["wide", "long"])
+def test_what_describes_one_loop_is_said_of_one(run, kind):
+    """`--pv X` gave X to each loop of the table, and so did a gain that only one of them has."""
+    write("plant.csv", "\n".join(of_two_loops(kind)))
+    line = ["analyze", "plant.csv", "--no-fit"]
+    for options in (["--pv", "X"], ["--kp", "2"], ["--k", "1", "--ti", "9"], ["--repaired", "2026-03-01"]):
+        code, _, err = run(*line, *options)
+        named = " ".join(option for option in options if option.startswith("--"))
+        assert code == 1 and err.startswith(f"error: plant.csv: holds 2 loops, FIC1, FIC2, and {named} describe")
+        assert "add --loop 'FIC1' and no other, where it is that one; or write what each has into a loops.toml" in err
+        assert run(*line, *options, "--loop", "FIC2", "--loop", "FIC1")[0] == 1
+    _, out, _ = run(*line, "--pv", "X", "--loop", "FIC2")
+    assert "PV = X, OP = FIC2.OP" in out and "FIC1" not in out
+    _, out, _ = run(*line, "--n", "5", "--mode", "")  # each may have it
+    assert "PV = FIC1.PV," in out and "PV = FIC2.PV," in out
+    described = {"columns": {"pv": "X"}, "controller": {"k": 0.8, "ti": 25.0}, "n": 5}
+    [first, second] = open_each("plant.csv", None, described, ["FIC2"])
+    assert (first.columns["PV"], first.loop.controller, first.loop.n) == ("FIC1.PV", None, 5)
+    assert (second.columns["PV"], second.loop.controller.ti, second.loop.n) == ("X", 25.0, 5)
+
+
+def test_of_a_file_that_cannot_be_read_a_loop_is_asked_for(run):
+    """It was said that the file had no such loop."""
+    code, _, err = run("analyze", "missing.csv", "--loop", "FIC1")
+    assert code == 1 and err == "error: missing.csv: no such file\n"
 
 
 def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):

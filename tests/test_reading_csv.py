@@ -650,3 +650,17 @@ def test_refinery_files_are_readable():
         assert recording.name == file.stem
         assert list(recording.columns) == ["time", "SP", "PV", "OP", "MODE"]
         assert (len(got["t"]), got["t"][-1], got["flags"].any()) == (751, 7500.0, False)
+
+
+def test_a_packed_file_that_is_cut_off_and_a_word_among_times_say_what_to_do(tmp_path: Path) -> None:
+    """The fault alone was told."""
+    rows = [f"{k},50,{k % 7},{40 + k % 5}" for k in range(300)]
+    path = tmp_path / "plant.csv.gz"
+    path.write_bytes(gzip.compress("\n".join(["t,SP,PV,OP", *rows]).encode())[:300])
+    with pytest.raises(InputError, match="may have been cut off: copy or export it again"):
+        open_recordings(path)
+    rows[100] = rows[100].replace("100,", "noon,", 1)
+    path = tmp_path / "plant.csv"
+    path.write_text("\n".join(["t,SP,PV,OP", *rows]))
+    with pytest.raises(InputError, match=r"row 102, column t: 'noon' is not a time .*; correct or delete the row"):
+        list(open_recordings(path)[0].batches())

@@ -269,3 +269,19 @@ def test_tags_whose_newest_rows_come_first_are_read_from_the_last(tmp_path: Path
     for column in ("t", "sp", "pv", "op"):
         np.testing.assert_array_equal(getattr(one, column), getattr(other, column))
     assert [finding.code for finding in ours.found] == ["newest_first"]
+
+
+def test_an_hour_that_autumn_repeats_is_repeated_for_each_tag(tmp_path: Path) -> None:
+    """Tag by tag, the second run of one tag went on in the next tag, whose first run was read an hour late."""
+    signals = [(signal, stamp, k) for signal in ("SP", "PV", "OP") for k, stamp in enumerate(AUTUMN[150:210])]
+    read = []
+    for key in (None, lambda row: row[2]):
+        body = [f"{stamp},F1.{signal},{k % 7}" for signal, stamp, k in (sorted(signals, key=key) if key else signals)]
+        path = tmp_path / "long.csv"
+        path.write_text("\n".join(["time,tag,value", *body]))
+        [recording] = open_recordings(path, defaults={"time_zone": "Europe/Stockholm"})
+        read.append(joined(list(recording.batches())))
+    tag_by_tag, row_by_row = read
+    assert (np.diff(tag_by_tag.t) > 0).all()
+    for column in ("t", "sp", "pv", "op"):
+        np.testing.assert_array_equal(getattr(tag_by_tag, column), getattr(row_by_row, column))

@@ -27,7 +27,6 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from test_service_opcua import Watch, ascending, gaps
 
 from glapp.loop import Loop
-from glapp.service import opcua
 from glapp.service.connection import Connection
 from glapp.service.opcua import browse
 from glapp.service.plant import NAMESPACE, SimPlant, free_port
@@ -39,7 +38,7 @@ from glapp.service.tags import loops_of
 
 HERE = Path(__file__).parent / "interop"
 THEIRS = Path(__file__).parents[1] / "target" / "interop"
-pytestmark = pytest.mark.verify
+pytestmark = [pytest.mark.verify, pytest.mark.usefixtures("impatient")]
 NODE = pytest.mark.skipif(
     shutil.which("node") is None or not (THEIRS / "node_modules" / "node-opcua-server").is_dir(),
     reason="node-opcua is not installed: make interop",
@@ -49,12 +48,6 @@ MILO = pytest.mark.skipif(
     reason="Eclipse Milo is not installed: make interop",
 )
 STACKS = [pytest.param("node", marks=NODE, id="node-opcua"), pytest.param("milo", marks=MILO, id="milo")]
-
-
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch):
-    monkeypatch.setattr(opcua, "_PAUSES", (0.2, 0.4))
-    monkeypatch.setattr(opcua, "_DENIED", 0.4)
 
 
 def theirs(stack, script, *words, pki=None):
@@ -139,7 +132,7 @@ def test_our_client_and_their_server(stack):
     assert [v.value for v in watch.of("FIC101", Signal.MODE)] == [1.0]
     assert back.good and back.value == pytest.approx(0.1) and back.value != 0.1, "the node holds a Float"
     kinds = {e.kind for e in watch.events}
-    assert kinds == {"connected", "lost", "withdrawn", "backfilled" if stack == "node" else "no_history"}
+    assert kinds == {"connected", "lost", "backfilled" if stack == "node" else "no_history"}
 
 
 @pytest.fixture(scope="module")

@@ -35,19 +35,14 @@ from glapp.service.connection import Connection, check_tags, read_connection
 from glapp.service.opcua import OpcUa, browse
 from glapp.service.opcua_events import EventFilter
 from glapp.service.opcua_u_ff import UffNodes
+from glapp.service.opcua_values import span_of, unit_of
 from glapp.service.plant import FAULTS, NAMESPACE, Security, SimPlant, free_port
 from glapp.service.signal import Signal, WriteRefused
-from glapp.service.tags import as_settings, loops_of
+from glapp.service.tags import as_settings, loops_of, ranges_of
 
 ROOT = Path(__file__).parents[1]
 GLAPP = (sys.executable, Path(__file__).parent / "command_line.py")
-
-
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch):
-    """Connections are tried again at once."""
-    monkeypatch.setattr(opcua, "_PAUSES", (0.2, 0.4))
-    monkeypatch.setattr(opcua, "_DENIED", 0.4)
+pytestmark = pytest.mark.usefixtures("impatient")
 
 
 def served(test):
@@ -866,8 +861,9 @@ def test_writing(shared):
             # a lost connection takes the right away
             source.enable("FIC101")
             source._link.end("lost on purpose")
-            await watch.until(lambda: watch.texts("withdrawn", "FIC101"))
             await watch.until(lambda: len(watch.texts("connected")) == 2)
+            # The monitor withdraws the loop when it hears of it: two events told of one withdrawal.
+            assert watch.texts("lost") and not watch.texts("withdrawn", "FIC101")
             plant._watchdog = _SHORT
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)  # no heartbeat came: the plant has ramped it out
             plant._watchdog = _PATIENT
@@ -1194,8 +1190,29 @@ def test_browsing_finds_the_loops(shared):
     assert list(loops) == plant.names
     assert loops["FIC101"]["pv"] == node("FIC101.PV") and "u_ff" not in loops["FIC101"]
     assert without == 9 * 3 + 1  # low, high and u_FF, and the watchdog
-    text = as_settings(Connection(url=plant.url), loops)
-    assert [loop.opcua.pv for loop in parse_settings(text, "x", Path())] == [node(f"{n}.PV") for n in loops]
+    spans, units = ({one.node: getattr(one, of) for one in found if getattr(one, of)} for of in ("span", "unit"))
+    text = as_settings(Connection(url=plant.url), loops, ranges_of(loops, spans, units))
+    made = parse_settings(text, "x", Path())
+    assert [loop.opcua.pv for loop in made] == [node(f"{n}.PV") for n in loops]
+    # Spans and units were left to be typed, though the server has them.
+    assert {(loop.pv_span, loop.pv_unit, loop.op_span, loop.op_unit) for loop in made} == {
+        ((0, 100), "%", (0, 100), "%")
+    }
+
+
+@pytest.mark.parametrize("known", [{"pv": "n", "op": "o"}, {"sp": "n", "pv": "p", "op": "o"}])
+def test_spans_and_units_of_a_server_are_those_of_pv_and_op(known):
+    """SP has the span of PV where PV has none; what no signal of the loop has is left to be filled in."""
+    ranges = ranges_of({"A": known, "B": {"pv": "x"}}, {"n": (0.0, 50.0), "o": (4.0, 20.0)}, {"o": "mA"})
+    assert ranges == {"A": {"pv_span": (0.0, 50.0), "op_span": (4.0, 20.0), "op_unit": "mA"}}
+    text = as_settings(Connection(url="opc.tcp://p:1"), {"A": {"pv": "s=a", "sp": "s=b"}}, ranges)
+    [loop] = parse_settings(text, "x", Path())
+    assert (loop.pv_span, loop.op_span, loop.op_unit, loop.pv_unit) == ((0, 50), (4, 20), "mA", None)
+
+
+@pytest.mark.parametrize("raw", [ua.Range(0.0, 0.0), ua.Range(5.0, 1.0), ua.Range(0.0, float("inf")), None, 5.0])
+def test_a_range_that_nobody_has_filled_in_is_no_span(raw):
+    assert span_of(raw) is None and unit_of(ua.EUInformation()) is None and unit_of(raw) is None
 
 
 @pytest.mark.verify

@@ -412,6 +412,11 @@ def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page.get_by_text("70 % of it is compensated").wait_for()
     page.get_by_text("by zero crossings").click()  # what somebody is about to choose stays
     page.get_by_text("typed", exact=True).click()
+    page.get_by_text("First test switching off: nothing is enabled before that was seen.").wait_for()
+    assert enable.is_disabled(), "it looked active, and the service refused it"
+    window.say("watchdog seen")
+    page.get_by_text("✓ Seen").wait_for()
+    page.get_by_text("typed", exact=True).click()
     window.say("share 0.6")
     enable.click()
     page.get_by_text(re.compile("Refused: .*comp_share.*somebody else has changed it")).wait_for()

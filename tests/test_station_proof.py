@@ -1,8 +1,6 @@
 """A gap is proved in the window: an open answer, the planned test, the guided test, *found*, the repair, after it."""
 
 import re
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +11,7 @@ import pytest
 pytest.importorskip("nicegui")
 
 from station_child import PASSWORDS
-from station_window import HERE, LONGEST
+from station_window import LONGEST, Child
 
 pytestmark = [pytest.mark.verify, pytest.mark.by_the_clock, pytest.mark.xdist_group("proof in a browser")]
 
@@ -24,25 +22,12 @@ PLAN_TAKES = 600
 """A plan is made by then [s]."""
 
 
-class Plant:
-    """The child: its address, and a person at its controller."""
+class Plant(Child):
+    """A service with its plant: its address, and a person at its controller."""
 
     def __init__(self, folder: Path) -> None:
-        command = [sys.executable, str(HERE / "proof_child.py"), str(folder)]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        self.url, self.confidence = self.process.stdout.readline().split()
-
-    def say(self, word: str) -> None:
-        assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.write(word + "\n")
-        self.process.stdin.flush()
-        assert self.process.stdout.readline().strip() == word
-
-    def end(self) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait(LONGEST / 1000)
+        super().__init__("proof_child.py", folder)
+        self.url, self.confidence = self.heard().split()
 
 
 @pytest.fixture  # a second try begins with a plant of its own

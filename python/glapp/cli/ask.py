@@ -53,7 +53,8 @@ def _ask(entry: Refused, settings: dict[str, Any]) -> list[Recording | Valve | R
             given = (_columns if error.asks == "columns" else _time_format)(file, error, given)
         except (EOFError, InputError):
             break
-        found = opened_with(file, given)
+        of = error.loop  # of several loops the one that is asked about; the others are opened already
+        found = [one for one in opened_with(file, given, [of] if of else None) if of in (None, one.name)]
         if recordings := [opened for opened in found if isinstance(opened, Recording)]:
             _write(file, recordings)
             return found

@@ -72,7 +72,7 @@ def open_files(
         )
     opened: list[Recording | Valve | Refused] = []
     for file in files:
-        opened += _from_settings(file) if _is_toml(file) else opened_with(file, settings)
+        opened += _from_settings(file) if _is_toml(file) else opened_with(file, settings, options.loop)
     asked = [entry.name for entry in opened]
     opened = _only(_named_apart(opened), asked, options.loop)
     _say_left_out(opened)
@@ -124,7 +124,7 @@ def _as_loop(files: Sequence[Path], options: Options, name: str) -> list[Recordi
         raise CommandError(f"--as-loop takes recordings; in {toml} write several files = [...] of a loop")
     opened: list[Recording | Valve | Refused] = []
     for file in files:
-        found = opened_with(file, options.settings())
+        found = opened_with(file, options.settings(), options.loop)
         kept = _only(found, [entry.name for entry in found], options.loop)
         if len(kept) > 1:
             names = ", ".join(entry.name for entry in kept)
@@ -142,9 +142,9 @@ def _gathered(opened: Sequence[Recording | Valve | Refused], name: str) -> list[
     return [*recordings, *rest]
 
 
-def opened_with(file: Path, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
-    """The loops of one recording with these settings."""
-    found = _open_each(file, None, settings)
+def opened_with(file: Path, settings: dict[str, Any], only: Sequence[str] | None) -> list[Recording | Valve | Refused]:
+    """The loops of one recording with these settings, which describe the one that is asked for by `only`."""
+    found = _open_each(file, None, settings, only or ())
     return [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
 
 
@@ -190,11 +190,14 @@ def _from_settings(file: Path) -> list[Recording | Valve | Refused]:
 
 
 def _open_each(
-    file: Path, loops: Sequence[Loop] | None, defaults: dict[str, Any] | None = None
+    file: Path,
+    loops: Sequence[Loop] | None,
+    defaults: dict[str, Any] | None = None,
+    only: Sequence[str] | None = None,
 ) -> Sequence[Recording | InputError]:
     """The recordings of a file, one for each loop; where the file cannot be used, the same error for each loop."""
     try:
-        return open_each(file, loops, defaults)
+        return open_each(file, loops, defaults, only)
     except InputError as error:
         fault = error
     except Exception as error:
@@ -264,14 +267,16 @@ def _called(recording: Recording, name: str) -> Recording:
 def _only(
     opened: list[Recording | Valve | Refused], asked: Sequence[str], names: Sequence[str] | None
 ) -> list[Recording | Valve | Refused]:
-    """The requested recordings, by their name here or by the one in their file."""
+    """The requested recordings, by their name here or by the one in their file, and files that may have held them."""
     if not names:
         return opened
     known = {entry.name for entry in opened}
-    for name in names:
-        if name not in known and name not in asked:
-            raise CommandError(f"--loop: no loop '{name}'; there are: {', '.join(sorted(known))}")
-    return [entry for entry, own in zip(opened, asked, strict=True) if entry.name in names or own in names]
+    missing = [name for name in names if name not in known and name not in asked]
+    unread = [entry for entry in opened if isinstance(entry, Refused) and entry.error.loop is None] if missing else []
+    if missing and not unread:
+        raise CommandError(f"--loop: no loop '{missing[0]}'; there are: {', '.join(sorted(known))}")
+    pairs = zip(opened, asked, strict=True)
+    return [entry for entry, own in pairs if entry.name in names or own in names or entry in unread]
 
 
 def _is_toml(file: Path) -> bool:

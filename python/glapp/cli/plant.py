@@ -15,11 +15,12 @@ import typer
 from ..errors import InputError
 from ..report.words import count
 from ..service.connection import Connection, read_connection
-from ..service.tags import as_settings, loops_of
+from ..service.tags import as_settings, loops_of, ranges_of
 from .outputs import check_output, save
 from .screen import CommandError, err, out
 
 if TYPE_CHECKING:
+    from ..service.opcua import Found
     from ..service.plant import SimPlant
 
 __all__ = ["need_opcua", "plant", "tags"]
@@ -196,7 +197,7 @@ def tags(
             raise InputError("exists already", file=str(output), hint="choose another name, or add --force")
     need_opcua()
     found = asyncio.run(_variables(connection))
-    loops, without = loops_of(found)
+    loops, without = loops_of((one.path, one.node) for one in found)
     if find and loops and not any(text.lower() in name.lower() for text in find for name in loops):
         some = ", ".join(list(loops)[:20]) + (", …" if len(loops) > 20 else "")
         raise InputError(
@@ -207,22 +208,25 @@ def tags(
     if not loops:
         hint = "write them into a loops.toml by hand; docs/plant.md shows how"
         raise InputError(f"has {len(found)} variables, and no loop was recognised", file=connection.url, hint=hint)
-    text = as_settings(connection, loops)
+    spans = {one.node: one.span for one in found if one.span is not None}
+    ranges = ranges_of(loops, spans, {one.node: one.unit for one in found if one.unit is not None})
+    text = as_settings(connection, loops, ranges)
     if output is None:
         typer.echo(text, nl=False)
     else:
         save(output, text)
-        err.print(f"Wrote {output}. Fill in spans and controller.", soft_wrap=True)
+        whole = all({"pv_span", "op_span"} <= ranges.get(name, {}).keys() for name in loops)
+        err.print(f"Wrote {output}. Fill in {'' if whole else 'spans and '}controller.", soft_wrap=True)
     err.print(f"{count(len(loops), 'loop')}; {without} of {len(found)} variables are of none", soft_wrap=True)
 
 
-async def _variables(connection: Connection) -> list[tuple[str, str]]:
-    """Path and node of every variable of the server."""
+async def _variables(connection: Connection) -> list[Found]:
+    """Every variable of the server."""
     from ..service.opcua import browse
     from ..service.opcua_values import reason
 
     try:
-        return [(tag.path, tag.node) for tag in await browse(connection)]
+        return await browse(connection)
     except InputError:
         raise
     except Exception as error:  # whatever a server answers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from ..loop import Loop
 from ..recording import Recording
 from . import apart, bounds
 from .cells import words
-from .columns import SignalColumns, each_with_columns
+from .columns import SignalColumns, described_one, each_with_columns, for_one
 from .csv import PACKED, CsvSource, encoding_of
 from .each import all_or_none
 from .excel import sheets
@@ -77,22 +77,43 @@ def open_recordings(
 
 
 def open_each(
-    path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
+    path: str | Path,
+    loops: Sequence[Loop] | None = None,
+    defaults: Mapping[str, Any] | None = None,
+    only: Collection[str] | None = None,
 ) -> list[Recording | InputError]:
     """Open a file, with the error in the place of a loop that cannot be used: the others can go on.
 
-    Raises InputError where the file cannot be used.
+    - `only`: names of loops that are wanted where `loops` is None, none for all. What `defaults` say of one loop, such
+      as its column of PV or its controller, is said of the one that is wanted. None: it is said of each loop.
+
+    Raises InputError where the file cannot be used, or `defaults` that describe one loop would be said of several.
     """
     sources = _open(Path(path), str(path))
     if len(sources) == 1:
-        return _recordings(sources[0], name_of(path), loops, defaults)
+        return _recordings(sources[0], name_of(path), loops, defaults, only)
     if loops is None:
-        return [
-            recording
-            for source in sources
-            for recording in _recordings(source, getattr(source, "sheet", name_of(path)), None, defaults)
-        ]
+        return _of_sheets(sources, name_of(path), defaults, only)
     return [_of_any(sources, loop) for loop in loops]
+
+
+def _of_sheets(
+    sources: Sequence[Source], stem: str, defaults: Mapping[str, Any] | None, only: Collection[str] | None
+) -> list[Recording | InputError]:
+    """The loops of all sheets.
+
+    Raises InputError where `defaults` describe one loop, and several are wanted.
+    """
+    opened = [
+        recording
+        for source in sources
+        for recording in _recordings(source, getattr(source, "sheet", stem), None, defaults, only)
+    ]
+    wanted = [one.name for one in opened if isinstance(one, Recording) and (not only or one.name in only)]
+    # Sheets of the same columns are like files of the same columns: a name of one is the name of it in all.
+    if only is not None and len(wanted) > 1 and (options := described_one({**(defaults or {}), "columns": {}})):
+        raise for_one(options, f"holds {len(wanted)} loops", wanted, sources[0].label)
+    return opened
 
 
 def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
@@ -214,14 +235,18 @@ def _unpacked(path: Path, most: int) -> bytes:
 
 
 def _recordings(
-    source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
+    source: Source,
+    stem: str,
+    loops: Sequence[Loop] | None,
+    defaults: Mapping[str, Any] | None,
+    only: Collection[str] | None = None,
 ) -> list[Recording | InputError]:
     """Recordings of a source, or the errors in their place."""
     if source.nameless is not None and not tagged(source) and not _pv_column_given(loops, defaults):
         raise source.nameless
     source = shaped(source, loops or (), defaults or {})
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
-        return long_recordings(source, stem, loops, defaults)
+        return long_recordings(source, stem, loops, defaults, only)
     source.tell_apart()
     signals = SignalColumns(source.names, source.time)
     passes = Passes(source)
@@ -229,7 +254,7 @@ def _recordings(
     def make(loop: Loop, chosen: dict[str, str]) -> Recording:
         return WideRecording(passes, loop, chosen)
 
-    return each_with_columns(signals, loops, defaults, make, stem=stem, label=source.label)
+    return each_with_columns(signals, loops, defaults, make, only=only, stem=stem, label=source.label)
 
 
 def _pv_column_given(loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None) -> bool:

@@ -15,7 +15,7 @@ from .kin import shared, tag_of
 from .meaning import understand, unnumbered
 from .names import WEAK
 
-__all__ = ["LABELS", "SignalColumns", "choose", "each_with_columns"]
+__all__ = ["LABELS", "SignalColumns", "choose", "described_one", "each_with_columns", "for_one"]
 
 _DIGITS = re.compile(r"\d+")
 LABELS = {
@@ -225,6 +225,7 @@ def each_with_columns(
     defaults: Mapping[str, Any] | None,
     make: Callable[[Loop, dict[str, str]], Recording],
     *,
+    only: Collection[str] | None,
     stem: str,
     label: str,
     tags: bool = False,
@@ -234,13 +235,17 @@ def each_with_columns(
 
     - `loops`: None for those that the names show.
     - `defaults`: settings of these.
+    - `only`: the loops that are wanted of these, none for all: what describes one loop is said of the one that is
+      wanted. None: all that the settings say is said of each loop.
     - `stem`: name of a loop whose columns have no prefix.
     - `label`, `tags`, `kind`: as of `choose`.
+
+    Raises InputError where settings describe one loop, and several are wanted.
     """
     found: dict[str, str] = {}
     if loops is None:
         found = signals.loops(stem)
-        loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
+        loops = _described(list(found), defaults or {}, only, label)
     named = {name for loop in loops for name in loop.columns.model_dump().values() if name}
     several = len(loops) > 1 or len(signals.groups) > 1
 
@@ -270,6 +275,50 @@ def each_with_columns(
     if found and first is not None:  # who names the loops knows which others there are
         first.left_out = [*first.left_out, *_passed_over(signals, named)]
     return opened
+
+
+def described_one(settings: Mapping[str, Any]) -> list[str]:
+    """Options with which settings describe one loop, and no other of the same table.
+
+    Examples
+    --------
+    >>> described_one({"columns": {"time": "t", "pv": "B.PV", "op": ""}, "controller": {"pb": 80.0}, "n": 9})
+    ['--pv', '--pb']
+    """
+    columns = [role for role in _OF_ONE["columns"] if settings.get("columns", {}).get(role)]
+    parts = [key for part in ("controller", "process") for key in settings.get(part, {})]
+    whole = [key for key in _OF_ONE["loop"] if key in settings]
+    return [f"--{key.replace('_', '-')}" for key in (*columns, *parts, *whole)]
+
+
+_OF_ONE = {"columns": ("sp", "pv", "op", "mode"), "loop": ("pv_span", "op_span", "repaired")}
+
+
+def _described(
+    names: Sequence[str], settings: Mapping[str, Any], only: Collection[str] | None, label: str
+) -> list[Loop]:
+    """Loops of one table; what describes one loop is said of the only one, or of the one that is wanted.
+
+    Raises InputError where it would be said of several.
+    """
+    # With several files a loop may be wanted by its file too: north/day/FIC2.
+    wanted = [name for name in names if not only or any(f"/{one}".endswith(f"/{name}") for one in only)]
+    options = described_one(settings)
+    if only is None:
+        wanted = list(names)
+    elif options and len(wanted) > 1:
+        raise for_one(options, f"{'--loop names' if only else 'holds'} {len(wanted)} loops", wanted, label)
+    rest = {key: value for key, value in settings.items() if key not in ("controller", "process", *_OF_ONE["loop"])}
+    if columns := settings.get("columns"):
+        rest["columns"] = {role: name for role, name in columns.items() if not name or role not in _OF_ONE["columns"]}
+    return [Loop(**{**(settings if name in wanted else rest), "name": name}) for name in names]
+
+
+def for_one(options: Sequence[str], holds: str, names: Sequence[str], label: str) -> InputError:
+    """Message where settings that describe one loop would be said of several."""
+    which = f"{' '.join(options)} describe{'s' * (len(options) == 1)} one of them"
+    hint = f"add --loop '{names[0]}' and no other, where it is that one; or write what each has into a loops.toml"
+    return InputError(f"{holds}, {_listed(names)}, and {which}", file=label, hint=hint)
 
 
 def _passed_over(signals: SignalColumns, named: Set[str]) -> Iterator[str]:

@@ -170,7 +170,7 @@ class CsvSource(Source):
             except pa.ArrowInvalid as error:
                 raise self._ragged(error) from None
             except (OSError, UnicodeError) as error:
-                raise InputError(f"cannot be read: {error}", file=self.label) from None
+                raise self._unread(error) from None
             finally:
                 for future in waiting:
                     future.cancel()
@@ -253,7 +253,12 @@ class CsvSource(Source):
                         break
                 return raw, False
         except (OSError, pa.ArrowException) as error:
-            raise InputError(f"cannot be read: {error}", file=self.label) from None
+            raise self._unread(error) from None
+
+    def _unread(self, error: Exception) -> InputError:
+        """The error of a file that cannot be read to its end."""
+        hint = "it may have been cut off: copy or export it again" if self._compression else None
+        return InputError(f"cannot be read: {error}", file=self.label, hint=hint)
 
     def _last_rows(self) -> list[list[str]]:
         """Cells of the last rows; none where the end cannot be had without reading everything."""

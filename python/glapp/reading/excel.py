@@ -255,8 +255,10 @@ class SheetSource(Source):
 
 
 def _widest(texts: Sequence[tuple[int, Sequence[str]]]) -> int:
-    """The first row that fills two columns: titles above it fill one."""
-    return next((i for i, (_, cells) in enumerate(texts) if sum(map(bool, cells)) > 1), 0)
+    """The first row that fills two columns: titles above it fill one. The tag of its signals may stand above it."""
+    widest = next((i for i, (_, cells) in enumerate(texts) if sum(map(bool, cells)) > 1), 0)
+    above = texts[widest - 1][1] if widest and not holds_data(texts[widest][1]) else [""]
+    return widest - 1 if not above[0] and any(above) else widest
 
 
 def _text(cell: Any) -> str:

@@ -17,7 +17,7 @@ written as wide Parquet.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from datetime import datetime
@@ -161,7 +161,7 @@ class _Store:
         clock = self.clock.reader()
         order = list(self._types)
         place = {role: order.index(i) for role, i in self.at.items() if i is not None}
-        done = 0
+        done, begun = 0, set[int]()
         for columns in self.rows.of(self.source.stream(self._types, frozenset({""}))):
             columns = [plain(column) for column in columns]  # rows are picked from them, words may go
             n = len(columns[0])
@@ -174,14 +174,19 @@ class _Store:
                 codes = pc.index_in(tags, wanted).fill_null(-1).to_numpy(zero_copy_only=False)
                 rows = np.flatnonzero(codes >= 0)
                 codes, keep = codes[rows], pa.array(rows)
-                t = clock(columns[place["time"]].take(keep))
+                found, first = np.unique(codes, return_index=True)
+                begins = np.zeros(len(rows), np.bool_)
+                if np.count_nonzero(np.diff(codes)) < len(found):  # one after the other
+                    begins[first[~np.isin(found, list(begun))]] = True
+                begun.update(found.tolist())
+                t = clock(columns[place["time"]].take(keep), begins)
                 role = "quality"
                 bad = np.zeros(len(rows), np.bool_)
                 if role in place:
                     bad = self._quality(columns[place[role]].take(keep)) != 0
                 role = "value"
                 values = columns[place[role]]
-                for code in np.unique(codes):
+                for code in found:
                     tag = wanted[int(code)].as_py()
                     if tag in self._faults:
                         continue
@@ -303,7 +308,11 @@ def _in_order(tag: _Tag) -> _Tag:
 
 
 def long_recordings(
-    source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
+    source: Source,
+    stem: str,
+    loops: Sequence[Loop] | None,
+    defaults: Mapping[str, Any] | None,
+    only: Collection[str] | None = None,
 ) -> list[Recording | InputError]:
     """Recordings of the loops of a long table, an error in the place of a loop whose tags cannot be used.
 
@@ -318,4 +327,6 @@ def long_recordings(
         return LongRecording(store, loop, chosen)
 
     signals, kind = SignalColumns(store.names()), "tag" if source.tags is None else "column"
-    return each_with_columns(signals, loops, defaults, make, stem=stem, label=source.label, tags=True, kind=kind)
+    return each_with_columns(
+        signals, loops, defaults, make, only=only, stem=stem, label=source.label, tags=True, kind=kind
+    )

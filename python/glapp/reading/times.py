@@ -233,16 +233,19 @@ class Clock:
         else:
             raise CellFault(0, f"holds {head.type}, not times")
 
-    def reader(self) -> Callable[[pa.Array], NDArray[np.float64]]:
-        """A function for one pass over the recording: column to seconds [s]; raises CellFault."""
+    def reader(self) -> Callable[..., NDArray[np.float64]]:
+        """A function for one pass over the recording: column to seconds [s]; raises CellFault.
+
+        Where the tags of a table stand one after the other, it takes as second the rows with which one begins.
+        """
         if self._numeric:
-            return self._read_numbers
+            return lambda column, begins=None: self._read_numbers(column)
         fold = _Fold(self.zone) if self.zone is not None and not self._zoned else None
 
-        def read(column: pa.Array) -> NDArray[np.float64]:
+        def read(column: pa.Array, begins: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
             ticks = self._ticks(column)
             if fold is not None:
-                ticks = fold(ticks, self._per_second)
+                ticks = fold(ticks, self._per_second, begins)
             return self._since(ticks)
 
         return read
@@ -354,7 +357,8 @@ class Clock:
                 at = bisect_left(rows, True, key=lambda k: _cast(column.slice(0, k + 1), self.arrow_type) is None)
                 if column.slice(0, at).null_count == 0:
                     text = written[at].as_py()
-                    raise CellFault(at, f"'{text}' is not a time like those before", value=text)
+                    hint = "correct or delete the row"
+                    raise CellFault(at, f"'{text}' is not a time like those before", hint, value=text)
             else:
                 column = cast
         if column.null_count:
@@ -598,14 +602,19 @@ def _changes(zone: str, year: int) -> tuple[tuple[int, int], ...]:
 
 
 class _Fold:
-    """Local times to UTC through one pass; in the hour that autumn repeats, the second run follows a step back."""
+    """Local times to UTC through one pass; in the hour that autumn repeats, the second run follows a step back.
+
+    Where tags stand one after the other, each begins anew.
+    """
 
     def __init__(self, zone: str) -> None:
         self._zone = zone
         self._last: int | None = None
         self._second = False
 
-    def __call__(self, ticks: NDArray[np.int64], per_second: int) -> NDArray[np.int64]:
+    def __call__(
+        self, ticks: NDArray[np.int64], per_second: int, begins: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.int64]:
         if not len(ticks):
             return ticks
         begin, offset = self._clock(ticks, per_second)
@@ -625,7 +634,8 @@ class _Fold:
             back = np.diff(ticks, prepend=ticks[0] if self._last is None else self._last) < 0
             second = self._second
             for i in np.flatnonzero(twice | np.concatenate(([False], twice[:-1]))):
-                second = bool(twice[i]) and (second or bool(back[i]))
+                anew = begins is not None and begins[i]
+                second = bool(twice[i] and not anew and (second or back[i]))
                 if second:
                     early[i] = late[i]
             self._second = second and bool(twice[-1])

@@ -15,7 +15,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -26,7 +26,7 @@ from .connection import Connection, check_tags
 from .opcua_client import DENIALS, client_of, connect, disconnect
 from .opcua_events import REPEATED, EventFilter
 from .opcua_u_ff import UffNodes
-from .opcua_values import LostError, NotANumberError, number_of, number_reader, reason, status_text
+from .opcua_values import LostError, NotANumberError, number_of, number_reader, reason, span_of, status_text, unit_of
 from .signal import Signal, Take, Tell, Value, WriteRefused
 
 __all__ = ["Found", "OpcUa", "browse"]
@@ -35,6 +35,7 @@ _PAUSES = (1.0, 30.0)  # between two attempts to connect, the first and the long
 _DENIED = 300.0  # after a refused password: an account is locked easily
 _KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
 _ITEMS = 500  # tags in one request
+_BROWSED = 100  # nodes in one request while a server is looked through
 _SLICE = 3600.0  # of the history in one request [s]
 _VALUES = 25_000  # of the history in one request, as far as the interval shows
 _STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
@@ -51,6 +52,7 @@ _LIMITS = {
     ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerHistoryReadData: "histories",
     ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerRead: "reads",
 }
+_DESCRIBE = ua.QualifiedName("EURange"), ua.QualifiedName("EngineeringUnits")
 _OVERFLOW = 0x480  # info type DataValue, and its bit Overflow
 _NUMBERS = (int, float)
 
@@ -713,10 +715,17 @@ def _hand(take: Take, values: list[Value]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A variable of the server: the path of names that leads to it, and its node as a loops.toml names it."""
+    """A variable of the server.
+
+    - `path`: the names that lead to it.
+    - `node`: as a loops.toml names it.
+    - `span`, `unit`: its EURange and EngineeringUnits, where the server has them.
+    """
 
     path: str
     node: str
+    span: tuple[float, float] | None = None
+    unit: str | None = None
 
 
 async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
@@ -729,17 +738,45 @@ async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
     try:
         await connect(client, connection)
         uris = await client.get_namespace_array()
-        return [found async for found in _variables_below(client, uris, most)]
+        described: dict[tuple[ua.NodeId, str], ua.NodeId] = {}
+        found = [one async for one in _variables_below(client, uris, most, described)]
+        return await _described(client, found, described)
     finally:
         await disconnect(client, connection)
 
 
-async def _variables_below(client: Client, uris: Sequence[str], most: int) -> Any:
-    """Paths and nodes of a server's variables."""
+async def _described(
+    client: Client, found: Sequence[tuple[ua.NodeId, Found]], described: Mapping[tuple[ua.NodeId, str], ua.NodeId]
+) -> list[Found]:
+    """The variables with their spans and units, read from the nodes that have these."""
+    nodes = list(described.values())
+    values: list[Any] = []
+    for i in range(0, len(nodes), _BROWSED):
+        some = nodes[i : i + _BROWSED]
+        try:
+            seen = await client.uaclient.read_attributes(some, ua.AttributeIds.Value)
+        except ua.UaError:  # the tags are found without them
+            values += [None] * len(some)
+        else:
+            values += [None if one.Value is None else one.Value.Value for one in seen]
+    of = dict(zip(described, values, strict=True))
+    return [
+        replace(one, span=span_of(of.get((node, "EURange"))), unit=unit_of(of.get((node, "EngineeringUnits"))))
+        for node, one in found
+    ]
+
+
+async def _variables_below(
+    client: Client, uris: Sequence[str], most: int, described: dict[tuple[ua.NodeId, str], ua.NodeId]
+) -> Any:
+    """Nodes of a server's variables, and what is found of them.
+
+    - `described`: gets the nodes with the EURange and EngineeringUnits of variables, which are no tags.
+    """
     seen: set[ua.NodeId] = set()
     waiting: deque[tuple[ua.NodeId, str]] = deque([(client.nodes.objects.nodeid, "")])
     while waiting and len(seen) < most:
-        some = [waiting.popleft() for _ in range(min(len(waiting), 100))]
+        some = [waiting.popleft() for _ in range(min(len(waiting), _BROWSED))]
         asked = ua.BrowseParameters()
         for node, _ in some:
             one = ua.BrowseDescription()
@@ -747,17 +784,20 @@ async def _variables_below(client: Client, uris: Sequence[str], most: int) -> An
             one.ReferenceTypeId = ua.NodeId(ua.ObjectIds.HierarchicalReferences)
             one.IncludeSubtypes, one.ResultMask = True, ua.BrowseResultMask.All
             asked.NodesToBrowse.append(one)
-        for (_, path), result in zip(some, await client.uaclient.browse(asked), strict=True):
+        for (parent, path), result in zip(some, await client.uaclient.browse(asked), strict=True):
             for reference in await _all_of(client, result):
                 node = reference.NodeId
                 if node in seen or node.NamespaceIndex == 0 or node.NamespaceIndex >= len(uris):
                     continue
                 seen.add(node)
+                if reference.BrowseName in _DESCRIBE:
+                    described[parent, reference.BrowseName.Name] = node
+                    continue
                 name = f"{path}.{reference.BrowseName.Name}" if path else reference.BrowseName.Name
                 if reference.NodeClass is not ua.NodeClass.Method:  # whose arguments are no tags
                     waiting.append((node, name))
                 if reference.NodeClass is ua.NodeClass.Variable:
-                    yield Found(name, _text_of(node, uris))
+                    yield node, Found(name, _text_of(node, uris))
 
 
 async def _all_of(client: Client, result: Any) -> Iterator[Any]:

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from ..errors import InputError
 from .connection import Connection
-from .opcua_values import LostError
+from .opcua_values import LostError, reason
 from .security import uri_of
 
 __all__ = ["DENIALS", "client_of", "connect", "disconnect"]
@@ -68,7 +68,7 @@ async def connect(client: Client, connection: Connection) -> None:
         if (why := await _why(connection)) is not None:
             raise LostError(why) from error
         if isinstance(error, TimeoutError):
-            raise LostError("no answer in time: check that an OPC UA server listens there") from error
+            raise LostError(f"{reason(error)}: check that an OPC UA server listens there") from error
         raise
 
 

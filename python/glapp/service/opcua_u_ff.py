@@ -58,9 +58,7 @@ class UffNodes:
     def disconnected(self) -> None:
         """The connection is gone: nothing may be written until it is enabled again."""
         self.client = None
-        for loop, feed in self.nodes.items():
-            if feed.state == "enabled":
-                self._events.event("withdrawn", loop, f"{loop}: u_FF may not be written any more: no connection")
+        for feed in self.nodes.values():  # who is told of the lost connection withdraws the loops
             feed.state = "taken" if feed.state == "taken" else "off"
             feed.written, feed.node = None, None
 

@@ -14,7 +14,17 @@ from ..errors import InputError
 from ..loop import Loop
 from ..reading.values import mode_flag, text_of
 
-__all__ = ["LostError", "NotANumberError", "as_written", "number_of", "number_reader", "reason", "status_text"]
+__all__ = [
+    "LostError",
+    "NotANumberError",
+    "as_written",
+    "number_of",
+    "number_reader",
+    "reason",
+    "span_of",
+    "status_text",
+    "unit_of",
+]
 
 _NUMBERS = (int, float)
 
@@ -65,6 +75,26 @@ def number_of(seen: ua.DataValue) -> tuple[float, str]:
         return _real(None if seen.Value is None else seen.Value.Value), ""
     except NotANumberError as error:
         return math.nan, str(error)
+
+
+def span_of(raw: Any) -> tuple[float, float] | None:
+    """A range of OPC UA as a span; None where it is none, as 0 to 0 where nobody has filled it in.
+
+    Examples
+    --------
+    >>> span_of(ua.Range(0.0, 50.0)), span_of(ua.Range(0.0, 0.0)), span_of(None)
+    ((0.0, 50.0), None, None)
+    """
+    if not isinstance(raw, ua.Range):
+        return None
+    low, high = float(raw.Low), float(raw.High)
+    return (low, high) if math.isfinite(low) and math.isfinite(high) and low < high else None
+
+
+def unit_of(raw: Any) -> str | None:
+    """The word of an engineering unit; None where there is none."""
+    text = raw.DisplayName.Text if isinstance(raw, ua.EUInformation) and raw.DisplayName is not None else None
+    return (text or "").strip() or None
 
 
 _MEANS = {

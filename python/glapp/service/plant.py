@@ -527,6 +527,7 @@ class SimPlant:
     async def _tags(self, server: Server, index: int, history: _History) -> None:
         """Create the nodes of all loops."""
         self._ids = {}
+        percent = ua.EUInformation(DisplayName=ua.LocalizedText("%"))
         for loop in self._loops.values():
             folder = await server.nodes.objects.add_folder(ua.NodeId(loop.name, index), f"{index}:{loop.name}")
             for signal in Signal:
@@ -534,6 +535,10 @@ class SimPlant:
                 node_id = ua.NodeId(f"{loop.name}.{_NAMES[signal]}", index)
                 first = ua.Variant(_PYTHON[kind](0), kind)
                 node = await folder.add_variable(node_id, f"{index}:{_NAMES[signal]}", first)
+                if signal in (Signal.SP, Signal.PV, Signal.OP):  # in % of spans that are 0 to 100
+                    for name, said in (("EURange", ua.Range(0.0, 100.0)), ("EngineeringUnits", percent)):
+                        described = ua.NodeId(f"{node_id.Identifier}.{name}", index)
+                        await node.add_property(described, ua.QualifiedName(name), said)
                 key = (loop.name, signal)
                 self._ids[key] = node_id
                 record = self._records.setdefault(key, _Record())

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ..controller import Span
 from ..loop import Loop, Tags
 from ..reading.kin import shared
 from ..reading.meaning import understand
 from ..reading.settings import block, write_settings
 from .connection import Connection
 
-__all__ = ["as_settings", "loops_of"]
+__all__ = ["as_settings", "loops_of", "ranges_of"]
 
 _ROLES = ("sp", "pv", "op", "mode", "position")
 
@@ -50,8 +51,34 @@ def loops_of(found: Iterable[tuple[str, str]]) -> tuple[dict[str, dict[str, str]
     return whole, count - sum(len(nodes) for nodes in whole.values())
 
 
-def as_settings(connection: Connection, loops: Mapping[str, Mapping[str, Any]]) -> str:
-    """Text of a loops.toml with these loops, reached by this connection.
+def ranges_of(
+    loops: Mapping[str, Mapping[str, str]], spans: Mapping[str, Span], units: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    """Spans and units of loops as keys of `Loop`: those of PV and OP as the server has them, else of SP as of PV.
+
+    - `spans`, `units`: node to what the server says of it.
+
+    Examples
+    --------
+    >>> ranges_of({"FIC101": {"pv": "s=a", "op": "s=b"}}, {"s=a": (0.0, 50.0)}, {"s=a": "m3/h", "s=b": "%"})
+    {'FIC101': {'pv_span': (0.0, 50.0), 'pv_unit': 'm3/h', 'op_unit': '%'}}
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for name, nodes in loops.items():
+        for key, like in (("pv", "sp"), ("op", "op")):
+            for what, known in (("span", spans), ("unit", units)):
+                said = [known[nodes[of]] for of in (key, like) if of in nodes and nodes[of] in known]
+                if said:
+                    found.setdefault(name, {})[f"{key}_{what}"] = said[0]
+    return found
+
+
+def as_settings(
+    connection: Connection,
+    loops: Mapping[str, Mapping[str, Any]],
+    ranges: Mapping[str, Mapping[str, Any]] | None = None,
+) -> str:
+    """Text of a loops.toml with these loops, reached by this connection, and with their spans and units.
 
     Examples
     --------
@@ -66,5 +93,5 @@ def as_settings(connection: Connection, loops: Mapping[str, Mapping[str, Any]]) 
     pv = "ns=2;s=a"
     <BLANKLINE>
     """
-    made = [Loop(name=name, opcua=Tags(**nodes)) for name, nodes in loops.items()]
+    made = [Loop(name=name, opcua=Tags(**nodes), **(ranges or {}).get(name, {})) for name, nodes in loops.items()]
     return f"{block('opcua', connection)}\n{write_settings(made)}"

@@ -217,11 +217,9 @@ class CompensationPage:
             why = found.why_not
         elif not used:
             why = "Press “Use this width” first."
-        self.on.props(remove="disable")
-        if why:
-            self.on.props("disable")
-        elif self._tested is None:  # the service refuses it
+        elif self._tested is None:
             why = "First test switching off: nothing is enabled before that was seen."
+        self.on.props("disable" if why else "", remove="" if why else "disable")
         self.not_yet.set_text(why)
         self.why_not.set_visibility(bool(found.why_not))
 

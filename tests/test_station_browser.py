@@ -18,6 +18,7 @@ from test_station import by_hand
 from glapp.report.words import URGENCIES
 from glapp.service.store import Reader
 from glapp.station import charts
+from glapp.station.pages import DOUBLE
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
 
@@ -359,6 +360,7 @@ def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window)
     page.get_by_role("button", name="Set what is changed").click()
     page.get_by_text("Set: kp.").wait_for()
     page.get_by_text("Who changed what, when").wait_for(state="hidden")
+    page.wait_for_timeout(1000.0 * DOUBLE)  # sooner it is the second click of a double one
     button.click()
     page.get_by_text("kp 2 → 3").wait_for()
     field = page.get_by_label("n", exact=True)
@@ -368,6 +370,7 @@ def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window)
     page.get_by_role("button", name="Set what is changed").click()
     page.get_by_text("somebody else has changed it").wait_for()
     page.keyboard.press("Escape")
+    page.wait_for_timeout(1000.0 * DOUBLE)
     button.click()
     field.fill("4")
     page.get_by_role("button", name="Set what is changed").click()

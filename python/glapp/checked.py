@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from .errors import InputError
 
-__all__ = ["Checked", "check_limits", "check_number", "check_positive", "nearest", "numbers_of"]
+__all__ = ["Checked", "check_limits", "check_number", "check_one_of", "check_positive", "nearest", "numbers_of"]
 
 _BOUNDS = {
     "greater_than": ("gt", ">"),
@@ -95,6 +95,23 @@ def check_number(value: Any, parameter: str | None, good: Callable[[float], bool
                 return number
             shown = f"{number:g}"
     raise InputError(f"is {shown}, must be {bound}", parameter=parameter, value=value, bound=bound)
+
+
+def check_one_of(value: Any, parameter: str, known: Iterable[str]) -> None:
+    """Refuse what is none of the known words.
+
+    Raises InputError where it is none.
+
+    Examples
+    --------
+    >>> check_one_of("PD", "kind", ("PI", "PID"))
+    Traceback (most recent call last):
+    glapp.errors.InputError: kind: is 'PD', must be 'PI' or 'PID'
+    """
+    known = list(known)
+    if not (isinstance(value, str) and value in known):
+        bound = " or ".join(map(repr, known))
+        raise InputError(f"is {value!r}, must be {bound}", parameter=parameter, value=value, bound=bound)
 
 
 def numbers_of(

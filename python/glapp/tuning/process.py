@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from ..checked import check_one_of
 from ..errors import InputError
 from ..plant import Plant
 
@@ -41,8 +42,7 @@ def sign_of(plant: Plant) -> float:
 
 def kind_of(kind: Kind) -> Kind:
     """The kind, refused where it is none."""
-    if not (isinstance(kind, str) and kind in ("PI", "PID")):
-        raise InputError(f"is {kind!r}, must be 'PI' or 'PID'", parameter="kind", value=kind, bound="'PI' or 'PID'")
+    check_one_of(kind, "kind", ("PI", "PID"))
     return kind
 
 

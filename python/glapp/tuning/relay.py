@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import _glapp, modules
-from ..checked import check_limits, check_number, numbers_of
+from ..checked import check_limits, check_number, check_one_of, numbers_of
 from ..errors import InputError
 from ..plant import Plant
 from .assess import Tuning, assess
@@ -75,9 +75,7 @@ class RelayExperiment:
         InputError
             Where the experiment found too little for the rule, and for an unstable closed loop.
         """
-        if not (isinstance(rule, str) and rule in _SOURCES):
-            bound = " or ".join(repr(name) for name in _SOURCES)
-            raise InputError(f"is {rule!r}, must be {bound}", parameter="rule", value=rule, bound=bound)
+        check_one_of(rule, "rule", _SOURCES)
         if self.ku is None or self.tu is None:
             raise InputError(f"found nothing to tune by: {self.stop}", parameter="experiment")
         try:
@@ -211,12 +209,12 @@ def _experiment(process: Plant, graph: modules.Graph, t: float, load: npt.NDArra
 def _load(load: Sequence[tuple[float, float]] | npt.NDArray[np.float64], n: int, h: float) -> npt.NDArray[np.float64]:
     """One value a sample."""
     values = np.zeros(n)
-    given = numbers_of(load, "load", "[(time, value), …], or an array with one number a sample")
+    bound = "[(time, value), …], or an array with one number a sample"
+    given = numbers_of(load, "load", bound)
     if isinstance(load, np.ndarray) and load.ndim == 1:
         values[: given.size] = given[:n]
         return values
     if given.size and (given.ndim != 2 or given.shape[1] != 2):
-        bound = "[(time, value), …], or an array with one number a sample"
         raise InputError(f"is {load!r}, must be {bound}", parameter="load", value=load, bound=bound)
     for t, value in given.reshape(-1, 2):
         values[max(0, round(t / h)) :] = value

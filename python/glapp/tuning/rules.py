@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from .. import _glapp
-from ..checked import check_number
+from ..checked import check_number, check_one_of
 from ..errors import InputError
 from ..plant import Plant
 from .assess import Tuning, assess, plant_of
@@ -250,7 +250,5 @@ def _time(name: str, value: float) -> float:
 
 
 def _table(table: str) -> str:
-    if not (isinstance(table, str) and table in _TABLES):
-        bound = "'textbook' or 'original'"
-        raise InputError(f"is {table!r}, must be {bound}", parameter="table", value=table, bound=bound)
+    check_one_of(table, "table", _TABLES)
     return table

@@ -390,13 +390,19 @@ fn around_most_likely(curves: &mut [Curve], range: f64) -> (Vec<Known>, usize) {
     }
 }
 
+/// The first and the last of the widths that lie inside, of which the best is one.
+pub(crate) fn ends(inside: &[bool]) -> (usize, usize) {
+    let first = inside.iter().position(|i| *i).expect("the best is inside");
+    let last = inside.iter().rposition(|i| *i).expect("the best is inside");
+    (first, last)
+}
+
 /// The widths at which the likelihood has risen by `limit` over the costs `here`; None where the highest of the `known` widths has not
 /// risen as far.
 fn interval(curves: &mut [Curve], known: &[Known], here: &[Vec<f64>], limit: f64) -> (f64, Option<f64>) {
     let inside = |curves: &[Curve], costs: &[Vec<f64>]| rises(curves, here, costs).iter().sum::<f64>() <= limit;
     let near: Vec<bool> = known.iter().map(|(_, costs)| inside(curves, costs)).collect();
-    let first = near.iter().position(|i| *i).expect("the best is inside");
-    let last = near.iter().rposition(|i| *i).expect("the best is inside");
+    let (first, last) = ends(&near);
     let mut border = |mut within: f64, mut beyond: f64| {
         for _ in 0..HALVINGS {
             let middle = 0.5 * (within + beyond);

@@ -12,7 +12,7 @@ use crate::data::samples::Unfit;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
 use crate::decide::evidence::{Evidence, lr_asked_of_changes, lr_asked_of_passes};
-use crate::decide::joint::{Curve, JointAnswer, Together, newest};
+use crate::decide::joint::{Curve, JointAnswer, Together, ends, newest};
 use crate::decide::judgement::{Confidence, Judgement, Verdict};
 use crate::decide::pooled::pooled;
 use crate::decide::segment::swings_evenly;
@@ -383,8 +383,7 @@ fn interval(members: &mut [Member], d: f64, least: &[f64], limit: f64) -> (f64, 
     let predicted = |members: &[Member], d: f64| rise(members, &interpolated_costs(members, d));
     let widths: Vec<f64> = widths(members);
     let inside: Vec<bool> = widths.iter().map(|w| *w == d || predicted(members, *w) <= limit).collect();
-    let first = inside.iter().position(|i| *i).expect("the best is inside");
-    let last = inside.iter().rposition(|i| *i).expect("the best is inside");
+    let (first, last) = ends(&inside);
     let mut border = |mut within: f64, mut beyond: f64| {
         for _ in 0..LOOKS {
             let (mut low, mut high) = (within, beyond);

@@ -31,9 +31,9 @@ macro_rules! would {
         "a gap of {d:op} fits best, but "
     };
 }
-macro_rules! enough {
+macro_rules! weak {
     () => {
-        "the evidence for a gap is too weak (likelihood ratio {lr_no_gap:.0f}, {lr_needed:.0f} needed)"
+        "the evidence for it is too weak (likelihood ratio {lr_no_gap:.0f}, {lr_needed:.0f} needed)"
     };
 }
 macro_rules! longer {
@@ -98,8 +98,10 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "cannot_tell no_answer seldom": "PV does not follow OP: a process at rest explains PV as well (likelihood ratio \
          {lr_no_answer:.0f}). Rows {h:.3g} s apart may be why: the error is another one at each row, as where the \
          process settles between two of them. Record a row every {enough:.3g} s or faster, while OP moves";
-    "cannot_tell may_be": "probably {d:op}, but ", enough!(), longer!();
-    "cannot_tell may_be bound": "probably {d:op}, at most {high:.3g}, but ", enough!(), longer!();
+    "cannot_tell may_be": would!(), weak!(), longer!();
+    "cannot_tell may_be bound": "a gap of {d:op} fits best (at most {high:op}), but ", weak!(), longer!();
+    "cannot_tell families_disagree": would!(), "other models of the loop explain the data nearly as well with a far \
+         narrower one", longer!();
     "cannot_tell as_well": "a valve without a gap explains the data as well as one with {d:op}", longer!();
     "cannot_tell as_well bound":
         "a valve without a gap explains the data as well as one with {d:op}; at most {high:.3g}",
@@ -126,12 +128,15 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "more": "Where the valve turns, PV strays from what a gap alone would do: the valve may stick as well.";
 };
 
+/// Likelihood ratio from which a valve without a gap lies outside of a 95 % interval, if the model is right.
+const EXCLUDED: f64 = 3.84;
+
 fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     let reason = n.word("reason");
     match code {
         "cannot_tell" => {
             let shared = if n.flag("shared") { "shared" } else { "" };
-            let none_fits = n.number("low").is_some_and(|low| low <= 0.0) || reason == "families_disagree";
+            let none_fits = n.number("lr_no_gap").is_some_and(|ratio| ratio < EXCLUDED);
             let open = if none_fits { "as_well" } else { "may_be" };
             let bound = if n.has("high") { " bound" } else { "" };
             let seldom = if n.has("enough") { "seldom" } else { "" };

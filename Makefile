@@ -2,7 +2,7 @@
 # make test  sets everything up and runs what a change is most likely to break, in every language
 # make verify runs all the rest: matrices, long properties, soaks, other makers' stacks, the gallery, the browser
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a sixth of a second
-.PHONY: run test verify check quick setup lint lint-rust lint-python rust compiled rust-checked bare embedded interop reader page capi wheels site bench catalogue gallery plc fuzz lock audit clean
+.PHONY: run test verify check quick setup lint lint-rust lint-python rust compiled rust-checked bare embedded interop spark reader page capi wheels site bench catalogue gallery plc fuzz lock audit clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -59,7 +59,7 @@ test: $(VENV)/.installed
 
 # Each part is named as it begins, and with its time as it ends. While one waits for the network another compiles. What runs by the
 # clock leaves the processor idle most of the time and comes first to it; then the page, for which the other tests wait.
-VERIFIED := rust-checked interop site page clock bare others
+VERIFIED := rust-checked interop spark site page clock bare others
 verify: setup $(VENV)/.docs
 	@+$(MAKE) --no-print-directory --jobs=4 $(VERIFIED:%=timed-%)
 
@@ -76,7 +76,7 @@ others:
 	$(call verified,auto,verify and not by_the_clock,--durations=20)
 
 timed-clock: timed-interop
-timed-others: timed-interop timed-site timed-page
+timed-others: timed-interop timed-spark timed-site timed-page
 NICE = $(if $(filter clock,$*),,nice $(if $(filter page,$*),-n 5))
 $(VERIFIED:%=timed-%): timed-%:
 	@+printf '\n== %s\n' '$*'; began=$$(date +%s); $(NICE) $(MAKE) --no-print-directory $* && \
@@ -139,6 +139,15 @@ embedded:
 	else \
 		echo "skipped: glapp-embedded for $(BARE), which this toolchain lacks (rustup target add $(BARE))"; \
 	fi
+
+# For the test that Spark gives the same tables.
+spark: setup
+	@if command -v java >/dev/null; then $(MAKE) --no-print-directory $(VENV)/.spark; \
+		else echo "skipped: the fleet on Spark, which needs java"; fi
+
+$(VENV)/.spark: requirements/spark.txt
+	$(INSTALL) $< --no-build-isolation
+	touch $@
 
 # Two OPC UA stacks of other makers, for the tests of the connection: from npm as the lock says, and from Maven.
 THEIRS := target/interop

@@ -23,7 +23,8 @@ BASE = "dependencies"
 
 LOCKS = {
     "run": (BASE, "build"),
-    "test": ("test", "lint", "thesis"),
+    "test": ("test", "lint", "build-here"),
+    "spark": ("spark",),
     "docs": ("docs",),
     "wheels": ("wheels",),
     "bench": ("bench",),

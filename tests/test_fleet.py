@@ -1069,7 +1069,7 @@ def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFi
     assert told_of == [("damaged", ""), ("no_rows", "FIC9"), ("schema", "")]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("fleet")
 def test_spark_gives_the_same_tables(lake: Path, results: Path, tmp_path: Path) -> None:
     pyspark = pytest.importorskip("pyspark", reason="PySpark is not installed: pip install 'glapp[spark]'")

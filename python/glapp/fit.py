@@ -121,8 +121,8 @@ class Fit:
     ----------
     verdict : str
         *backlash*, *stiction* (sticks and jumps, without a gap), *both*, *oscillation* (a clean sinusoid
-        without a visible gap), *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP crossed the whole
-        of it too seldom, or PV's noise hides how much wider), *cannot_tell*.
+        without a visible gap), *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP did not
+        move far enough to show how much), *cannot_tell*.
     reason : str
         One sentence with the evidence.
     d : float or None

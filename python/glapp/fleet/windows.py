@@ -729,7 +729,7 @@ def _lasting(looks: list[dict[str, Any]]) -> list[str]:
 HINDRANCES: dict[str, tuple[str, ...]] = {
     "compression": ("lined", "compressed_pv", "frozen"),
     "sampling": ("coarse", "hidden_by_samples", "sampling"),
-    "resolution": ("quantised_pv", "quantised_op", "noisy"),
+    "resolution": ("quantised_pv", "quantised_op"),
     "manual": ("not_auto",),
     "op_rests": ("op_rests", "op_still", "op_constant", "still", "once", "hidden_by_lag", "few", "few_rows"),
     "load": (

@@ -55,9 +55,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "both": "dead band of {d:op}, and jumps of {jump:op}: ", evidence!(),
         ", and a gap without jumps less well (by {lr_no_jump:.0f})", often!();
     "at_least": "dead band of at least {low:op}: ", evidence!(), often!(),
-        ", too seldom to tell how much wider it is. Record while OP moves further";
-    "at_least noisy": "dead band of at least {low:op}: ", evidence!(), often!(),
-        ", but PV's noise hides how much wider it is. Record with a finer PV, or while OP moves further";
+        ", not far enough to tell how much wider it is. Record while OP moves further";
     "sound": "no dead band wider than {high:op} (95 %): PV answers each turn of OP";
     "cannot_tell misfit": "no model of the loop fits PV: its errors follow each other (correlation {echo:.2f}). Is \
          PV what this OP moves, and recorded as it was measured?";

@@ -50,7 +50,7 @@ const MEANINGS: &[(&str, &str)] = sentences! {
     "backlash": "OP and PV show a gap and its width. The valve does not follow OP until OP has crossed it.";
     "stiction": "the valve sticks and then jumps. There is no gap beside it.";
     "both": "there is a gap, and the valve jumps when it breaks loose.";
-    "at_least": "there is a gap, and only a lower limit of its width: OP did not move far enough, or PV is too noisy.";
+    "at_least": "there is a gap, and only a lower limit of its width: OP did not move far enough.";
     "sound": "no gap wider than the limit that is given. A narrower one may be there.";
     "oscillation": "the loop swings in a smooth wave, and its valve is not the cause. A gap beside it does not show.";
     "cannot_tell":

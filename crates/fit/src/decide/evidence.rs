@@ -47,8 +47,6 @@ pub struct Evidence {
     pub(crate) range: f64,
     /// Whether the valve of the best model hardly moves.
     pub(crate) immobile: bool,
-    /// Whether OP went through the lower limit often enough for a width.
-    pub(crate) traversed: bool,
     /// Whether OP went through the width one way only.
     pub(crate) one_way: bool,
     /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap or for a jump in it.
@@ -101,11 +99,6 @@ impl Evidence {
     /// Whether noise may hide a gap of the most likely width.
     pub(super) fn noisy(&self) -> bool {
         self.d < self.noisy_below
-    }
-
-    /// Whether only a bound is given, whatever the likelihood ratio is.
-    fn bound(&self) -> bool {
-        self.high.is_none() || !self.traversed || self.noisy()
     }
 
     /// Likelihood ratio of no gap that any gap must exceed: more for an even swing. Some loads that swing, triangles above
@@ -171,7 +164,7 @@ impl Evidence {
         match () {
             // What a load adds to the swing, or undoes of the valve's effect, is taken for width.
             _ if self.coarse_alone() || differ || self.opposed() || self.cancels > CANCELS => WidthKind::Unsure,
-            _ if self.bound() => WidthKind::Bound,
+            _ if self.high.is_none() => WidthKind::Bound,
             _ => WidthKind::Interval,
         }
     }
@@ -211,7 +204,7 @@ impl Evidence {
             _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
-            _ if self.cancels > CANCELS_IF_SOUND || !self.lags_known() => silent("may_be_a_gap"),
+            _ if self.cancels > CANCELS || !self.lags_known() => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
     }
@@ -302,21 +295,13 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
         return (Confidence::CannotTell, why);
     }
     let why = match () {
-        _ if e.high.is_none() || !e.traversed => "not_traversed",
-        _ if e.noisy() => "noisy",
+        _ if e.high.is_none() => "no_upper_limit",
         _ if e.slips && e.slips_wholly => "jumps",
         _ if e.slips => "jumps_in_a_gap",
         _ if e.misfit_at_turns => "gap_and_more",
         _ => "gap",
     };
     (Confidence::Found, why)
-}
-
-/// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
-pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
-    let least = if lr_no_gap > LR_IF_CLEAR { CYCLES_IF_CLEAR } else { CYCLES };
-    // At the most likely width the count may be one too many.
-    low.iter().all(|n| *n >= least) && d.iter().all(|n| *n > least)
 }
 
 /// Reason why a gap may be hidden, for a process that settles in so many steps and lags by so many, in a record of

@@ -4,7 +4,7 @@ use crate::data::segment::Segment;
 use crate::data::signal::Unit;
 use crate::decide::best::as_likely;
 use crate::decide::combine::Reading;
-use crate::decide::evidence::{Evidence, lr_asked, lr_asked_of_changes, often};
+use crate::decide::evidence::{Evidence, lr_asked, lr_asked_of_changes};
 use crate::decide::judgement::{Judgement, Verdict};
 use crate::decide::pooled::pooled;
 use crate::decide::segment::Fitted;
@@ -354,7 +354,6 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         low,
         high,
         range,
-        traversed: often(lr_no_gap / dispersion, times(low), traversals),
         one_way: traversals.contains(&0),
         slips: lr_no_jump > LR_JUMP && 2 * jumping > curves.len(),
         passes: traversals,

@@ -53,7 +53,7 @@ pub enum Verdict {
     Both,
     /// No gap wider than the upper limit.
     Sound,
-    /// A gap, wider than the lower limit; OP never went through the whole of it often enough.
+    /// A gap, wider than the lower limit; OP did not move far enough to show how much.
     AtLeast,
     /// The record cannot tell.
     CannotTell,

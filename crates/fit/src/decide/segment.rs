@@ -4,7 +4,7 @@ use crate::data::backlash_model::BacklashModel;
 use crate::data::cells::{Cells, Positions};
 use crate::data::segment::Segment;
 use crate::decide::best::{Best, Filtered, NoGap, Process, ProcessLimits, WidthLimits};
-use crate::decide::evidence::{Evidence, hidden, often};
+use crate::decide::evidence::{Evidence, hidden};
 use crate::decide::judgement::Confidence;
 use crate::decide::segment_fit::{Candidate, Prediction, SegmentFit};
 use crate::decide::thresholds::*;
@@ -155,7 +155,6 @@ impl View<'_> {
             coarse: self.fast() && (best.slips() || !self.slowly()),
             at_once: settles < SAMPLES_IN_LAG_AT_LEAST,
             noisy_below: if structure.integrating { 0.0 } else { NOISY * filtered.noise / kp },
-            traversed: often(no_gap.lr, record.traversals(low), best.traversals),
             one_way: best.traversals.contains(&0),
             cells: record.count,
             lr_no_gap: no_gap.lr,

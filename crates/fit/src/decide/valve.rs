@@ -353,7 +353,6 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         low,
         high,
         range: range(members),
-        traversed: times(low).iter().chain(&traversals).all(|n| *n >= PASSES_JOINT),
         one_way: traversals.contains(&0),
         slips: lr_no_jump > LR_JUMP && 2 * jumping > members.len(),
         // Such records do not count here.

@@ -379,6 +379,26 @@ def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window)
     page.get_by_text(re.compile("must be odd")).wait_for()
 
 
+def test_a_decimal_comma_is_one(browser: Any, window: Window) -> None:
+    """Regression: the browser dropped the comma, and 0,5 was 5: a gap ten times as wide was compensated."""
+    page = logged_in(browser, window, "eve")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.get_by_role("button", name="Compensate").click()
+    field = page.get_by_label("typed width")
+    field.clear()
+    field.press_sequentially("0,5")
+    page.get_by_text("The width is 0.500 %, which a person typed.").wait_for()
+    field.fill("1,250")  # in one country 1.25, in another 1250
+    page.get_by_text("'1,250' may be 1.250 or 1250; write one of them").first.wait_for()
+    assert page.get_by_role("button", name="Use this width").is_disabled()
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Parameters").click()
+    page.get_by_label("kp", exact=True).fill("two")  # an empty field is the default, this is none
+    page.get_by_role("button", name="Set what is changed").click()
+    page.get_by_text("Nothing is changed: kp: 'two' is no number; write one such as 1.5").wait_for()
+    assert page.wrong == []
+
+
 @pytest.mark.verify
 def test_a_service_with_a_full_disk_says_so(browser: Any, window: Window) -> None:
     """Its last state in the database does not tell: the window said that no command is answered."""

@@ -126,6 +126,14 @@ def test_manual_and_a_limit_are_told() -> None:
     assert state_of(auto | {"mode": bad}) == "MODE is bad: BadCommunicationError."
 
 
+def test_a_compensation_of_a_service_that_is_gone_is_not_known(view: View) -> None:
+    """Regression: "on, waiting" stayed in the overview, and u_FF was long taken away by the plant's watchdog."""
+    view.shown["loops"]["FIC0"]["compensation"] = {"enabled": True, "standing": "waiting", "withdrawn": None}
+    assert view.behind is None and view.rows()[0].compensation == "on, waiting"
+    view._clock = lambda: time.time() + 60.0
+    assert view.behind is not None and view.rows()[0].compensation == "not known"
+
+
 @pytest.mark.slow
 def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
     assert view.at is not None
@@ -639,7 +647,9 @@ def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
         with pytest.raises(Gone, match="api-url is not there"):
             await api.asked("GET", "/status", "x")
         (tmp_path / "api-url").write_text("http://127.0.0.1:9")
-        with pytest.raises(Gone, match="does not answer"):
+        with pytest.raises(
+            Gone, match="does not answer: nobody listens at its address. Start `glapp watch`"
+        ):
             await api.asked("GET", "/status", "x")
         await api.close()
 

@@ -113,7 +113,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
             found = await station.api.log_in(user, password, address)
         except (Gone, Refused) as error:
             message = str(error)
-            status = 503 if isinstance(error, Refused) and error.status == 503 else 401
+            status = 503 if isinstance(error, Gone) or error.status == 503 else 401
             return _login(f"{message[:1].upper()}{message[1:]}.", status, loop=loop, known=(user, ""))
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
         logged_in(request.scope)

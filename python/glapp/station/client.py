@@ -118,10 +118,11 @@ class ApiClient:
             async with self._reads if method == "GET" else nullcontext():
                 reply = await self._http.request(method, self.url + path, headers=headers, content=content)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
+            why = _why(error)
             taken = isinstance(error, (httpx.ReadTimeout, httpx.ReadError, httpx.RemoteProtocolError))
             if taken and method != "GET":
-                raise Unsure(f"the service took the request and did not say: {_why(error)}") from None
-            raise Gone(f"the service does not answer: {_why(error)}") from None
+                raise Unsure(f"the service took the request and did not say: {why}") from None
+            raise Gone(f"the service does not answer: {why}") from None
         try:
             answer = reply.json()
         except ValueError:
@@ -158,9 +159,11 @@ class ApiClient:
 
 
 def _why(error: Exception) -> str:
+    """Why there is no answer, and what a person can do about it."""
     if isinstance(error, httpx.TimeoutException):
         return f"no answer in {LONGEST:g} s"
-    return str(error) or type(error).__name__
+    text = str(error) or type(error).__name__
+    return "nobody listens at its address. Start `glapp watch`" if text == "All connection attempts failed" else text
 
 
 def loop_path(loop: str, what: str) -> str:

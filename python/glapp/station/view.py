@@ -379,7 +379,7 @@ class View:
                     health=_health(status, answer, silent),
                     seen=seen,
                     todo=self.todo(name),
-                    compensation=_compensation(status),
+                    compensation=_compensation(status, gone=self.behind is not None),
                 )
             )
         return rows
@@ -487,19 +487,23 @@ def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent:
     return "–" if answer is None and status["health"] == "NORMAL" else HEALTH[status["health"]]
 
 
-def _compensation(status: Mapping[str, Any]) -> str:
-    """State of the compensation.
+def _compensation(status: Mapping[str, Any], *, gone: bool = False) -> str:
+    """State of the compensation; where the service is gone, one that was on is not known.
 
     >>> _compensation({"compensation": {"enabled": False, "withdrawn": "worse"}})
     'withdrawn'
     >>> _compensation({"compensation": {"enabled": False, "withdrawn": None}})
     'off'
+    >>> _compensation({"compensation": {"enabled": True, "standing": "active"}}, gone=True)
+    'not known'
     """
     made = status.get("compensation")
     if made is None:
         return ""
     if not made["enabled"]:
         return "off" if made["withdrawn"] is None else "withdrawn"
+    if gone:
+        return "not known"
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -24,13 +24,17 @@ import itertools
 
 from asyncua import Client, ua
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
-from cryptography.x509.oid import ExtendedKeyUsageOID
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import rsa
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 import glapp.cli
 from glapp.errors import InputError
 from glapp.loop import Loop, Tags
 from glapp.reading.settings import parse_settings, read_settings
-from glapp.service import opcua, opcua_u_ff, opcua_values
+from glapp.service import opcua, opcua_client, opcua_u_ff, opcua_values
 from glapp.service.connection import Connection, check_tags, read_connection
 from glapp.service.opcua import OpcUa, browse
 from glapp.service.opcua_events import EventFilter
@@ -986,6 +990,59 @@ def test_security(certificates, monkeypatch):
             other = {**right, "server_certificate": at / "none.der", "password_file": at / "password"}
             missing = await attempt(plant, **other)
             assert "none.der: there is no such file" in missing.texts("lost")[0]
+
+    asyncio.run(run())
+
+
+def dated(folder, name, use, begin, end):
+    """A pair of certificate and key that is valid from and until so many days from now."""
+    key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
+    who = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    day = datetime.now(UTC)
+    made = (
+        x509.CertificateBuilder(who, who, key.public_key(), x509.random_serial_number())
+        .not_valid_before(day + timedelta(begin))
+        .not_valid_after(day + timedelta(end, minutes=1))
+        .add_extension(x509.SubjectAlternativeName([x509.UniformResourceIdentifier(f"urn:glapp:{name}")]), False)
+        .add_extension(x509.KeyUsage(True, True, True, True, False, True, False, False, False), True)
+        .add_extension(x509.ExtendedKeyUsage([use]), False)
+        .sign(key, hashes.SHA256())
+    )
+    (folder / f"{name}.der").write_bytes(made.public_bytes(Encoding.DER))
+    text = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    (folder / f"{name}.pem").write_bytes(text)
+    return {"certificate": folder / f"{name}.der", "private_key": folder / f"{name}.pem"}
+
+
+def test_certificates_that_expire_are_told(tmp_path):
+    """Regression: ours and the server's were used beyond their dates without a word, until the server refused ours."""
+    plant, client = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
+    server = dated(tmp_path, "plant", plant, -9, -1)
+    stranger = dated(tmp_path, "stranger", plant, -9, 300)
+    valid = {"sound": (-9, 300), "future": (3, 300), "soon": (-9, 12), "old": (-9, -1)}
+    ours = {name: dated(tmp_path, name, client, *days) for name, days in valid.items()}
+
+    def secured(name, other):
+        return {"security": "Basic256Sha256", **ours[name], "server_certificate": other["certificate"]}
+
+    async def run():
+        async def told(name):
+            connection = Connection(url="opc.tcp://127.0.0.1:1", **secured(name, stranger))
+            return " ".join(await opcua_client.expiring(connection))
+
+        assert await told("sound") == ""
+        assert "future.der is valid from 2" in await told("future")
+        assert re.search(r"soon\.der expires on \S+, in 12 d: make a new one", await told("soon"))
+        security = Security(server["certificate"], server["private_key"])
+        async with SimPlant(1, scan=0.1, security=security) as sim, Watch(sim, **secured("old", server)) as watch:
+            await watch.until(lambda: len(watch.of("FIC101")) > 2)
+            # Where a server refuses it, it was said that the server may not trust it.
+            assert "old.der has expired on" in await opcua_client._why(
+                Connection(url=sim.url, **secured("old", server))
+            )
+        texts = watch.texts("certificate")
+        assert len(texts) == 2 and "old.der has expired on 2" in texts[0] and "plant.der has expired" in texts[1]
+        assert "get a new one from the server's administrator" in texts[1]
 
     asyncio.run(run())
 

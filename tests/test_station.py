@@ -647,9 +647,7 @@ def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
         with pytest.raises(Gone, match="api-url is not there"):
             await api.asked("GET", "/status", "x")
         (tmp_path / "api-url").write_text("http://127.0.0.1:9")
-        with pytest.raises(
-            Gone, match="does not answer: nobody listens at its address. Start `glapp watch`"
-        ):
+        with pytest.raises(Gone, match=r"does not answer: nobody listens at its address\. Start `glapp watch`"):
             await api.asked("GET", "/status", "x")
         await api.close()
 

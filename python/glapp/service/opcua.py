@@ -21,9 +21,10 @@ from typing import Any
 
 from asyncua import Client, ua
 
+from ..errors import InputError
 from ..loop import Loop
 from .connection import Connection, check_tags
-from .opcua_client import DENIALS, client_of, connect, disconnect
+from .opcua_client import DENIALS, client_of, connect, disconnect, expiring
 from .opcua_events import REPEATED, EventFilter
 from .opcua_u_ff import UffNodes
 from .opcua_values import LostError, NotANumberError, number_of, number_reader, reason, span_of, status_text, unit_of
@@ -33,6 +34,7 @@ __all__ = ["Found", "OpcUa", "browse"]
 
 _PAUSES = (1.0, 30.0)  # between two attempts to connect, the first and the longest [s]
 _DENIED = 300.0  # after a refused password: an account is locked easily
+_DAY = 86_400.0  # [s]
 _KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
 _ITEMS = 500  # tags in one request
 _BROWSED = 100  # nodes in one request while a server is looked through
@@ -121,6 +123,7 @@ class OpcUa:
         self._clock = _Clock()
         self._link: _Link | None = None
         self._was_connected = False
+        self._certificates_told = -math.inf
         self._quiet = -math.inf  # until then live values may be some that the history has given already
 
     # ----------------------------------------------------------------- functions of a Source
@@ -211,6 +214,7 @@ class OpcUa:
         connection = self._connection
         client = await client_of(connection)
         link = _Link(client, connection)
+        await self._tell_certificates()
         try:
             await connect(client, connection)
             client.connection_lost_callback = link.on_lost
@@ -228,6 +232,15 @@ class OpcUa:
             self._link = None
             self._u_ff.disconnected()
             await disconnect(client, connection)
+
+    async def _tell_certificates(self) -> None:
+        """Report once a day each certificate that has expired, or soon will."""
+        if time.monotonic() - self._certificates_told < _DAY:
+            return
+        self._certificates_told = time.monotonic()
+        with contextlib.suppress(InputError):  # a file that is replaced right now
+            for text in await expiring(self._connection):
+                self._events.event("certificate", None, text)
 
     async def _resolve(self, link: _Link) -> None:
         """Node ids of this connection: the server may have put its namespaces in another order."""
@@ -374,6 +387,7 @@ class OpcUa:
                 if link.silent > 1:  # at first it may be we who were not listening
                     raise LostError(f"the server has said nothing for {now - link.last:.0f} s")
                 self._events.flush(due=True)
+                await self._tell_certificates()
                 if back := self._clock.set_back():
                     text = f"this computer's clock was set back by {back:.0f} s; what is ahead is judged as before"
                     self._events.event("clock_back", None, text)

@@ -436,16 +436,14 @@ class OpcUa:
                 text = f"{tag.name}: the server has thrown values away: its queue was full"
                 self._events.often("overflow", text, tag=tag, many="times")
         if t > ahead:
-            text = (
-                f"{tag.name}: a time stamp is {t - ahead + self._connection.ahead:.0f} s ahead of this computer's clock"
-            )
-            self._events.often("future", f"{text}; it is left out", tag=tag, many="values in all")
-            return None
+            note = f"its time stamp is {t - ahead + self._connection.ahead:.0f} s ahead of this computer's clock"
+            self._events.often("future", f"{tag.name}: {note}; it counts as bad", tag=tag, many="values in all")
+            return self._bad_now(tag, note)
         source = t
         if t <= tag.last:
             if not (live and t == tag.stamp and tag.good == bool(note)):
                 if live and not (tag.first and time.monotonic() < self._quiet):
-                    self._tell_not_newer(tag, t, value)
+                    return self._not_newer(tag, t, value)
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
         if live and tag.signal is Signal.PV and not tag.first and time.monotonic() > self._quiet:
@@ -462,22 +460,28 @@ class OpcUa:
             text = f"{tag.name}: a time stamp is {behind:.0f} s behind this computer's clock; the value is used"
             self._events.often("behind", f"{text}. Set the clocks of both", tag=tag, many="values in all")
 
-    def _tell_not_newer(self, tag: _Tag, t: float, value: float) -> None:
-        """Report a value that is left out, since it is not newer than the last one."""
+    def _bad_now(self, tag: _Tag, note: str) -> Value:
+        """A bad value of this moment, of a tag whose clock is wrong: without it, what it was would be held as good."""
+        return Value(tag.loop, tag.signal, self._clock.now(), math.nan, False, note)
+
+    def _not_newer(self, tag: _Tag, t: float, value: float) -> Value | None:
+        """Report a value that is not newer than the last one; it is left out, or bad where its clock was set back."""
         if t == tag.stamp:
             same = value == tag.value or value != value
             what = "comes twice" if same else "comes twice, with another value; the first one holds"
             text = f"{tag.name}: the value of {_clock_time(t)} {what}"
             self._events.often("duplicate", text, tag=tag, many="values in all")
-            return
+            return None
         tag.run = tag.run + 1 if t > tag.late else 1
         tag.late = t
         if tag.run >= 3 and tag.last - t > 3.0 * self._connection.interval:
-            text = f"{tag.name}: its clock went back by {tag.last - t:.0f} s; values are left out until it has passed"
-            self._events.often("clock_back", f"{text} {_clock_time(tag.last)}", tag=tag, many="values in all")
-        else:
-            text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
-            self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
+            note = f"its clock went back by {tag.last - t:.0f} s"
+            text = f"{tag.name}: {note}; values count as bad until it has passed {_clock_time(tag.last)}"
+            self._events.often("clock_back", text, tag=tag, many="values in all")
+            return self._bad_now(tag, note)
+        text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
+        self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
+        return None
 
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         """Report that a tag's type has changed."""

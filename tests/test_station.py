@@ -114,6 +114,8 @@ def test_a_bad_pv_is_told(view: View) -> None:
     row = next(row for row in view.rows() if row.loop == "FIC0")
     assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
     assert row.todo == "Look at the transmitter: PV is bad (BadSensorFailure)."
+    loop["note"] = "its time stamp is 3600 s ahead of this computer's clock"
+    assert view.todo("FIC0").startswith("Set the clocks of plant and service: PV is bad (its time stamp is")
 
 
 def test_manual_and_a_limit_are_told() -> None:

@@ -379,6 +379,22 @@ def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window)
     page.get_by_text(re.compile("must be odd")).wait_for()
 
 
+def test_pv_and_op_of_one_time_are_below_each_other(browser: Any, window: Window) -> None:
+    """Regression: a time at the right end made the grid of OP up to 2 % narrower than that of PV."""
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.wait_for_function(f"{CHART}.getOption().series[2].data.length > 9")
+    sides = f"""() => {{
+      const end = 1000 * 3600 * Math.round(Date.now() / 3600000);
+      const axis = {{ min: end - 900000, max: end }};
+      {CHART}.setOption({{ xAxis: [axis, axis] }});
+      const grid = (i) => {CHART}.getModel().getComponent('grid', i).coordinateSystem.getRect();
+      return [0, 1].map((i) => [grid(i).x, grid(i).width]);
+    }}"""
+    above, below = page.evaluate(sides)
+    assert above == below
+
+
 def test_a_decimal_comma_is_one(browser: Any, window: Window) -> None:
     """Regression: the browser dropped the comma, and 0,5 was 5: a gap ten times as wide was compensated."""
     page = logged_in(browser, window, "eve")

@@ -72,6 +72,9 @@ def _axis(tone: Mapping[str, str], *, label: Mapping[str, Any] | None = None, **
     }
 
 
+_ABOVE_ANOTHER = {"left": 56, "right": 32, "outerBoundsMode": "none"}
+"""Sides of one of two grids with one time axis; else a label at the end makes room for itself in its grid alone."""
+
 _DATES = {"year": "{yyyy}", "month": "{d} {MMM}", "day": "{d} {MMM}", "hour": "{HH}:{mm}", "minute": "{HH}:{mm}"}
 _DATES["second"] = "{HH}:{mm}:{ss}"
 
@@ -238,8 +241,8 @@ def live(
         **_of_lines(tone),
         "axisPointer": {"link": [{"xAxisIndex": "all"}]},
         "grid": [
-            {"left": 56, "right": 16, "top": 46, "height": "38%"},
-            {"left": 56, "right": 16, "bottom": 24, "height": "33%"},
+            {**_ABOVE_ANOTHER, "top": 46, "height": "38%"},
+            {**_ABOVE_ANOTHER, "bottom": 24, "height": "33%"},
         ],
         "xAxis": [
             _axis(tone, type="time", gridIndex=0, axisLabel={"show": False}),
@@ -431,8 +434,8 @@ def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
     return {
         **_of_lines(tone),
         "grid": [
-            {"left": 56, "right": 24, "top": 34, "height": "42%"},
-            {"left": 56, "right": 24, "bottom": 26, "height": "28%"},
+            {**_ABOVE_ANOTHER, "top": 34, "height": "42%"},
+            {**_ABOVE_ANOTHER, "bottom": 26, "height": "28%"},
         ],
         "xAxis": [_axis(tone, type=kind, scale=True, gridIndex=0, axisLabel={"show": False}), below],
         "yAxis": [

@@ -399,7 +399,9 @@ class View:
         if self.silent(loop):
             return "Find out why no value comes: transmitter, tag, connection."
         if status["good"] is False:
-            return f"Look at the transmitter: PV is bad ({status['note'] or 'no number'})."
+            note = status["note"] or "no number"
+            where = "Set the clocks of plant and service" if "clock" in note else "Look at the transmitter"
+            return f"{where}: PV is bad ({note})."
         if status["fitting"]:
             return self.progress(loop)
         if answer is None:

@@ -872,7 +872,9 @@ def certificate(tmp_path: Path) -> tuple[Path, Path]:
 
 
 @pytest.mark.slow
-def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certificate: tuple[Path, Path]) -> None:
+def test_with_a_certificate_it_speaks_tls_and_nothing_else(
+    tmp_path: Path, certificate: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     own, key = certificate
     code = "from glapp.cli import main; main()"
     words = ["--data", str(tmp_path / "data"), "--port", "0", "--certificate", str(own), "--key", str(key)]
@@ -885,11 +887,19 @@ def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certi
             assert client.get(f"{url}/login").status_code == 200
             assert client.post(f"{url}/login", headers={"Origin": url.replace("https", "http")}).status_code == 403
             told = client.post(f"{url}/login", headers={"Origin": url}, data={"user": "eve", "password": "x"})
-            assert told.status_code == 401 and "The service has not told where its API is" in told.text
+            assert told.status_code == 503 and "The service has not told where its API is" in told.text
             with pytest.raises(httpx.HTTPError):
                 client.get(f"{url.replace('https', 'http')}/login")
         with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
             httpx.get(f"{url}/login", timeout=60.0)  # who does not know the certificate says nothing
+        # Regression: no command of `glapp watch` reached an API whose certificate the plant had signed.
+        asked = ["watch", "disable", "FIC0", "--api-url", url]
+        monkeypatch.setenv("GLAPP_TOKEN", "x")
+        refused = CliRunner().invoke(cli, asked).exception
+        assert isinstance(refused, InputError) and "into the variable GLAPP_TRUST" in str(refused)
+        monkeypatch.setenv("GLAPP_TRUST", str(own))
+        answered = CliRunner().invoke(cli, asked).exception
+        assert isinstance(answered, InputError) and answered.parameter == "service"
     finally:
         process.terminate()
         process.communicate(timeout=60)

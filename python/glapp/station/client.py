@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import ssl
 from collections.abc import Mapping
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -17,7 +16,7 @@ from urllib.parse import quote
 
 import httpx
 
-from ..errors import InputError
+from ..service.trust import trusted
 
 __all__ = ["ApiClient", "Gone", "Refused", "Unsure"]
 
@@ -59,13 +58,7 @@ class ApiClient:
 
     def __init__(self, folder: Path, url: str | None = None, trust: Path | None = None) -> None:
         self._folder, self._given = folder, url
-        verify: ssl.SSLContext | bool = True
-        if trust is not None:
-            try:
-                verify = ssl.create_default_context(cafile=str(trust))
-            except (OSError, ssl.SSLError) as error:
-                raise InputError(f"cannot be used: {error}", file=str(trust)) from None
-        self._http = httpx.AsyncClient(verify=verify, timeout=LONGEST, trust_env=False)
+        self._http = httpx.AsyncClient(verify=trusted(trust), timeout=LONGEST, trust_env=False)
         self._reads = asyncio.Semaphore(READS)
         self._live: dict[tuple[str, str], asyncio.Future[Any]] = {}
 

@@ -133,7 +133,7 @@ async def in_force(monitor: Monitor, plant: Swinging) -> None:
     """Enabled by name, and u_FF is not 0."""
     await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
     shown = await monitor.commands.enable("FIC0", "eve", "engineer")
-    assert shown["enabled"]
+    assert shown["enabled"] and shown["standing"] == "waiting"  # it said "not_enabled" until the next scan
     await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {monitor.status()}")
 
 

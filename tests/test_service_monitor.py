@@ -4,8 +4,10 @@ import asyncio
 import itertools
 import math
 import multiprocessing
+import sqlite3
 import time
 from collections.abc import Awaitable, Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +133,7 @@ async def in_force(monitor: Monitor, plant: Swinging) -> None:
     """Enabled by name, and u_FF is not 0."""
     await monitor.commands.change("FIC0", SIZED, "eve", "engineer")
     shown = await monitor.commands.enable("FIC0", "eve", "engineer")
-    assert shown["enabled"]
+    assert shown["enabled"] and shown["standing"] == "waiting"  # it said "not_enabled" until the next scan
     await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {monitor.status()}")
 
 
@@ -231,9 +233,13 @@ def test_after_a_restart_it_is_off_and_what_is_found_is_ramped_to_0(tmp_path: Pa
         await in_force(monitor, plant)
 
     beside(tmp_path, leave)
+    with closing(sqlite3.connect(tmp_path / "glapp.db")) as db, db:  # a kill leaves no time to write that it ended
+        db.execute("DELETE FROM events WHERE kind = 'withdrawn'")
     plant = Swinging(u_ff={"FIC0": 0.6})
 
     async def look(monitor: Monitor, plant: Swinging) -> None:
+        # Regression: an event said that it was enabled, and none that it was so no more.
+        assert str(shown(monitor)["why_off"]).startswith("the service was killed")
         await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
         ramp = [u_ff for _, u_ff in plant.writes]
         assert len(ramp) > 5 and ramp == sorted(ramp, reverse=True) and ramp[0] > 0.4, "a ramp, not a step"

@@ -104,6 +104,8 @@ def test_a_setpoint_that_comes_late_is_in_effect_from_then_on() -> None:
     rows.take(SP, 10.0, 60.0, True, 20.0)
     rows.take(SP, 9.0, 55.0, True, 20.0)
     assert kinds(rows) == ["late", "late"] and "dropped" in rows.events[1][1]
+    rows.take(SP, 11.0, 60.0, True, 20.0)  # as u_FF comes at each start: with the time of its last change
+    assert len(kinds(rows)) == 2, "nothing changes by it"
     assert {sample.sp for sample in run([(PV, 20.0 + k, 1.0) for k in range(5)], rows=rows)} == {60.0}
 
 

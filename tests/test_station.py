@@ -114,6 +114,8 @@ def test_a_bad_pv_is_told(view: View) -> None:
     row = next(row for row in view.rows() if row.loop == "FIC0")
     assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
     assert row.todo == "Look at the transmitter: PV is bad (BadSensorFailure)."
+    loop["note"] = "its time stamp is 3600 s ahead of this computer's clock"
+    assert view.todo("FIC0").startswith("Set the clocks of plant and service: PV is bad (its time stamp is")
 
 
 def test_manual_and_a_limit_are_told() -> None:
@@ -124,6 +126,14 @@ def test_manual_and_a_limit_are_told() -> None:
     assert state_of(auto | {"low": auto["mode"]}) == "OP is at its low limit."
     bad = {"value": None, "good": False, "note": "BadCommunicationError"}
     assert state_of(auto | {"mode": bad}) == "MODE is bad: BadCommunicationError."
+
+
+def test_a_compensation_of_a_service_that_is_gone_is_not_known(view: View) -> None:
+    """Regression: "on, waiting" stayed in the overview, and u_FF was long taken away by the plant's watchdog."""
+    view.shown["loops"]["FIC0"]["compensation"] = {"enabled": True, "standing": "waiting", "withdrawn": None}
+    assert view.behind is None and view.rows()[0].compensation == "on, waiting"
+    view._clock = lambda: time.time() + 60.0
+    assert view.behind is not None and view.rows()[0].compensation == "not known"
 
 
 @pytest.mark.slow
@@ -639,7 +649,7 @@ def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
         with pytest.raises(Gone, match="api-url is not there"):
             await api.asked("GET", "/status", "x")
         (tmp_path / "api-url").write_text("http://127.0.0.1:9")
-        with pytest.raises(Gone, match="does not answer"):
+        with pytest.raises(Gone, match=r"does not answer: nobody listens at its address\. Start `glapp watch`"):
             await api.asked("GET", "/status", "x")
         await api.close()
 
@@ -862,7 +872,9 @@ def certificate(tmp_path: Path) -> tuple[Path, Path]:
 
 
 @pytest.mark.slow
-def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certificate: tuple[Path, Path]) -> None:
+def test_with_a_certificate_it_speaks_tls_and_nothing_else(
+    tmp_path: Path, certificate: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     own, key = certificate
     code = "from glapp.cli import main; main()"
     words = ["--data", str(tmp_path / "data"), "--port", "0", "--certificate", str(own), "--key", str(key)]
@@ -875,11 +887,19 @@ def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certi
             assert client.get(f"{url}/login").status_code == 200
             assert client.post(f"{url}/login", headers={"Origin": url.replace("https", "http")}).status_code == 403
             told = client.post(f"{url}/login", headers={"Origin": url}, data={"user": "eve", "password": "x"})
-            assert told.status_code == 401 and "The service has not told where its API is" in told.text
+            assert told.status_code == 503 and "The service has not told where its API is" in told.text
             with pytest.raises(httpx.HTTPError):
                 client.get(f"{url.replace('https', 'http')}/login")
         with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
             httpx.get(f"{url}/login", timeout=60.0)  # who does not know the certificate says nothing
+        # Regression: no command of `glapp watch` reached an API whose certificate the plant had signed.
+        asked = ["watch", "disable", "FIC0", "--api-url", url]
+        monkeypatch.setenv("GLAPP_TOKEN", "x")
+        refused = CliRunner().invoke(cli, asked).exception
+        assert isinstance(refused, InputError) and "into the variable GLAPP_TRUST" in str(refused)
+        monkeypatch.setenv("GLAPP_TRUST", str(own))
+        answered = CliRunner().invoke(cli, asked).exception
+        assert isinstance(answered, InputError) and answered.parameter == "service"
     finally:
         process.terminate()
         process.communicate(timeout=60)

@@ -379,6 +379,42 @@ def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window)
     page.get_by_text(re.compile("must be odd")).wait_for()
 
 
+def test_pv_and_op_of_one_time_are_below_each_other(browser: Any, window: Window) -> None:
+    """Regression: a time at the right end made the grid of OP up to 2 % narrower than that of PV."""
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.wait_for_function(f"{CHART}.getOption().series[2].data.length > 9")
+    sides = f"""() => {{
+      const end = 1000 * 3600 * Math.round(Date.now() / 3600000);
+      const axis = {{ min: end - 900000, max: end }};
+      {CHART}.setOption({{ xAxis: [axis, axis] }});
+      const grid = (i) => {CHART}.getModel().getComponent('grid', i).coordinateSystem.getRect();
+      return [0, 1].map((i) => [grid(i).x, grid(i).width]);
+    }}"""
+    above, below = page.evaluate(sides)
+    assert above == below
+
+
+def test_a_decimal_comma_is_one(browser: Any, window: Window) -> None:
+    """Regression: the browser dropped the comma, and 0,5 was 5: a gap ten times as wide was compensated."""
+    page = logged_in(browser, window, "eve")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.get_by_role("button", name="Compensate").click()
+    field = page.get_by_label("typed width")
+    field.clear()
+    field.press_sequentially("0,5")
+    page.get_by_text("The width is 0.500 %, which a person typed.").wait_for()
+    field.fill("1,250")  # in one country 1.25, in another 1250
+    page.get_by_text("'1,250' may be 1.250 or 1250; write one of them").first.wait_for()
+    assert page.get_by_role("button", name="Use this width").is_disabled()
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Parameters").click()
+    page.get_by_label("kp", exact=True).fill("two")  # an empty field is the default, this is none
+    page.get_by_role("button", name="Set what is changed").click()
+    page.get_by_text("Nothing is changed: kp: 'two' is no number; write one such as 1.5").wait_for()
+    assert page.wrong == []
+
+
 @pytest.mark.verify
 def test_a_service_with_a_full_disk_says_so(browser: Any, window: Window) -> None:
     """Its last state in the database does not tell: the window said that no command is answered."""

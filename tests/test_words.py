@@ -112,6 +112,7 @@ BESIDE = {
         "The time stamps of its values",
         "{}. Correct the tag in loops.toml",
         "Look at the transmitter",
+        "Set the clocks of plant",
         "{}: write them into loops.toml.",
         "{}It will be judged",
         "Will be judged next.",

@@ -31,7 +31,7 @@ import pyarrow.csv
 from rich.progress import Progress
 
 from . import _glapp
-from .checked import check_number
+from .checked import check_number, check_one_of
 from .errors import InputError
 from .notebook import table
 from .recording import AT_HIGH, AT_LOW, NOT_AUTO
@@ -269,8 +269,7 @@ def run_many(
         bound = "a list of Scenario"
         raise InputError(f"is {scenarios!r}, must be {bound}", parameter="scenarios", value=scenarios, bound=bound)
     given = list(scenarios)
-    if keep not in ("signals", "estimate"):
-        raise InputError(f"is {keep!r}, must be 'signals' or 'estimate'", parameter="keep", value=keep)
+    check_one_of(keep, "keep", ("signals", "estimate"))
     checked = [_numbered(i, lambda s=s: _checked(s, watch=keep == "estimate")) for i, s in enumerate(given)]  # type: ignore[misc]
     groups = _glapp.groups(checked)
     if keep == "signals":

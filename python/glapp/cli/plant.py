@@ -95,8 +95,8 @@ def plant(
         typer.Option(
             metavar="AFTER,KIND[,LOOP[,SECONDS]]",
             help="Fault: after how many seconds, of which kind, in which loop (all by default), for how long; may be "
-            "repeated. Of loops: silent, bad, stuck, future, late, duplicate, type, back, manual, writer. Of the "
-            "server: gone, moved.",
+            "repeated. Of loops: silent, bad, stuck, future, late, duplicate, type, back, manual, writer, "
+            "repaired. Of the server: gone, moved.",
         ),
     ] = None,
 ) -> None:
@@ -144,7 +144,8 @@ async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]
     try:
         await made.open()
     except OSError as error:
-        raise InputError(f"nobody can listen at {made.url}: {error.strerror or error}", hint="--port") from None
+        what = f"nobody can listen at {made.url}: {error.strerror or error}"
+        raise InputError(what, hint="give another --port") from None
     if settings is not None:
         save(settings, made.settings())
         err.print(f"Wrote {settings}.", soft_wrap=True)

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InputError
+from ..service.trust import TRUST
 from .screen import CommandError, out
 from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, say_first_login, until_stopped
 
@@ -48,7 +49,8 @@ def station(
         str | None, typer.Option(metavar="URL", help="Address of the service's API, where the folder does not have it.")
     ] = None,
     trust: Annotated[
-        Path | None, typer.Option(metavar="PEM", help="Certificate of an API that no public authority has signed.")
+        Path | None,
+        typer.Option(metavar="PEM", envvar=TRUST, help="Certificate of an API that no public authority has signed."),
     ] = None,
 ) -> None:
     """Show the plant's valves in the browser: overview, loops, events. Commands go through the service's API.

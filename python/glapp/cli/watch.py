@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 
 from ..errors import InputError
 from ..escape import one_line
+from ..service.trust import TRUST, trusted
 from .screen import CommandError, event_line, examples, key_values, moment, out, say_note, styled
 from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need
 
@@ -67,7 +68,12 @@ every night, and compensate where an engineer has enabled it. Everything is kept
 )
 
 Data = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the database and the signals.")]
-Url = Annotated[str, typer.Option("--api-url", metavar="URL", help="Address of the service's API.")]
+Url = Annotated[
+    str,
+    typer.Option(
+        "--api-url", metavar="URL", help=f"Address of the service's API. {TRUST} names a certificate to trust."
+    ),
+]
 User = Annotated[
     str | None,
     typer.Option("--user", metavar="NAME", help=f"Your user name; default: the token in {TOKEN}, or that of `login`."),
@@ -446,14 +452,20 @@ def _request(api_url: str, method: str, path: str, body: Any, token: str | None)
     """A request to the service; gives its answer."""
     import httpx
 
+    pem = os.environ.get(TRUST)
+    verify = trusted(None if pem is None else Path(pem))
     headers = {} if token is None else {"Authorization": f"Bearer {token}"}
     content = None if method == "GET" else json.dumps(body if body is not None else {}).encode()
     if content is not None:
         headers["Content-Type"] = "application/json"
     try:
-        reply = httpx.request(method, api_url + path, headers=headers, content=content, timeout=30, trust_env=False)
+        reply = httpx.request(
+            method, api_url + path, headers=headers, content=content, timeout=30, verify=verify, trust_env=False
+        )
     except (httpx.HTTPError, httpx.InvalidURL) as error:
         hint = "is glapp watch running? DIR/api-url says where"
+        if "CERTIFICATE_VERIFY_FAILED" in str(error):
+            hint = f"write the file of its certificate, or of who has signed it, into the variable {TRUST}"
         raise InputError(f"does not answer: {error}", parameter=api_url, hint=hint) from None
     try:
         answer = reply.json()

@@ -140,6 +140,7 @@ def app_of(monitor: Monitor, users: Users, *, hosts: Sequence[str] = ("127.0.0.1
     _answer_errors(app)
     _login_routes(app, api, logins)
     _reading_routes(app, api)
+    _loop_reading_routes(app, api)
     _command_routes(app, api)
     _user_routes(app, api)
     app.state.proof = Proof(monitor)
@@ -330,7 +331,7 @@ def _login_routes(app: FastAPI, api: _Api, logins: _Logins) -> None:
 
 
 def _reading_routes(app: FastAPI, api: _Api) -> None:
-    """Routes that programs and the station read."""
+    """Routes that programs and the station read, of the whole plant."""
     viewer = Annotated[Person, Depends(api.at_least(Role.VIEWER))]
 
     @app.get("/status")
@@ -355,6 +356,35 @@ def _reading_routes(app: FastAPI, api: _Api) -> None:
             while time.monotonic() < until and not any(api.monitor.ingest.newer(name, after) for name in names):
                 await asyncio.sleep(0.02)
         return {name: api.monitor.ingest.live(name) for name in names}
+
+    @app.get("/answers/{id}")
+    async def answer(person: viewer, id: Annotated[int, InPath(ge=1, le=2**53)]) -> Any:
+        """All of one answer, as `glapp analyze --json` writes it."""
+        found = await api.looked(api.monitor.reader.document, id)
+        if found is None:
+            raise HTTPException(404, "no such answer")
+        return found
+
+    @app.get("/events")
+    async def events(
+        person: viewer,
+        loop: str | None = None,
+        most: Most = 200,
+        before: Annotated[int | None, Query(ge=0, le=2**53)] = None,
+    ) -> list[dict[str, Any]]:
+        """Events, the newest first."""
+        return await api.looked(api.monitor.reader.events, loop, most, before)
+
+    @app.get("/commands")
+    async def commands(person: viewer, loop: str | None = None, most: Most = 200) -> list[dict[str, Any]]:
+        """Commands with the names of those who asked, the newest first."""
+        found: list[dict[str, Any]] = _plain(await api.looked(api.monitor.reader.commands, loop, most))
+        return found
+
+
+def _loop_reading_routes(app: FastAPI, api: _Api) -> None:
+    """Routes that programs and the station read, of one loop."""
+    viewer = Annotated[Person, Depends(api.at_least(Role.VIEWER))]
 
     @app.get("/loops/{name:path}/half_periods")
     async def half_periods(
@@ -397,30 +427,6 @@ def _reading_routes(app: FastAPI, api: _Api) -> None:
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
         """Answers of a loop's fits, the newest first."""
         return await api.looked(api.monitor.reader.answers, api.known(name), most)
-
-    @app.get("/answers/{id}")
-    async def answer(person: viewer, id: Annotated[int, InPath(ge=1, le=2**53)]) -> Any:
-        """All of one answer, as `glapp analyze --json` writes it."""
-        found = await api.looked(api.monitor.reader.document, id)
-        if found is None:
-            raise HTTPException(404, "no such answer")
-        return found
-
-    @app.get("/events")
-    async def events(
-        person: viewer,
-        loop: str | None = None,
-        most: Most = 200,
-        before: Annotated[int | None, Query(ge=0, le=2**53)] = None,
-    ) -> list[dict[str, Any]]:
-        """Events, the newest first."""
-        return await api.looked(api.monitor.reader.events, loop, most, before)
-
-    @app.get("/commands")
-    async def commands(person: viewer, loop: str | None = None, most: Most = 200) -> list[dict[str, Any]]:
-        """Commands with the names of those who asked, the newest first."""
-        found: list[dict[str, Any]] = _plain(await api.looked(api.monitor.reader.commands, loop, most))
-        return found
 
 
 def _command_routes(app: FastAPI, api: _Api) -> None:

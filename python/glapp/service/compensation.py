@@ -382,7 +382,8 @@ class Compensator:
         source = int(graph["watch.source"])
         return {
             "enabled": self.enabled,
-            "standing": self.standing,
+            # Enabled a moment ago: the block says so with the next scan.
+            "standing": "waiting" if self.enabled and self.standing == "not_enabled" else self.standing,
             "why_off": self.why_off,
             "withdrawn": self.withdrawn,
             "u_ff": _number(self.u_ff),

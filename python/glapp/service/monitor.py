@@ -40,6 +40,9 @@ _SHOWN = 5.0
 _PATIENCE = 60.0
 """Time that the store may fail before all compensation ends [s]."""
 
+KILLED = "the service was killed meanwhile: it was for the plant's watchdog to take u_FF away"
+"""Why a loop is not compensated any more, where nobody could write that down."""
+
 
 class Monitor:
     """The monitor over the loops of a plant.
@@ -104,6 +107,7 @@ class Monitor:
             save=self.save,
         )
         self._replay()
+        self._tell_ended()
         for watched in self.loops.values():
             watched.restore_latest(self.begun)
         self.ingest.begin_with_gaps()
@@ -170,6 +174,14 @@ class Monitor:
         if count:
             text = f"{count} entries since the last save were taken in again"
             self.journal.add_event(Event(self.begun, None, "replayed", text))
+
+    def _tell_ended(self) -> None:
+        """Report each loop that was compensated when the service before was killed: nobody wrote that it ended."""
+        for name in self.reader.left_enabled():
+            watched = self.loops.get(name)
+            if watched is not None and watched.compensator is not None:
+                watched.compensator.why_off = KILLED
+                self.journal.add_event(Event(self.begun, name, "withdrawn", KILLED))
 
     def tell(self, event: Event) -> None:
         """Take an event of the source: where the connection is lost, nothing is compensated any more."""

@@ -21,9 +21,10 @@ from typing import Any
 
 from asyncua import Client, ua
 
+from ..errors import InputError
 from ..loop import Loop
 from .connection import Connection, check_tags
-from .opcua_client import DENIALS, client_of, connect, disconnect
+from .opcua_client import DENIALS, client_of, connect, disconnect, expiring
 from .opcua_events import REPEATED, EventFilter
 from .opcua_u_ff import UffNodes
 from .opcua_values import LostError, NotANumberError, number_of, number_reader, reason, span_of, status_text, unit_of
@@ -33,6 +34,7 @@ __all__ = ["Found", "OpcUa", "browse"]
 
 _PAUSES = (1.0, 30.0)  # between two attempts to connect, the first and the longest [s]
 _DENIED = 300.0  # after a refused password: an account is locked easily
+_DAY = 86_400.0  # [s]
 _KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
 _ITEMS = 500  # tags in one request
 _BROWSED = 100  # nodes in one request while a server is looked through
@@ -121,6 +123,7 @@ class OpcUa:
         self._clock = _Clock()
         self._link: _Link | None = None
         self._was_connected = False
+        self._certificates_told = -math.inf
         self._quiet = -math.inf  # until then live values may be some that the history has given already
 
     # ----------------------------------------------------------------- functions of a Source
@@ -211,6 +214,7 @@ class OpcUa:
         connection = self._connection
         client = await client_of(connection)
         link = _Link(client, connection)
+        await self._tell_certificates()
         try:
             await connect(client, connection)
             client.connection_lost_callback = link.on_lost
@@ -228,6 +232,15 @@ class OpcUa:
             self._link = None
             self._u_ff.disconnected()
             await disconnect(client, connection)
+
+    async def _tell_certificates(self) -> None:
+        """Report once a day each certificate that has expired, or soon will."""
+        if time.monotonic() - self._certificates_told < _DAY:
+            return
+        self._certificates_told = time.monotonic()
+        with contextlib.suppress(InputError):  # a file that is replaced right now
+            for text in await expiring(self._connection):
+                self._events.event("certificate", None, text)
 
     async def _resolve(self, link: _Link) -> None:
         """Node ids of this connection: the server may have put its namespaces in another order."""
@@ -374,6 +387,7 @@ class OpcUa:
                 if link.silent > 1:  # at first it may be we who were not listening
                     raise LostError(f"the server has said nothing for {now - link.last:.0f} s")
                 self._events.flush(due=True)
+                await self._tell_certificates()
                 if back := self._clock.set_back():
                     text = f"this computer's clock was set back by {back:.0f} s; what is ahead is judged as before"
                     self._events.event("clock_back", None, text)
@@ -422,16 +436,14 @@ class OpcUa:
                 text = f"{tag.name}: the server has thrown values away: its queue was full"
                 self._events.often("overflow", text, tag=tag, many="times")
         if t > ahead:
-            text = (
-                f"{tag.name}: a time stamp is {t - ahead + self._connection.ahead:.0f} s ahead of this computer's clock"
-            )
-            self._events.often("future", f"{text}; it is left out", tag=tag, many="values in all")
-            return None
+            note = f"its time stamp is {t - ahead + self._connection.ahead:.0f} s ahead of this computer's clock"
+            self._events.often("future", f"{tag.name}: {note}; it counts as bad", tag=tag, many="values in all")
+            return self._bad_now(tag, note)
         source = t
         if t <= tag.last:
             if not (live and t == tag.stamp and tag.good == bool(note)):
                 if live and not (tag.first and time.monotonic() < self._quiet):
-                    self._tell_not_newer(tag, t, value)
+                    return self._not_newer(tag, t, value)
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
         if live and tag.signal is Signal.PV and not tag.first and time.monotonic() > self._quiet:
@@ -448,22 +460,28 @@ class OpcUa:
             text = f"{tag.name}: a time stamp is {behind:.0f} s behind this computer's clock; the value is used"
             self._events.often("behind", f"{text}. Set the clocks of both", tag=tag, many="values in all")
 
-    def _tell_not_newer(self, tag: _Tag, t: float, value: float) -> None:
-        """Report a value that is left out, since it is not newer than the last one."""
+    def _bad_now(self, tag: _Tag, note: str) -> Value:
+        """A bad value of this moment, of a tag whose clock is wrong: without it, what it was would be held as good."""
+        return Value(tag.loop, tag.signal, self._clock.now(), math.nan, False, note)
+
+    def _not_newer(self, tag: _Tag, t: float, value: float) -> Value | None:
+        """Report a value that is not newer than the last one; it is left out, or bad where its clock was set back."""
         if t == tag.stamp:
             same = value == tag.value or value != value
             what = "comes twice" if same else "comes twice, with another value; the first one holds"
             text = f"{tag.name}: the value of {_clock_time(t)} {what}"
             self._events.often("duplicate", text, tag=tag, many="values in all")
-            return
+            return None
         tag.run = tag.run + 1 if t > tag.late else 1
         tag.late = t
         if tag.run >= 3 and tag.last - t > 3.0 * self._connection.interval:
-            text = f"{tag.name}: its clock went back by {tag.last - t:.0f} s; values are left out until it has passed"
-            self._events.often("clock_back", f"{text} {_clock_time(tag.last)}", tag=tag, many="values in all")
-        else:
-            text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
-            self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
+            note = f"its clock went back by {tag.last - t:.0f} s"
+            text = f"{tag.name}: {note}; values count as bad until it has passed {_clock_time(tag.last)}"
+            self._events.often("clock_back", text, tag=tag, many="values in all")
+            return self._bad_now(tag, note)
+        text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
+        self._events.often("late", f"{text}; it is left out", tag=tag, many="values in all")
+        return None
 
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         """Report that a tag's type has changed."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,10 @@ from .connection import Connection
 from .opcua_values import LostError, reason
 from .security import uri_of
 
-__all__ = ["DENIALS", "client_of", "connect", "disconnect"]
+__all__ = ["DENIALS", "client_of", "connect", "disconnect", "expiring"]
+
+_SOON = timedelta(days=30)
+"""Before a certificate expires it is reported for so long."""
 
 DENIALS = {
     ua.StatusCodes.BadUserAccessDenied,
@@ -104,7 +108,35 @@ async def _why(connection: Connection) -> str | None:
     mine = (await _certificate(server)).public_bytes(Encoding.DER)
     if not (offered[ours].ServerCertificate or b"").startswith(mine):  # others may follow, which have signed it
         return f"the server shows another certificate than {server}: get its present one from its administrator"
-    return f"the server may not trust our certificate {connection.certificate}: its administrator has to"
+    expired = " ".join(await expiring(connection, timedelta()))
+    return expired or f"the server may not trust our certificate {connection.certificate}: its administrator has to"
+
+
+async def expiring(connection: Connection, within: timedelta = _SOON) -> list[str]:
+    """Each certificate of a connection that is not valid now, or will not be soon, and what to do; else nothing.
+
+    - `connection`: with the files.
+    - `within`: what is soon.
+
+    The other side may refuse ours. The server's is the one that was carried here, and is taken whatever its dates are:
+    a plant is not lost sight of for a date.
+    """
+    texts, now = [], datetime.now(UTC)
+    for path, renew in (
+        (connection.certificate, "make a new one, which the server's administrator has to trust"),
+        (connection.server_certificate, "get a new one from the server's administrator"),
+    ):
+        if path is None:
+            continue
+        found = await _certificate(path)
+        begin, end = found.not_valid_before_utc, found.not_valid_after_utc
+        if now < begin:
+            texts.append(f"{path} is valid from {begin:%Y-%m-%d} on: check the clock of this computer")
+        elif now + within > end:
+            days = (end - now).days
+            when = f"has expired on {end:%Y-%m-%d}" if now > end else f"expires on {end:%Y-%m-%d}, in {days} d"
+            texts.append(f"{path} {when}: {renew}")
+    return texts
 
 
 async def _certificate(path: Path) -> x509.Certificate:

@@ -50,7 +50,7 @@ def number_reader(loop: Loop, key: str) -> Callable[[Any], float]:
         if isinstance(raw, ua.LocalizedText):
             raw = raw.Text
         if not isinstance(raw, str | int | float) or raw is None:
-            raise NotANumberError(f"is a {type(raw).__name__}")
+            raise NotANumberError(_no_number(raw))
         if raw not in known:
             known[raw] = 0.0 if decide(text_of(raw)) else 1.0
         return known[raw]
@@ -64,7 +64,16 @@ def _real(raw: Any) -> float:
         if math.isfinite(value):
             return value
         raise NotANumberError("not a finite number")
-    raise NotANumberError(f"is a {type(raw).__name__}")
+    raise NotANumberError(_no_number(raw))
+
+
+def _no_number(raw: Any) -> str:
+    """What a value is that is no number.
+
+    >>> _no_number("12.5"), _no_number([1.0])
+    ('text, no number', 'list, no number')
+    """
+    return f"{'text' if isinstance(raw, str) else type(raw).__name__}, no number"
 
 
 def number_of(seen: ua.DataValue) -> tuple[float, str]:

@@ -164,7 +164,8 @@ class Resampler:
             return
         behind = self.released - time
         if signal != PV and time > self._at[signal]:
-            if self._held[signal] is not None:  # what is sent first may have changed long ago
+            # What is sent first may have changed long ago, and what is the same changes nothing.
+            if self._held[signal] not in (None, value):
                 self.events.append(("late", f"{_NAMES[signal]} came {behind:.1f} s late: in effect from now on"))
             self._hold(signal, time, value, good)
             return

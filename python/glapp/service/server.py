@@ -257,7 +257,8 @@ class AnswerServer:
             await server.start()
         except OSError as error:
             self._server = None
-            raise InputError(f"{self.url}: nobody can listen there: {error}", parameter="opcua-port") from None
+            what = f"{self.url}: nobody can listen there: {error}"
+            raise InputError(what, parameter="opcua-port", hint="give another --opcua-port") from None
         return self
 
     async def __aexit__(

@@ -351,6 +351,14 @@ class Reader:
             *(loop, most, before),
         )
 
+    def left_enabled(self) -> list[str]:
+        """Loops whose compensation was enabled, and whose end nobody has written down."""
+        found = self.rows(
+            "SELECT loop FROM (SELECT loop, kind, MAX(id) FROM events WHERE kind IN ('enabled', 'withdrawn') "
+            "GROUP BY loop) WHERE kind = 'enabled' ORDER BY loop"
+        )
+        return [row["loop"] for row in found]
+
     def commands(self, loop: str | None = None, most: int = 200) -> list[dict[str, Any]]:
         """Commands, the newest first: who asked, the values before and after, or the reason of refusal."""
         found = self.rows(

@@ -118,6 +118,15 @@ def api_of(station: Station) -> FastAPI:
     )
     app.add_middleware(GZipMiddleware, minimum_size=10_000, compresslevel=1)
 
+    _answer_errors(app)
+    _login_route(app, station)
+    _reading_routes(app, station)
+    return app
+
+
+def _answer_errors(app: FastAPI) -> None:
+    """Answers to what cannot be read, and to what cannot be asked."""
+
     @app.exception_handler(InputError)
     async def not_read(request: Request, error: InputError) -> JSONResponse:
         return JSONResponse({"detail": str(error)}, 503)
@@ -127,6 +136,28 @@ def api_of(station: Station) -> FastAPI:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         return JSONResponse({"detail": f"{place}: {first['msg']}"}, 422)
+
+
+def _login_route(app: FastAPI, station: Station) -> None:
+    """The one route that reads nothing."""
+
+    @app.post("/login", response_model=Token)
+    async def log_in(request: Request, wanted: LogIn) -> Any:
+        """A token of the service for a user. It opens no page: this sets no cookie."""
+        address = request.client.host if request.client is not None else ""
+        try:
+            found = await station.api.log_in(wanted.user, wanted.password, address)
+        except Refused as refused:
+            headers = {"WWW-Authenticate": "Bearer"} if refused.status == 401 else None
+            raise HTTPException(refused.status if refused.status < 500 else 503, str(refused), headers) from None
+        except Gone as gone:
+            raise HTTPException(503, str(gone)) from None
+        logged_in(request.scope)
+        return found
+
+
+def _reading_routes(app: FastAPI, station: Station) -> None:
+    """Routes for whoever is known to the service."""
 
     async def known(request: Request) -> None:
         """Refuse readers that are not known to the service."""
@@ -146,20 +177,6 @@ def api_of(station: Station) -> FastAPI:
 
     Loop = Annotated[str, Depends(watched)]  # noqa: N806 - a type
     reads = [Depends(known)]
-
-    @app.post("/login", response_model=Token)
-    async def log_in(request: Request, wanted: LogIn) -> Any:
-        """A token of the service for a user. It opens no page: this sets no cookie."""
-        address = request.client.host if request.client is not None else ""
-        try:
-            found = await station.api.log_in(wanted.user, wanted.password, address)
-        except Refused as refused:
-            headers = {"WWW-Authenticate": "Bearer"} if refused.status == 401 else None
-            raise HTTPException(refused.status if refused.status < 500 else 503, str(refused), headers) from None
-        except Gone as gone:
-            raise HTTPException(503, str(gone)) from None
-        logged_in(request.scope)
-        return found
 
     @app.get("/overview", response_model=Overview, dependencies=reads)
     async def overview(
@@ -195,8 +212,6 @@ def api_of(station: Station) -> FastAPI:
     ) -> Any:
         """Everything that happened and that was asked for, the newest first."""
         return await asyncio.to_thread(all_events, station, most, loop)
-
-    return app
 
 
 def _overview(station: Station, since: int) -> bytes:

@@ -95,6 +95,21 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     app = FastAPI(title="glapp station", docs_url=None, redoc_url=None, openapi_url=None)
     app.mount("/api", api_of(station))
     app.mount("/static", StaticFiles(directory=HERE / "static"))
+    bench = Bench()
+    _login_routes(app, station, first_login, secure=secure)
+    _session_routes(app, station)
+    _exports(app, station)
+    _pages(station, bench)
+    _work(station, bench)
+    ui.run_with(
+        app, title="glapp", language="en-US", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0
+    )
+    app.add_middleware(Guard, sessions=station.sessions, hosts=tuple(hosts), secure=secure)
+    return app
+
+
+def _login_routes(app: FastAPI, station: Station, first_login: Path | None, *, secure: bool) -> None:
+    """Login and logout; the arguments are those of `app_of`."""
 
     @app.get("/login")
     async def log_in_page(why: str = "", loop: str = "") -> Response:
@@ -113,7 +128,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
             found = await station.api.log_in(user, password, address)
         except (Gone, Refused) as error:
             message = str(error)
-            status = 503 if isinstance(error, Refused) and error.status == 503 else 401
+            status = 503 if isinstance(error, Gone) or error.status == 503 else 401
             return _login(f"{message[:1].upper()}{message[1:]}.", status, loop=loop, known=(user, ""))
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
         logged_in(request.scope)
@@ -132,6 +147,10 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
             await station.api.asked("POST", "/logout", session.token)
         return RedirectResponse("/login", 303)
 
+
+def _session_routes(app: FastAPI, station: Station) -> None:
+    """Questions of a page about its session."""
+
     @app.post("/theme")
     async def theme(request: Request, system: str = "") -> Response:
         """Switch between light and dark. Until a person has chosen, the page follows the system of the computer."""
@@ -146,6 +165,10 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     async def who() -> Response:
         return Response(status_code=204)  # to whom the guard lets in; everybody else is led to the login
 
+
+def _exports(app: FastAPI, station: Station) -> None:
+    """Overview and events as CSV."""
+
     @app.get("/overview.csv")
     async def overview_csv() -> Response:
         return _csv(as_csv(station.listed.rows), "overview.csv")
@@ -154,6 +177,10 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     async def events_csv() -> Response:
         text = await asyncio.to_thread(lambda: as_csv(all_events(station, 1_000_000)))
         return _csv(text, "events.csv")
+
+
+def _pages(station: Station, bench: Bench) -> None:
+    """The pages, by their addresses."""
 
     @ui.page("/")
     def _overview(request: Request) -> None:
@@ -167,8 +194,6 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     def _loop(request: Request, name: str = "") -> None:
         loop_page(station, request, name)
 
-    bench = Bench()
-
     @ui.page("/laboratory")
     def _laboratory(request: Request) -> None:
         lab_page(station, bench, request)
@@ -177,6 +202,9 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
     async def _missing(request: Request, error: Exception) -> Response:
         return _no_page()
 
+
+def _work(station: Station, bench: Bench) -> None:
+    """What goes on while the window is open, beside its pages."""
     tasks: list[asyncio.Task[None]] = []
 
     async def begin() -> None:
@@ -190,11 +218,6 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login:
 
     pages.on_startup(begin)
     pages.on_shutdown(end)
-    ui.run_with(
-        app, title="glapp", language="en-US", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0
-    )
-    app.add_middleware(Guard, sessions=station.sessions, hosts=tuple(hosts), secure=secure)
-    return app
 
 
 def _csv(text: str, name: str) -> Response:

@@ -72,6 +72,9 @@ def _axis(tone: Mapping[str, str], *, label: Mapping[str, Any] | None = None, **
     }
 
 
+_ABOVE_ANOTHER = {"left": 56, "right": 32, "outerBoundsMode": "none"}
+"""Sides of one of two grids with one time axis; else a label at the end makes room for itself in its grid alone."""
+
 _DATES = {"year": "{yyyy}", "month": "{d} {MMM}", "day": "{d} {MMM}", "hour": "{HH}:{mm}", "minute": "{HH}:{mm}"}
 _DATES["second"] = "{HH}:{mm}:{ss}"
 
@@ -238,8 +241,8 @@ def live(
         **_of_lines(tone),
         "axisPointer": {"link": [{"xAxisIndex": "all"}]},
         "grid": [
-            {"left": 56, "right": 16, "top": 46, "height": "38%"},
-            {"left": 56, "right": 16, "bottom": 24, "height": "33%"},
+            {**_ABOVE_ANOTHER, "top": 46, "height": "38%"},
+            {**_ABOVE_ANOTHER, "bottom": 24, "height": "33%"},
         ],
         "xAxis": [
             _axis(tone, type="time", gridIndex=0, axisLabel={"show": False}),
@@ -326,33 +329,14 @@ def detections(
             "itemStyle": {"color": color, "opacity": 0.75},
         }
 
-    fits = [a for a in answers if a["d"] is not None]
-    bars = [
-        [{"coord": [1000.0 * a["time"], a["low"] * scale]}, {"coord": [1000.0 * a["time"], a["high"] * scale]}]
-        for a in fits
-        if a["low"] is not None and a["high"] is not None
-    ]
-    # A bar whose end is above the axis would not be drawn at all.
-    top = math.ceil(2.0 * max((bar[1]["coord"][1] for bar in bars), default=0.0)) / 2.0
-    recorded = [
-        [1000.0 * datetime.fromisoformat(one["t0"]).timestamp(), one["d"] * scale]
-        for one in alone
-        if one["t0"] is not None and one["d"] is not None and one["left_out"] is None
-    ]
-    by_recording = {
-        "name": "one recording of the fit alone",
-        "type": "scatter",
-        "symbol": "rect",
-        "symbolSize": 8,
-        "data": recorded,
-        "itemStyle": {"color": tone["after"]},
-    }
+    fits, top = _fits(answers, scale, tone)
     return {
         **_base(tone),
         "grid": {"left": 56, "right": 16, "top": 62, "bottom": 64},
         "xAxis": _time(tone),
         "yAxis": {
             **_axis(tone, type="value", name=f"width [{unit}]", min=0),
+            # A bar whose end is above the axis would not be drawn at all.
             ":max": f"v => v.max >= {top!r} ? null : {top!r}",
         },
         "dataZoom": [{"type": "inside"}, {"type": "slider", "height": 18, "bottom": 8, "showDataShadow": False}],
@@ -368,24 +352,56 @@ def detections(
                 "lineStyle": {"color": tone["muted"], "width": 1.5},
                 "itemStyle": {"color": tone["muted"]},
             },
-            {
-                "name": "fit, with its 95 % interval",
-                "type": "scatter",
-                "symbol": "diamond",
-                "symbolSize": 11,
-                "data": [[1000.0 * a["time"], a["d"] * scale] for a in fits],
-                "itemStyle": {"color": tone["ink"]},
-                "markLine": {
-                    "silent": True,
-                    "symbol": ["none", "none"],
-                    "data": bars,
-                    "lineStyle": {"color": tone["ink"], "type": "solid"},
-                    "label": {"show": False},
-                },
-            },
-            *([by_recording] if recorded else []),
+            fits,
+            *_alone(alone, scale, tone),
         ],
     }
+
+
+def _fits(answers: Sequence[Mapping[str, Any]], scale: float, tone: Mapping[str, str]) -> tuple[dict[str, Any], float]:
+    """The widths of fits with their intervals as a series, and the greatest upper limit, up to the next half."""
+    found = [a for a in answers if a["d"] is not None]
+    bars = [
+        [{"coord": [1000.0 * a["time"], a["low"] * scale]}, {"coord": [1000.0 * a["time"], a["high"] * scale]}]
+        for a in found
+        if a["low"] is not None and a["high"] is not None
+    ]
+    series = {
+        "name": "fit, with its 95 % interval",
+        "type": "scatter",
+        "symbol": "diamond",
+        "symbolSize": 11,
+        "data": [[1000.0 * a["time"], a["d"] * scale] for a in found],
+        "itemStyle": {"color": tone["ink"]},
+        "markLine": {
+            "silent": True,
+            "symbol": ["none", "none"],
+            "data": bars,
+            "lineStyle": {"color": tone["ink"], "type": "solid"},
+            "label": {"show": False},
+        },
+    }
+    return series, math.ceil(2.0 * max((bar[1]["coord"][1] for bar in bars), default=0.0)) / 2.0
+
+
+def _alone(alone: Sequence[Mapping[str, Any]], scale: float, tone: Mapping[str, str]) -> list[dict[str, Any]]:
+    """The widths of single recordings as a series; none where no recording has one."""
+    recorded = [
+        [1000.0 * datetime.fromisoformat(one["t0"]).timestamp(), one["d"] * scale]
+        for one in alone
+        if one["t0"] is not None and one["d"] is not None and one["left_out"] is None
+    ]
+    if not recorded:
+        return []
+    series = {
+        "name": "one recording of the fit alone",
+        "type": "scatter",
+        "symbol": "rect",
+        "symbolSize": 8,
+        "data": recorded,
+        "itemStyle": {"color": tone["after"]},
+    }
+    return [series]
 
 
 def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
@@ -431,8 +447,8 @@ def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
     return {
         **_of_lines(tone),
         "grid": [
-            {"left": 56, "right": 24, "top": 34, "height": "42%"},
-            {"left": 56, "right": 24, "bottom": 26, "height": "28%"},
+            {**_ABOVE_ANOTHER, "top": 34, "height": "42%"},
+            {**_ABOVE_ANOTHER, "bottom": 26, "height": "28%"},
         ],
         "xAxis": [_axis(tone, type=kind, scale=True, gridIndex=0, axisLabel={"show": False}), below],
         "yAxis": [

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import ssl
 from collections.abc import Mapping
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -17,7 +16,7 @@ from urllib.parse import quote
 
 import httpx
 
-from ..errors import InputError
+from ..service.trust import trusted
 
 __all__ = ["ApiClient", "Gone", "Refused", "Unsure"]
 
@@ -59,13 +58,7 @@ class ApiClient:
 
     def __init__(self, folder: Path, url: str | None = None, trust: Path | None = None) -> None:
         self._folder, self._given = folder, url
-        verify: ssl.SSLContext | bool = True
-        if trust is not None:
-            try:
-                verify = ssl.create_default_context(cafile=str(trust))
-            except (OSError, ssl.SSLError) as error:
-                raise InputError(f"cannot be used: {error}", file=str(trust)) from None
-        self._http = httpx.AsyncClient(verify=verify, timeout=LONGEST, trust_env=False)
+        self._http = httpx.AsyncClient(verify=trusted(trust), timeout=LONGEST, trust_env=False)
         self._reads = asyncio.Semaphore(READS)
         self._live: dict[tuple[str, str], asyncio.Future[Any]] = {}
 
@@ -118,10 +111,11 @@ class ApiClient:
             async with self._reads if method == "GET" else nullcontext():
                 reply = await self._http.request(method, self.url + path, headers=headers, content=content)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
+            why = _why(error)
             taken = isinstance(error, (httpx.ReadTimeout, httpx.ReadError, httpx.RemoteProtocolError))
             if taken and method != "GET":
-                raise Unsure(f"the service took the request and did not say: {_why(error)}") from None
-            raise Gone(f"the service does not answer: {_why(error)}") from None
+                raise Unsure(f"the service took the request and did not say: {why}") from None
+            raise Gone(f"the service does not answer: {why}") from None
         try:
             answer = reply.json()
         except ValueError:
@@ -158,9 +152,11 @@ class ApiClient:
 
 
 def _why(error: Exception) -> str:
+    """Why there is no answer, and what a person can do about it."""
     if isinstance(error, httpx.TimeoutException):
         return f"no answer in {LONGEST:g} s"
-    return str(error) or type(error).__name__
+    text = str(error) or type(error).__name__
+    return "nobody listens at its address. Start `glapp watch`" if text == "All connection attempts failed" else text
 
 
 def loop_path(loop: str, what: str) -> str:

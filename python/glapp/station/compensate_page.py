@@ -17,6 +17,7 @@ from ..service.watchdog import WATCHDOG_SEEN
 from . import charts
 from .client import loop_path
 from .compensate import calm, plan, why_off
+from .number_field import NumberField
 from .pages import Station, command, heading, moment, quiet
 from .parameters import field
 from .sessions import Session
@@ -130,10 +131,8 @@ class CompensationPage:
         }
         with ui.element("div").classes("bar"):
             self.source = ui.radio(options, value=source or None, on_change=self._chosen).props("dense")
-            self.size = (
-                ui.number(f"typed width [{unit}]", value=field(seen["comp_size"]), min=0, on_change=self._typed)
-                .props('dense outlined aria-label="typed width"')
-                .style("width: 170px")
+            self.size = NumberField(
+                f"typed width [{unit}]", field(seen["comp_size"]), name="typed width", width=170, on_change=self._typed
             )
             self.use = quiet("Use this width", self._use)
         heading("2. What it will do", 2)
@@ -167,10 +166,15 @@ class CompensationPage:
             chosen |= {name: self._set[name] if self._set.get(name) is not None else x for name, x in usual.items()}
         if source is not None:
             chosen["comp_source"] = float(source)
-        chosen["comp_size"] = float(self.size.value or 0.0)
+        chosen["comp_size"] = self._size
         if source == 2 and self._fit is not None:
             chosen["comp_fitted"] = self._fit["compensable"]
         return chosen
+
+    @property
+    def _size(self) -> float:
+        """The typed width; 0 where there is none, or the text in its field is no number, which stands below it."""
+        return 0.0 if self.size.fault else self.size.number or 0.0
 
     def _differs(self) -> bool:
         """Whether the width that is chosen is another than the one in force."""
@@ -181,7 +185,7 @@ class CompensationPage:
         if source != in_force:
             return True
         if source == 1:
-            return bool(float(self.size.value or 0.0) != seen["comp_size"])
+            return bool(self._size != seen["comp_size"])
         return bool(source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"])
 
     def _typed(self) -> None:
@@ -206,25 +210,28 @@ class CompensationPage:
                 with ui.element("li"):
                     ui.label(line)
         self.lines.set_visibility(bool(found.lines))
-        self.why_not.set_text(found.why_not)
+        why_not = self.size.fault or found.why_not
+        self.why_not.set_text(why_not)
         self.use.props(remove="disable")
-        if not self._engineer or used or found.why_not:
+        if not self._engineer or used or why_not:
             self.use.props("disable")
         why = ""
         if not self._engineer:
             why = "Enabling it needs the role engineer; switching it off, operator."
-        elif found.why_not:
-            why = found.why_not
+        elif why_not:
+            why = why_not
         elif not used:
             why = "Press “Use this width” first."
         elif self._tested is None:
             why = "First test switching off: nothing is enabled before that was seen."
         self.on.props("disable" if why else "", remove="" if why else "disable")
         self.not_yet.set_text(why)
-        self.why_not.set_visibility(bool(found.why_not))
+        self.why_not.set_visibility(bool(why_not))
 
     async def _use(self) -> None:
         """Take over the fit, or set which width counts: the values that differ from those in force."""
+        if self.size.fault:  # the click was under way when that was found
+            return None
         seen, wanted = self._seen, self._wanted()
         if self.source.value == 2 and self._fit is not None and seen["comp_fitted"] != self._fit["compensable"]:
             if not await self._go("take_over", {"answer": self._fit["id"], "seen": seen}, "Taken over."):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 import time
 from dataclasses import replace
 from typing import Any
@@ -16,6 +15,7 @@ from ..errors import InputError
 from ..report.words import count, number
 from . import charts
 from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, diagram
+from .number_field import NumberField, typed_number
 from .pages import ONE_STOP, Station, dialog_of, frame, heading, quiet
 
 __all__ = ["Bench", "lab_page"]
@@ -96,10 +96,11 @@ class _Page:
             self.state = ui.label().classes("muted grow").props('role="status"')
         with ui.element("div").classes("bar"):
             self.run = ui.button("Pause", on_click=self._pause).props("no-caps unelevated color=primary")
-            speed = ui.number("Speed [×]", value=self.lab.speed, min=0.1, max=FASTEST, on_change=self._speed)
-            speed.props('dense outlined aria-label="Speed"').style("width: 120px")
+            speed = self.speed = NumberField(
+                "Speed [×]", self.lab.speed, name="Speed", width=120, on_change=self._speed
+            )
             for x in (1, 10, 100, 1000):
-                quiet(f"{x} ×", lambda _, x=x: speed.set_value(x)).tooltip(
+                quiet(f"{x} ×", lambda _, x=x: speed.show(x)).tooltip(
                     "As fast as the clock" if x == 1 else f"{x} times as fast as the clock"
                 )
             quiet("Start again at t = 0", lambda: self._built(self.lab.project))
@@ -244,9 +245,10 @@ class _Page:
     def _pause(self) -> None:
         self.lab.running = not self.lab.running
 
-    def _speed(self, event: Any) -> None:
-        if event.value is not None and math.isfinite(event.value):
-            self.lab.speed = min(max(float(event.value), 0.1), FASTEST)
+    def _speed(self) -> None:
+        """Run as fast as was typed; until that is a number, as before."""
+        if not self.speed.fault and (typed := self.speed.number) is not None:
+            self.lab.speed = min(max(typed, 0.1), FASTEST)
 
     def _chosen(self, event: Any) -> None:
         self.lab.shown = tuple(event.value)
@@ -259,17 +261,11 @@ class _Page:
 
     def _edited(self, event: Any) -> None:
         """Set a value that was typed into the table."""
-        path, typed = event.args["data"]["path"], event.args["newValue"]
-        text = str(typed if typed is not None else "").strip().replace("−", "-")
+        path, text = event.args["data"]["path"], event.args["newValue"]
         try:
-            value = None if text in ("", "–") else float(text)
-        except ValueError:
-            ui.notify(f"{path}: {text!r} is not a number", type="warning")
-        else:
-            try:
-                self.lab[path] = value
-            except (InputError, TypeError) as error:
-                ui.notify(f"{path}: {error}", type="warning", multi_line=True)
+            self.lab[path] = None if text == "–" else typed_number(text)
+        except (InputError, TypeError) as error:
+            ui.notify(f"{path}: {error}", type="warning", multi_line=True)
         self.sent.pop(path, None)
 
     def _built(self, project: Project) -> bool:
@@ -298,7 +294,7 @@ class _Page:
         project = self.lab.project
         parts = list(project.parts)
         with dialog_of("A loop from modules") as dialog:
-            scan = ui.number("scan time [s]", value=project.h, min=0.001).props("dense outlined").style("width: 160px")
+            scan = NumberField("scan time [s]", project.h, name="scan time", width=160)
             rows = ui.element("div")
 
             def listed() -> None:
@@ -339,7 +335,9 @@ class _Page:
 
             def build() -> None:
                 lines = tuple(line.strip() for line in (wires.value or "").splitlines() if line.strip())
-                if self._built(Project(scan.value or 0.0, tuple(parts), lines, project.shown, project.called)):
+                if not scan.fault and self._built(
+                    Project(scan.number or 0.0, tuple(parts), lines, project.shown, project.called)
+                ):
                     dialog.close()
 
             ui.button("Build", on_click=build).props("no-caps unelevated color=primary").style("align-self: start")

@@ -73,14 +73,18 @@ class _Page:
         self.crossings.show()
         loop = self.loop.view.loops[self.loop.name]
         self.place.set_text(", ".join(part for part in (loop.area, loop.valve) if part))
+        self.signals.compensation.set_text(self._compensation())
+
+    def _compensation(self) -> str:
+        """State of the compensation in a sentence; empty where the loop can have none."""
         made = self.loop.status.get("compensation")
-        self.signals.compensation.set_text(
-            ""
-            if made is None
-            else f"Compensation: {TEXT_OF_STATE[made['standing']]}"
-            if made["enabled"]
-            else why_off(made).replace("It", "Compensation", 1)
-        )
+        if made is None:
+            return ""
+        if not made["enabled"]:
+            return why_off(made).replace("It", "Compensation", 1)
+        if self.loop.view.behind is not None:
+            return "Compensation: not known. If the service has ended, the plant's watchdog takes u_FF to 0."
+        return f"Compensation: {TEXT_OF_STATE[made['standing']]}"
 
     async def seldom(self) -> None:
         """Show the database's answer and new half-periods."""

@@ -209,7 +209,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             if view.newest is not None:
                 text += f" The newest value is of {moment(view.newest)[11:]}."
             if any(one.get("compensation") for one in view.shown["loops"].values()):
-                text += " Until then u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
+                text += " Until it is back u_FF in the plant is not known; the plant takes it to 0 by its watchdog."
         elif view.shown.get("failing"):
             text = f"The service cannot write: {view.shown['failing']}. {WAITS}"
         elif view.shown.get("damaged"):

@@ -6,9 +6,11 @@ from typing import Any
 
 from nicegui import ui
 
+from ..errors import InputError
 from ..report.words import sentence
 from ..service.settable import Bound
 from .client import loop_path
+from .number_field import NumberField
 from .one_loop import OneLoop
 from .pages import command, dialog_of, heading, moment
 from .parameters import FIRST, GROUPS, PARAMETERS, allowed, changed, command_text, field
@@ -25,7 +27,7 @@ async def parameters(loop: OneLoop) -> None:
     log = await loop.read(lambda r: r.commands(loop.name, 200))
     log = [row for row in log if row["command"] in ("change", "take_over")]
     may = loop.session.may("engineer")
-    fields: dict[str, ui.number] = {}
+    fields: dict[str, NumberField] = {}
     with dialog_of(f"{loop.name}: parameters") as dialog:
         ui.label(
             "Settings of the detector and of the compensation. The plant's controller is not changed "
@@ -50,11 +52,8 @@ async def parameters(loop: OneLoop) -> None:
                     ui.label(sentence(about.meaning).removesuffix("."))
                     ui.label(name).classes("small muted")
                 with ui.element("td"):
-                    fields[name] = (
-                        ui.number(value=field(seen[name]))
-                        .props(f'dense outlined aria-label="{name}" input-class="text-right"')
-                        .style("width: 130px")
-                    )
+                    fields[name] = NumberField("", field(seen[name]), name=name, width=130)
+                    fields[name].props('input-class="text-right"')
                     if not may:
                         fields[name].props("readonly")
                 unit = "–" if bound.unit == "1" else bound.unit
@@ -71,7 +70,11 @@ async def parameters(loop: OneLoop) -> None:
                     rows(names)
 
         async def save() -> None:
-            body = changed(seen, {name: one.value for name, one in fields.items()})
+            try:
+                body = changed(seen, {name: one.number for name, one in fields.items()})
+            except InputError as error:  # it stands below its field, too, which may be folded
+                ui.notify(f"Nothing is changed: {error}", type="warning")
+                return
             if not body["values"]:
                 ui.notify("Nothing is changed.")
                 return

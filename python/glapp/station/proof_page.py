@@ -18,6 +18,7 @@ from ..report.words import number, quantity
 from ..service import repairs
 from ..service.guide import Asked, result_text
 from ..service.plans import LONGEST
+from .number_field import NumberField
 from .pages import Station, command, described, dialog_of, heading, moment, quiet
 from .sessions import Session
 
@@ -156,7 +157,7 @@ class ProofCards:
         values = await self._signals(end - RANGE, end)
         last = self._shown["plan"][0]
         asked = None if last is None else last["asked"]
-        fields: dict[str, tuple[ui.number, ui.number]] = {}
+        fields: dict[str, tuple[NumberField, NumberField]] = {}
         with self.dialogs, dialog_of(f"{self.loop}: plan a test") as dialog:
             ui.label(
                 "How far OP and PV may go. A planned test stays within these limits in every simulation. Stop it where "
@@ -171,21 +172,28 @@ class ProofCards:
                 low, high = (None, None) if asked is None else asked[name]
                 with ui.element("div").classes("bar"):
                     fields[name] = tuple(  # type: ignore[assignment]  # two of them
-                        ui.number(f"{text} {end} [{unit}]" if unit else f"{text} {end}", value=value)
-                        .props(f'dense outlined aria-label="{text} {end}"')
-                        .style("width: 150px")
+                        NumberField(
+                            f"{text} {end} [{unit}]" if unit else f"{text} {end}",
+                            value,
+                            name=f"{text} {end}",
+                            width=150,
+                        )
                         for end, value in (("from", low), ("to", high))
                     )
                     ui.label(was).classes("small muted")
-            minutes = ui.number("Longest test [min]", value=MINUTES if asked is None else asked["minutes"], min=1)
-            minutes.props('dense outlined aria-label="Longest test"').style("width: 150px")
+            longest = MINUTES if asked is None else asked["minutes"]
+            minutes = NumberField("Longest test [min]", longest, name="Longest test", width=150)
 
             async def go() -> None:
-                body = {name: [one.value for one in pair] for name, pair in fields.items()}
-                if any(x is None for pair in body.values() for x in pair) or not minutes.value:
+                try:
+                    body = {name: [one.number for one in pair] for name, pair in fields.items()}
+                    wanted = {**body, "minutes": minutes.number}
+                except InputError as error:
+                    ui.notify(str(error), type="warning")
+                    return
+                if any(x is None for pair in body.values() for x in pair) or not wanted["minutes"]:
                     ui.notify("Type all four limits and the longest time.", type="warning")
                     return
-                wanted = {**body, "minutes": float(minutes.value)}
                 if await self._go("plan", wanted, f"A test of {self.loop} is being planned."):
                     dialog.close()
 

@@ -379,7 +379,7 @@ class View:
                     health=_health(status, answer, silent),
                     seen=seen,
                     todo=self.todo(name),
-                    compensation=_compensation(status),
+                    compensation=_compensation(status, gone=self.behind is not None),
                 )
             )
         return rows
@@ -399,7 +399,9 @@ class View:
         if self.silent(loop):
             return "Find out why no value comes: transmitter, tag, connection."
         if status["good"] is False:
-            return f"Look at the transmitter: PV is bad ({status['note'] or 'no number'})."
+            note = status["note"] or "no number"
+            where = "Set the clocks of plant and service" if "clock" in note else "Look at the transmitter"
+            return f"{where}: PV is bad ({note})."
         if status["fitting"]:
             return self.progress(loop)
         if answer is None:
@@ -487,19 +489,23 @@ def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent:
     return "–" if answer is None and status["health"] == "NORMAL" else HEALTH[status["health"]]
 
 
-def _compensation(status: Mapping[str, Any]) -> str:
-    """State of the compensation.
+def _compensation(status: Mapping[str, Any], *, gone: bool = False) -> str:
+    """State of the compensation; where the service is gone, one that was on is not known.
 
     >>> _compensation({"compensation": {"enabled": False, "withdrawn": "worse"}})
     'withdrawn'
     >>> _compensation({"compensation": {"enabled": False, "withdrawn": None}})
     'off'
+    >>> _compensation({"compensation": {"enabled": True, "standing": "active"}}, gone=True)
+    'not known'
     """
     made = status.get("compensation")
     if made is None:
         return ""
     if not made["enabled"]:
         return "off" if made["withdrawn"] is None else "withdrawn"
+    if gone:
+        return "not known"
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 

@@ -907,8 +907,8 @@ def test_a_narrow_page_is_not_wider_than_its_window_and_no_legend_lies_on_an_axi
             return [Math.round(legend.getBoundingClientRect().top - lowest)];
           }),
           ...[...page.querySelectorAll(".plot[data-name=gap][data-drawn]")].map((plot) => {
-            const [legend, title] = [".legend", ".xtitle"].map((part) => plot.querySelector(part).getBoundingClientRect());
-            const number = plot.querySelector(".xtick text").getBoundingClientRect();
+            const at = (part) => plot.querySelector(part).getBoundingClientRect();
+            const [legend, title, number] = [".legend", ".xtitle", ".xtick text"].map(at);
             return Math.round(Math.min(legend.top - title.bottom, title.top - number.bottom));
           })].join(" ");
       }, 1500);

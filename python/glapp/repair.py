@@ -14,7 +14,7 @@ from typing import Any
 
 from . import _glapp
 from .estimate import analyze
-from .fit import Fit, RecordingFit, Window
+from .fit import DAY, Fit, RecordingFit, Window
 from .recording import Batch, Recording, joined
 from .repair_split import moment_in, until_repair
 from .repaired import Repair, Side
@@ -25,8 +25,6 @@ __all__ = ["DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repai
 
 DAYS = 7.0
 """Days before the repair and after it that are compared."""
-
-DAY = 86400.0
 
 _WIDTH = ("verdict", "d", "low", "high")
 _VERDICTS = ("backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell")

@@ -21,7 +21,7 @@ from .repaired import Repair, Side
 from .result import Result
 from .several_recordings import analyze_recordings
 
-__all__ = ["DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
+__all__ = ["DAY", "DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
 
 DAYS = 7.0
 """Days before the repair and after it that are compared."""

@@ -297,7 +297,7 @@ def figure_7_5() -> Shown:
         "the estimate is too high with the right gain already, and grows with the gain that is set. Plant, controller "
         "and noise of the thesis' simulations are not given: here ± 2 % on PV, which is ± 0.5 % of what OP's span "
         "moves, and h = 0.01 s; with a quarter of that noise P2 makes two detections in 1000 s.",
-        draw=lambda: _gains(found, "gain set in the detector; true 4"),
+        draw=lambda: _gains(found, "gain set in the detector [%/%]; true 4"),
         why="P2 agrees; under a PI controller P3 reads high with the right gain already",
     )
 
@@ -326,7 +326,7 @@ def figure_7_6() -> Shown:
         "about 7, and a single run with few detections shows more than twice the gap. Assumed: K is tuned to the true "
         "gain, noise ± 2 % on PV at every gain. That noise, not Kp, is why P2's estimate falls towards small gains, "
         "where it counts for more. Bars are the middle half of the seeds.",
-        draw=lambda: _gains(found, "true gain; the detector has 4"),
+        draw=lambda: _gains(found, "true gain [%/%]; the detector has 4"),
         why="P2 agrees; P3 reads high where its true gain is below about 7",
     )
 

@@ -223,7 +223,7 @@ $(VENV)/.bench: requirements/bench.txt $(VENV)/.tools
 site: setup $(VENV)/.docs
 	$(call stage,Build the documentation,10 s)
 	@if command -v npm >/dev/null; then \
-		$(MAKE) --no-print-directory target/site/.npm && NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict; \
+		$(MAKE) --no-print-directory target/site/.npm && NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict; \
 		else echo "skipped: the site of the documentation, which needs npm"; fi
 
 $(VENV)/.docs: requirements/docs.txt $(VENV)/.tools

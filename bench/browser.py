@@ -7,9 +7,6 @@ The fit is timed with a worker for each processor, and with one worker.
 
 from __future__ import annotations
 
-import os
-import platform
-import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -35,12 +32,6 @@ COUNT = """async (watched) => {
     }
     return (1000 * pictures) / (now - began);
 }"""
-
-
-def machine() -> str:
-    """The processor."""
-    found = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
-    return f"{found[1] if found else platform.machine()}, {os.cpu_count()} cores"
 
 
 def recording(folder: Path) -> Path:
@@ -106,7 +97,7 @@ def main() -> None:
         size = PAGE.stat().st_size / 1e6
         version = browser.version
         browser.close()
-    rows[0] = rows[0].format(version=version, machine=machine())
+    rows[0] = rows[0].format(version=version, machine=document.processor())
     rows += [
         f"| {ROWS} rows of a worn valve: the answer of the zero crossings, with its pictures | {first:.1f} s | ≤ 5 s |",
         f"| the same, with the first window of the fit | {window:.0f} s | ≤ 5 s |",

@@ -42,6 +42,7 @@ from glapp.simulate import (
     Walk,
     run,
 )
+from glapp_thesis.loops import short
 
 from .page import write
 
@@ -76,13 +77,6 @@ def reversals(x: Floats, band: float) -> int:
     return len(turns(x, band))
 
 
-def scenario(**fields: Any) -> Scenario:
-    """A scenario from the short forms of its fields, with b = 0 (4.1) and the filter (2.1) in the loop."""
-    if isinstance(fields["controller"], tuple):
-        fields["controller"] = (*fields["controller"], 0.0, 0.0)[:4]
-    return Scenario(**fields, filter_in_loop=True)
-
-
 # --- Benefit -------------------------------------------------------------------------------------------------------
 
 LOOPS = {
@@ -96,7 +90,7 @@ SEEDS = 5
 
 def measured(fields: dict[str, Any]) -> tuple[float, float, float]:
     """PV's standard deviation [%], OP's travel [%] and reversals by more than 0.5 %, in 1000 s."""
-    s = run(scenario(**fields))
+    s = run(short(**fields))
     late = s.t > s.t[-1] - 1000
     op = 100 * s.op[late]
     return 100 * float(np.std(s.pv[late])), float(np.abs(np.diff(op)).sum()), reversals(op, 0.5)
@@ -175,7 +169,7 @@ def warned(case: Case) -> tuple[Case, float, float] | None:
     size = case.ratio * GAP
     # The estimate would take what is too much away before a warning is due.
     given = Compensation(way=case.way, size=size, begin=begin, withdraw=False, estimate=False)
-    loop = scenario(
+    loop = short(
         plant=plant,
         controller=tuned,
         d=GAP,
@@ -302,7 +296,7 @@ def _drawn(number: int) -> Scenario:
     lost = random.uniform(0.2, 0.98, 3) * t_end if random.random() < 0.3 else []
     by_hand = random.uniform(0.35, 0.9) * t_end
     wrong = (-1 if random.random() < 0.2 else 1) * 10 ** random.uniform(-0.5, 0.5) if random.random() < 0.5 else 1
-    return scenario(
+    return short(
         name=f"{number}: {name}, Ms {ms:.1f}",
         plant=plant,
         controller=(k, ti, td),

@@ -13,9 +13,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from rich.progress import track
 from scipy import stats
 
 import glapp
@@ -34,6 +31,7 @@ from glapp.errors import InputError
 from glapp.scenario import Coloured, Gaussian, Piece, Samples, Scenario, Sine, Steps
 from glapp.simulate import Simulation, closed_loop, run
 
+from .asking import answers_of
 from .loads.answer import LoadsAnswer, against, read
 from .loads.records import ROWS, Floats, Record, record
 from .page import write
@@ -344,8 +342,8 @@ def main() -> None:
     given.out.parent.mkdir(exist_ok=True)
     answers: list[LoadsAnswer] = []
     tasks = [(name, given.lengths, given.times) for name in names]
-    with ProcessPoolExecutor(given.jobs) as pool, given.out.open("w", encoding="utf-8") as file:
-        for of_record in track(pool.map(_ask, tasks), "asking", len(tasks), disable=not sys.stderr.isatty()):
+    with given.out.open("w", encoding="utf-8") as file:
+        for of_record in answers_of(_ask, tasks, given.jobs):
             answers += of_record
             for answer in of_record:
                 print(answer.to_json(), file=file, flush=True)

@@ -1,11 +1,21 @@
-"""Writer of a bench's figures into its page in bench/results."""
+"""Writer of a bench's figures into its page in bench/results, and the machine that they are from."""
 
 from __future__ import annotations
 
+import os
+import platform
 import re
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
+
+
+def processor() -> str:
+    """The processor's model and its cores."""
+    model = platform.processor() or platform.machine()
+    if (info := Path("/proc/cpuinfo")).exists() and (found := re.search(r"model name\s*: (.*)", info.read_text())):
+        model = found[1]
+    return f"{model}, {os.cpu_count()} cores"
 
 
 def write(name: str, text: str, mark: str = "measured") -> None:

@@ -13,20 +13,18 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Self
 
 import numpy as np
-from rich.progress import track
 
 import glapp
 
-from .loads.answer import Outcome, outcome_of
+from .asking import answers_of
+from .loads.answer import WIDTHS, Outcome, outcome_of
 from .loads.records import ROWS, record
 from .page import write
 from .truth.score import markdown
@@ -74,7 +72,7 @@ class RecordingAnswer:
     @property
     def sided(self) -> bool:
         """Whether the verdict has a width with two limits."""
-        return self.verdict in ("backlash", "stiction", "both")
+        return self.verdict in WIDTHS
 
     @property
     def row(self) -> str:
@@ -169,8 +167,8 @@ def main() -> None:
     answers = read(given.out) if given.resume and given.out.exists() else []
     known = {(answer.name, answer.days) for answer in answers}
     asked = [one for one in asked if one not in known]
-    with ProcessPoolExecutor(given.jobs) as pool, given.out.open("a" if known else "w", encoding="utf-8") as file:
-        for answer in track(pool.map(ask, asked), "asking", len(asked), disable=not sys.stderr.isatty()):
+    with given.out.open("a" if known else "w", encoding="utf-8") as file:
+        for answer in answers_of(ask, asked, given.jobs):
             answers.append(answer)
             print(json.dumps(asdict(answer)), file=file, flush=True)
     text = table(answers)

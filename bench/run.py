@@ -10,7 +10,6 @@ import argparse
 import json
 import os
 import platform
-import re
 import shutil
 import subprocess
 import sys
@@ -252,12 +251,9 @@ def public(folder: Path) -> Iterator[Row]:
 
 def machine() -> str:
     """Processor and versions."""
-    model = platform.processor() or platform.machine()
-    if (info := Path("/proc/cpuinfo")).exists() and (found := re.search(r"model name\s*: (.*)", info.read_text())):
-        model = found[1]
     packages = ("numpy", "scipy", "numba", "pyarrow", "pandas", "polars")
     versions = ", ".join(f"{name} {version(name)}" for name in packages)
-    return f"{model}, {os.cpu_count()} cores; Python {platform.python_version()}, {versions}"
+    return f"{page.processor()}; Python {platform.python_version()}, {versions}"
 
 
 def write(sections: list[tuple[str, list[Row]]]) -> None:

@@ -1,6 +1,8 @@
 """The documentation as a site: read from a folder, in Chromium, with nothing asked of elsewhere."""
 
+import re
 import shutil
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -51,3 +53,25 @@ def test_the_reference_has_every_public_function() -> None:
             places = {f"{module.__name__}.{name}", f"{public.__module__}.{name}"} if callable(public) else set()
             assert not places or any(f'id="{place}"' in text for place in places), name
         assert "::</p>" not in text and "=====" not in text
+
+
+@pytest.mark.verify
+@pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site")
+def test_the_reference_has_the_defaults_of_the_code() -> None:
+    """Regression: it called `kind` "PI" where it is "PID", `relay` True, and every field of a `Scenario` required."""
+    text = (SITE / "api-laboratory.html").read_text(encoding="utf-8")
+    shown = {}
+    for part in re.split(r'<h\d id="', text)[1:]:
+        for row in re.findall(r'<tr class="doc-section-item">(.*?)</tr>', part, re.DOTALL):
+            found = re.findall(r"<td.*?</td>", row, re.DOTALL)
+            cells = [unescape(re.sub(r"<[^>]+>", "", cell)).strip() for cell in found]
+            if len(cells) == 4:
+                shown[part.split('"')[0], cells[0]] = cells[3]
+    for name, default in {
+        ("glapp.tuning.amigo_step", "kind"): "'PID'",
+        ("glapp.nonlinear.nyquist_figure", "relay"): "False",
+        ("glapp.simulate.Scenario", "plant"): "required",
+        ("glapp.simulate.Scenario", "h"): "0.05",
+        ("glapp.modules.PidAdvanced", "td"): "0.0",
+    }.items():
+        assert shown[name] == default, name

@@ -90,10 +90,19 @@ def names_its_axes(one: Shown) -> None:
 
 
 @pytest.mark.verify
+@pytest.mark.parametrize("number", ["8.12", "8.13", "8.15"])
+def test_panels_of_a_recording_have_one_time_axis(shown: dict[str, Shown], number: str) -> None:
+    """Regression: the lower panel ended with the last detection, and its half-periods lay elsewhere than above."""
+    above, below, *_ = shown[number].draw().axes
+    assert above.get_xlabel() == below.get_xlabel() == "time [s]"
+    assert above.get_xlim() == below.get_xlim()
+
+
+@pytest.mark.verify
 def test_html_page_stands_alone(shown: dict[str, Shown], tmp_path: Path) -> None:
     page = gallery.as_html(list(shown.values()))
     links = re.findall(r'(?:src|href)="([^"]*)"', page)
-    targets = {one.picture for one in shown.values()} | {f"#{one.picture[:-4]}" for one in shown.values()}
+    targets = {one.picture for one in shown.values()} | {f"#{one.anchor}" for one in shown.values()}
     assert set(links) == targets
     one = shown["5.1"]
     save(one.draw(), tmp_path / one.picture)

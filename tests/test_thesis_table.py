@@ -131,6 +131,15 @@ def test_item_is_shown_by_a_command_a_snippet_or_a_page(item: Item) -> None:
         assert page or ">>> " in PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
 
 
+def test_every_link_to_the_gallery_leads_to_its_figure() -> None:
+    """Regression: all of them led to the top of a page with 57 pictures."""
+    page = (ROOT / "docs/gallery/README.md").read_text(encoding="utf-8")
+    links = re.findall(r"\[([^\]]+)\]\(gallery/README\.md#([^)]+)\)", PAGE)
+    assert {number for number, _ in links} == set(PICTURES)
+    for number, anchor in links:
+        assert f'<a id="{anchor}"></a>\n\n## {number if number.startswith("Table") else f"Figure {number}"}: ' in page
+
+
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command.startswith("glapp ")])
 def test_command_names_figures(command: str) -> None:
     program, subcommand, *numbers = shlex.split(command)

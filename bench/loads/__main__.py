@@ -11,14 +11,12 @@ import os
 os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its own core
 
 import argparse
-import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
+from ..asking import answers_of
 from ..page import write
 from ..truth.score import markdown
 from .answer import COUNTED, LoadsAnswer, against, counted, read
@@ -77,8 +75,8 @@ def main() -> None:
     answers = read(given.out) if given.resume and given.out.exists() else []
     known = {answer.truth.name for answer in answers}
     names = [name for name in names if name not in known]
-    with ProcessPoolExecutor(given.jobs) as pool, given.out.open("a" if known else "w", encoding="utf-8") as file:
-        for answer in track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty()):
+    with given.out.open("a" if known else "w", encoding="utf-8") as file:
+        for answer in answers_of(ask, names, given.jobs):
             answers.append(answer)
             print(answer.to_json(), file=file, flush=True)
     text = table(answers)

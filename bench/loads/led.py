@@ -11,15 +11,13 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its
 
 import argparse
 import math
-import sys
-from concurrent.futures import ProcessPoolExecutor
 from random import Random
 
 import numpy as np
-from rich.progress import track
 
 from glapp.scenario import Piece, Samples, Steps
 
+from ..asking import answers_of
 from ..truth.design import log_uniform
 from ..truth.score import markdown
 from .answer import COUNTED, LoadsAnswer, counted
@@ -73,9 +71,7 @@ def main() -> None:
     given = parser.parse_args()
     numbers = range(given.first, given.first + given.each)
     names = [f"{row}/{gap}/{n}/{how}" for n in numbers for row in ROWS for gap in ("none", "gap") for how in MOVES]
-    with ProcessPoolExecutor(2) as pool:
-        asked = track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty())
-        answers = dict(zip(names, asked, strict=True))
+    answers = dict(zip(names, answers_of(ask, names, 2), strict=True))
     for name, answer in answers.items():
         if answer.outcome == "wrong":
             print(name, answer)

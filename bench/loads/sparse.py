@@ -10,13 +10,10 @@ import os
 os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its own core
 
 import argparse
-import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from random import Random
 
-from rich.progress import track
-
+from ..asking import answers_of
 from ..truth.design import log_uniform
 from ..truth.score import markdown
 from .answer import COUNTED, LoadsAnswer, counted
@@ -65,9 +62,7 @@ def main() -> None:
     given = parser.parse_args()
     numbers = range(given.first, given.first + given.each)
     names = [f"{row}/{gap}/{number}" for number in numbers for row in LOADS for gap in ("none", "gap")]
-    with ProcessPoolExecutor(2) as pool:
-        asked = track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty())
-        answers = list(asked)
+    answers = list(answers_of(ask, names, 2))
     for _, answer in answers:
         if not answer.holds:
             print(answer.truth.name, answer)

@@ -17,19 +17,18 @@ import argparse
 import json
 import math
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
-from rich.progress import track
 from scipy import linalg, signal
 
 from glapp import modules
 from glapp.scenario import Coloured, Gaussian, Walk
 
+from ..asking import answers_of
 from ..truth.ladder import FOLLOWED, NEARER, WIDTHS, Cost, Process, known, refitted, sought
 from ..truth.ladder import Record as Known
 from ..truth.oracle import NO_GAP
@@ -210,8 +209,8 @@ def main() -> None:
     # Read in the order of the file, so that rows there early have both.
     names = [name for name, line in lines.items() if line in gaps or line in none]
     left = [name for name in names if name not in {seen.name for seen in asked}]
-    with ProcessPoolExecutor(given.jobs) as pool, out.open("a", encoding="utf-8") as file:
-        for seen in track(pool.map(ask, left), "asking", len(left), disable=not sys.stderr.isatty()):
+    with out.open("a", encoding="utf-8") as file:
+        for seen in answers_of(ask, left, given.jobs):
             if isinstance(seen, str):
                 print(seen, file=sys.stderr)
                 continue

@@ -22,15 +22,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # many processes, each with 
 import argparse
 import json
 import math
-import sys
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
-from rich.progress import track
 from scipy import linalg, optimize, signal
 
 import glapp
@@ -38,6 +35,7 @@ from glapp import _glapp, modules
 from glapp.scenario import Coloured, Ramp, Scenario, Steps, Walk
 from glapp.simulate import Simulation, run
 
+from ..asking import answers_of
 from ..page import write
 from .__main__ import OUT as TRUTH
 from .__main__ import read
@@ -624,13 +622,13 @@ def main() -> None:
     gaps = first(given.each, [row for row in faulty if row.truth.identifiable])
     # The oracle's covariance lacks the walk of a load between two samples.
     none = first(given.each, [r for r in every if r.truth.cause == "none" and r.truth.h <= r.truth.lag / 5])
-    with ProcessPoolExecutor(given.jobs) as pool, OUT.open("a", encoding="utf-8") as file:
-        left = [row.truth.name for row in (*gaps, *none) if row.truth.name not in done]
-        for rungs in track(pool.map(ask, left), "asking", len(left), disable=not sys.stderr.isatty()):
+    left = [row.truth.name for row in (*gaps, *none) if row.truth.name not in done]
+    with OUT.open("a", encoding="utf-8") as file:
+        for rungs in answers_of(ask, left, given.jobs):
             done[rungs.name] = rungs
             print(json.dumps(asdict(rungs)), file=file, flush=True)
-        names = [row.truth.name for row in faulty]
-        leavings = dict(zip(names, pool.map(leaving_of, names, chunksize=8), strict=True))
+    names = [row.truth.name for row in faulty]
+    leavings = dict(zip(names, answers_of(leaving_of, names, given.jobs), strict=True))
     told = [(row, done[row.truth.name]) for row in gaps]
     sound = [(row.truth, done[row.truth.name]) for row in none]
     least = thresholds(sound)

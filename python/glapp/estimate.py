@@ -81,8 +81,8 @@ def estimate(
 
     Notes
     -----
-    Known bias: low by the part of OP's travel that Δy/Kp overstates, high under load changes (a random-walk load gives
-    confident false widths); see `docs/estimator.md`.
+    Known bias: high on a fast loop under PI, low on a slow one and under PID, high under load changes (a random-walk
+    load gives confident false widths). `docs/estimator.md` has the figures.
 
     Examples
     --------

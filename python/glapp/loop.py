@@ -174,7 +174,7 @@ class Loop(Checked):
         Its nodes where it is watched by OPC UA.
     controller : Controller, optional
         As the control system shows it; identified from the data where absent.
-    process, cascade, positioner : optional
+    process, cascade, positioner
         What is known about the process, the cascade and the valve's positioner.
     split_range : bool
         OP works on several valves.

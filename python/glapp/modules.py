@@ -654,10 +654,10 @@ class PidAdvanced(_Compensating, Pid):
     schedule : sequence of (at, k, ti, td)
         Gains by the signal connected to `by`, linear between the rows; at most 8, `at` ascending, k of one sign. The
         width is then taken from the output's own travel. `Graph.set_schedule` edits it while it runs.
-    comp_size, comp_fitted, comp_source, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
+    comp_size, comp_fitted, comp_source, comp_way, comp_share, comp_limit, comp_band, comp_tf
         Compensation, as in `BacklashDetection`; it takes at most half of `rate`. Under a schedule its defaults go
         by the longest Ti of the rows.
-    comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw, comp_estimate : float, optional
+    comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw, comp_estimate
         Likewise.
     tune_amplitude : float
         The greatest distance of the output from where it was in an experiment, negative where PV falls when the output
@@ -749,7 +749,7 @@ class BacklashDetection(_Compensating):
         Settings of the controller in ideal form.
     kp : float, optional
         Static process gain, ≠ 0.
-    pv_span, op_span, integrating : float, float, bool, optional
+    pv_span, op_span, integrating
         As in `PidAdvanced`.
     tf : float, optional
         Time constant of the detector's filter, ≥ 0 [s]; Td/5, or Ti/10 without D, where not given. 0 where the process

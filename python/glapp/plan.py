@@ -802,7 +802,7 @@ def _fitted(
 
 
 def fit_decides(found: Fit, width: float) -> Found | None:
-    """Share of simulated fits that decide."""
+    """What a fit decides: a gap, none of this width, or nothing."""
     confidence = (found.judgement or {}).get("confidence")
     if confidence == "found":
         return "gap"

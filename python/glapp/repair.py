@@ -14,19 +14,17 @@ from typing import Any
 
 from . import _glapp
 from .estimate import analyze
-from .fit import Fit, RecordingFit, Window
+from .fit import DAY, Fit, RecordingFit, Window
 from .recording import Batch, Recording, joined
 from .repair_split import moment_in, until_repair
 from .repaired import Repair, Side
 from .result import Result
 from .several_recordings import analyze_recordings
 
-__all__ = ["DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
+__all__ = ["DAY", "DAYS", "compared", "ends_of", "fall_of", "rows_between", "with_repair"]
 
 DAYS = 7.0
 """Days before the repair and after it that are compared."""
-
-DAY = 86400.0
 
 _WIDTH = ("verdict", "d", "low", "high")
 _VERDICTS = ("backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell")

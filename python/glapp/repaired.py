@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, fields
 from datetime import datetime
 from typing import Any, Literal
 
+from .fit import DAY
+
 __all__ = ["Between", "Difference", "Repair", "Side"]
 
 Between = tuple[float, float, float]
@@ -90,7 +92,7 @@ def _with(side: Side, loop: Mapping[str, Any] | None) -> Side:
         return side
     pairs = {name: loop[name] and tuple(loop[name]) for name in ("deviation", "travel", "reversals")}
     known = {field.name: getattr(side, field.name) for field in fields(side)}
-    return Side(**known | pairs | {"days": loop["seconds"] / 86400.0})
+    return Side(**known | pairs | {"days": loop["seconds"] / DAY})
 
 
 def _text(moment: datetime | float | None) -> str | None:

@@ -1,7 +1,7 @@
 """The figures of the thesis, recomputed (Haventon & Öberg, TFRT-5826, 2008).
 
-Every figure and table that has data in the thesis is a function that simulates, and gives one sentence, our numbers
-beside the thesis', the honest difference, and a picture. `docs/gallery` is all of them.
+Every figure and table of the thesis is a function that computes it, and returns a sentence, our numbers next to the
+thesis', where and why they differ, and a picture. `docs/gallery` is all of them.
 
 >>> from glapp_thesis import show
 >>> shown = show("1.2")

@@ -86,7 +86,7 @@ def figure_3_2() -> Shown:
         number="3.2",
         title="The loop with a gap on the input of the process",
         section="3.3",
-        sentence="With one more module between controller and process OP wanders on through the gap while the valve "
+        sentence="With one more module between controller and process OP drifts through the gap while the valve "
         "hardly moves.",
         numbers=(
             Number("swing of OP in the last 50 s", "%", None, _late(seen["pid"])),

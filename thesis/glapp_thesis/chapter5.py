@@ -164,7 +164,7 @@ def figure_5_3() -> Shown:
 
 
 def figure_5_4() -> Shown:
-    """Condition (5.1) added, alone and with the noise floor."""
+    """Condition (5.1) added, alone and with the noise limit."""
     before, after = _seen("5Ti"), _seen("5Ti", "5.1")
     whole = _seen("5Ti", "5.1", "5.2", "decay", "growth")
     known = float(before.half_periods.median_mean[before.half_periods.t_end < 555][-1])
@@ -196,7 +196,7 @@ def figure_5_4() -> Shown:
             zorder=1,
             label="discarded",
         )
-        bottom.plot(after.t, floor, **style.NARROW, label="noise floor")
+        bottom.plot(after.t, floor, **style.NARROW, label="noise limit")
         bottom.set(xlabel="time [s]")
         style.legend(top)
         style.legend(bottom, columns=5)
@@ -204,25 +204,25 @@ def figure_5_4() -> Shown:
 
     return Shown(
         number="5.4",
-        title="Detections with (5.1) added, and what the noise floor hides",
+        title="Detections with (5.1) added, and what the noise limit hides",
         section="5.2",
         sentence="From about 550 s on only noise crosses the setpoint, and (5.1) discards its detections, while those "
-        "of the gap stay as they were. From 776 s on glapp's (5.1) lets some of them in again; they lie at the noise "
-        "floor, below which no width is shown, and the other conditions of this chapter take away the rest.",
+        "of the gap stay as they were. From 776 s on glapp's (5.1) lets some of them in again; they lie near the noise "
+        "limit, below which no width is shown, and the other conditions of this chapter take away the rest.",
         numbers=(
             Number("detections of noise without (5.1)", "", None, float(_noise(before).sum())),
             Number("left by (5.1) with the width known at 550 s", "", 0.0, float(kept.sum())),
             Number("left by (5.1) as glapp has it", "", 0.0, float(_noise(after).sum())),
             Number("estimates of noise with (5.1) alone", "", None, float(of_noise.sum())),
-            Number("of these below the noise floor, and not shown", "", None, float(hidden.sum())),
-            Number("noise floor 3σ/Kp, median", "%", None, float(np.median(floor[of_noise]))),
+            Number("of these below the noise limit, and not shown", "", None, float(hidden.sum())),
+            Number("noise limit 3σ/Kp, median", "%", None, float(np.median(floor[of_noise]))),
             Number("left by the whole net of this chapter", "", 0.0, float(_noise(whole).sum())),
             Number("true detections lost", "", 0.0, float(_true(before).sum() - _true(after).sum())),
         ),
         difference="The thesis says that (5.1) discards all detections that noise makes. glapp asks (5.1) only once "
         "nine detections stand behind the width, and lets go of it after a run of rejections, since one false first "
         "width would otherwise lock every true one out for ever. So some noise comes in that way: there the net needs "
-        "the noise floor, and above it the other conditions.",
+        "the noise limit, and above it the other conditions.",
         draw=draw,
         why="(5.1) is asked only behind nine detections, and let go of after a run of rejections: one false width must "
         "not lock the loop out",

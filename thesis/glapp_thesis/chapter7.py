@@ -297,7 +297,7 @@ def figure_7_5() -> Shown:
         "the estimate is too high with the right gain already, and grows with the gain that is set. Plant, controller "
         "and noise of the thesis' simulations are not given: here ± 2 % on PV, which is ± 0.5 % of what OP's span "
         "moves, and h = 0.01 s; with a quarter of that noise P2 makes two detections in 1000 s.",
-        draw=lambda: _gains(found, "gain set in the detector; true 4"),
+        draw=lambda: _gains(found, "gain set in the detector [%/%]; true 4"),
         why="P2 agrees; under a PI controller P3 reads high with the right gain already",
     )
 
@@ -326,7 +326,7 @@ def figure_7_6() -> Shown:
         "about 7, and a single run with few detections shows more than twice the gap. Assumed: K is tuned to the true "
         "gain, noise ± 2 % on PV at every gain. That noise, not Kp, is why P2's estimate falls towards small gains, "
         "where it counts for more. Bars are the middle half of the seeds.",
-        draw=lambda: _gains(found, "true gain; the detector has 4"),
+        draw=lambda: _gains(found, "true gain [%/%]; the detector has 4"),
         why="P2 agrees; P3 reads high where its true gain is below about 7",
     )
 
@@ -620,7 +620,7 @@ def figure_7_11() -> Shown:
         rows: list[tuple[str, float, float | None]] = [
             (f"nothing, {name}", PERCENT * fired.median / n.median, None) for name, (fired, n) in found.items()
         ]
-        rows += [(f"{name} of the gap", even.median, ours.median) for name, (even, ours) in compensated.items()]
+        rows += [(f"{name} × the gap", even.median, ours.median) for name, (even, ours) in compensated.items()]
         for row, (_, even_share, ours_share) in enumerate(rows):
             bottom.barh(
                 row - 0.18, even_share, color=style.WRONG, height=0.36, label="code block 7.1" if row == 0 else None
@@ -650,7 +650,7 @@ def figure_7_11() -> Shown:
                 for name, (one, windows) in found.items()
             ),
             *(
-                Number(f"{name} of the gap compensated: {what}", "%", thesis, share.median)
+                Number(f"{name} × the gap compensated: {what}", "%", thesis, share.median)
                 for name, pair in compensated.items()
                 for what, thesis, share in zip(
                     ("code block 7.1", "ours"), (100.0 if COMPENSATED[name] > GAP else 0.0, None), pair, strict=True
@@ -663,8 +663,7 @@ def figure_7_11() -> Shown:
         "too small. Compensation by sign(e), enabled half way, not withdrawn; the shares count from 100 s later on.",
         draw=draw,
         why="code block 7.1 asks for an even swing, which the gap of an integrating process makes too; ours asks "
-        "whether "
-        "it has become faster",
+        "whether it has become faster",
     )
 
 
@@ -720,9 +719,10 @@ def figure_7_12() -> Shown:
             left.annotate(
                 name,
                 (at.real, 0.02),
-                (-1.13 + 0.2 * (len(predicted) - 1 - i), 0.57),
+                (-1.08 + 0.2 * (len(predicted) - 1 - i), 0.57),
                 ha="center",
                 arrowprops={"arrowstyle": "-", "color": style.MUTED, "linewidth": 0.6},
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
             )
         left.set(xlim=(-1.2, 1.05), ylim=(-1.1, 0.65), xlabel="Re P(iω)", ylabel="Im P(iω)")
         style.legend(left)

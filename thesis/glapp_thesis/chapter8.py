@@ -1174,6 +1174,7 @@ def _recording(
     def draw() -> Figure:
         panels = 2 if manual is None else 3
         figure, (top, bottom, *below) = style.panels(panels, height=2.0 * panels + 0.8, share=False)
+        bottom.sharex(top)  # the panel below has the seeds
         pv_and_sp(top, signals, seen)
         top.set_xlabel("time [s]")
         for axes in below:
@@ -1200,7 +1201,8 @@ def _draw_answers(axes: Axes, site: Site, answered: list[Answered], detected: li
         if one.low is not None:
             if one.high is not None:
                 axes.vlines(seed, one.low, one.high, color=style.FILTERED, linewidth=2.0)
-            axes.plot(seed, one.low, "_" if one.high is not None else "^", color=style.FILTERED, markersize=6)
+            else:
+                axes.plot(seed, one.low, "^", color=style.FILTERED, markersize=6)
         if d_hat is not None:
             axes.plot(seed + 0.25, d_hat, "o", color=style.DETECTION, markersize=4)
     axes.plot([], [], color=style.FILTERED, linewidth=2.0, label="glapp.analyze, 95 % interval")
@@ -1249,11 +1251,9 @@ def figure_8_12() -> Shown:
         _site_numbers(4.0, "near 3"),
         "The setpoint here swings by ± 0.4 % in 450 s, chosen with the load so that single detections come near the "
         "thesis' 3 %; a slower swing gives fewer and smaller ones. The load is a random walk; the lowest estimates "
-        "come "
-        "from half-periods in which OP crossed a part of the gap. Drawn is the first seed with four detections, with "
-        "the "
-        "half-periods that became detections shaded, and below every seed: the detector beside the answer from OP and "
-        "PV together.",
+        "come from half-periods in which OP crossed a part of the gap. The upper panels show the first seed with four "
+        "detections; the half-periods that became detections are shaded. The lowest panel shows every seed: the "
+        "detector, and the answer from OP and PV together.",
         shown=4,
         manual=3.0,
         why="two hours have two detections, not four; how long the recording was is not given",
@@ -1327,8 +1327,8 @@ def figure_8_15() -> Shown:
         PERSTORP,
         lambda found: _site_numbers(None, "about 22")(found) + others,
         "The lag of 20 s is chosen so that the estimate comes out as in the thesis: with K·Kp = 3.9 it depends on it. "
-        "Below every seed: the detector reads a tenth low, the answer from OP and PV together holds the gap of the "
-        "manual test.",
+        "In every seed of the lowest panel the detector reads a tenth low, and the interval of the answer from OP and "
+        "PV together holds the gap of the manual test.",
         manual=25.0,
     )
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Number", "Shown"]
+__all__ = ["Number", "Shown", "anchor", "name"]
 
 SAME, NEAR, ZERO = 0.1, 0.2, 1e-9
 """Relative difference within which a number is that of the thesis, or near it; what counts as zero."""
@@ -86,6 +86,24 @@ class Number:
         return math.isclose(self.ours, recorded, rel_tol=self.tolerance, abs_tol=1e-12)
 
 
+def name(number: str) -> str:
+    """Full name of a figure or table.
+
+    >>> name("8.1"), name("Table 8.1")
+    ('Figure 8.1', 'Table 8.1')
+    """
+    return number if number.startswith("Table") else f"Figure {number}"
+
+
+def anchor(number: str) -> str:
+    """Name of a figure or table in links and in the name of its picture.
+
+    >>> anchor("8.1"), anchor("Table 8.1")
+    ('figure-8.1', 'table-8.1')
+    """
+    return name(number).lower().replace(" ", "-")
+
+
 @dataclass(frozen=True, slots=True)
 class Shown:
     """A figure or table of the thesis, recomputed.
@@ -117,9 +135,14 @@ class Shown:
     @property
     def name(self) -> str:
         """Full name: "Figure 8.1", "Table 8.1"."""
-        return self.number if self.number.startswith("Table") else f"Figure {self.number}"
+        return name(self.number)
+
+    @property
+    def anchor(self) -> str:
+        """Its name in links."""
+        return anchor(self.number)
 
     @property
     def picture(self) -> str:
         """File name of its picture."""
-        return self.name.lower().replace(" ", "-") + ".png"
+        return f"{self.anchor}.png"

@@ -71,7 +71,7 @@ def as_markdown(shown: Sequence[Shown]) -> str:
         rows = [f"| {' | '.join(cells)} |\n" for _, *cells in differs]
         parts.append("".join([f"## {DIFFERS}\n\n| section | it says | here | |\n|---|---|---|---|\n", *rows]))
     for one in shown:
-        parts.append(f"## {one.name}: {one.title}\n")
+        parts.append(f'<a id="{one.anchor}"></a>\n\n## {one.name}: {one.title}\n')
         parts.append(f"![{one.name}]({one.picture})\n")
         parts.append(f"{one.sentence} (Section {one.section})\n")
         compared = [number for number in one.numbers if number.thesis is not None]
@@ -94,7 +94,7 @@ a{color:#1d5b9c}nav a{margin-right:.8rem;white-space:nowrap}"""
 def as_html(shown: Sequence[Shown]) -> str:
     """The gallery as one page; it needs the pictures next to it and nothing else."""
     say = html.escape
-    links = " ".join(f'<a href="#{one.picture[:-4]}">{say(one.number)}</a>' for one in shown)
+    links = " ".join(f'<a href="#{one.anchor}">{say(one.number)}</a>' for one in shown)
     parts = [
         '<!doctype html><html lang="en"><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width,initial-scale=1">',
@@ -103,12 +103,12 @@ def as_html(shown: Sequence[Shown]) -> str:
     if differs := _differs(shown):
         parts.append(f"<h2>{DIFFERS}</h2><ul>")
         parts += [
-            f'<li>{say(sentence)} ({say(section)}). Here <a href="#{one.picture[:-4]}">{say(one.name)}</a>: {say(here)}'
+            f'<li>{say(sentence)} ({say(section)}). Here <a href="#{one.anchor}">{say(one.name)}</a>: {say(here)}'
             for one, section, sentence, here, _ in differs
         ]
         parts.append("</ul>")
     for one in shown:
-        parts.append(f'<h2 id="{one.picture[:-4]}">{say(one.name)}: {say(one.title)}</h2>')
+        parts.append(f'<h2 id="{one.anchor}">{say(one.name)}: {say(one.title)}</h2>')
         parts.append(f'<img src="{one.picture}" alt="{say(one.sentence)}"><p>{say(one.sentence)}')
         parts.append(f"(Section {say(one.section)})</p><table><tr><th><th>thesis<th>glapp<th>unit")
         parts += ["<tr>" + "".join(f"<td>{say(cell)}" for cell in cells) for cells in _rows(one.numbers)]

@@ -5,12 +5,13 @@ All numbers of a figure are in the gallery, which the table links.
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from .checks import CHECKS
-from .figure import Number
+from .figure import Number, anchor
 from .gallery import text
 from .items import ITEMS, Item
 
@@ -89,8 +90,8 @@ def markdown(figures: Figures) -> str:
 def _shown(shown: str) -> str:
     """Evidence of an item, in a narrow cell: figures and equations have their command above the table."""
     if shown.startswith("`glapp thesis "):
-        figures = shown.strip("`").removeprefix("glapp thesis ").replace("'", "")
-        return f"[{figures}](gallery/README.md)"
+        figures = shlex.split(shown.strip("`").removeprefix("glapp thesis "))
+        return ", ".join(f"[{figure}](gallery/README.md#{anchor(figure)})" for figure in figures)
     return "computed" if shown == "`python -m glapp_thesis`" else shown
 
 

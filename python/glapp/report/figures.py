@@ -331,10 +331,8 @@ def _reading_text(test: StepTest, reading: Reading) -> str:
 def _step_test_title(test: StepTest) -> str:
     if test.d is None:
         return f"{test.name}: no width"
-    return (
-        f"{test.name}: gap {words.quantity(test.d, words.op_unit(test.unit))}, "
-        f"95 % {words.number(test.low)} to {words.quantity(test.high, words.op_unit(test.unit))}"
-    )
+    width = words.quantity(test.d, words.op_unit(test.unit))
+    return f"{test.name}: gap {width} ({words.number(test.low)} to {words.number(test.high)})"
 
 
 def _drawn(t: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:

@@ -167,7 +167,7 @@ def fit_figure(result: Result) -> go.Figure:
         rows=3,
         cols=1,
         row_heights=[0.44, 0.34, 0.22],
-        vertical_spacing=0.09,
+        vertical_spacing=0.11,
         figure=_figure(),
     )
     for i, family in enumerate(reversed(f.best["candidates"])):
@@ -195,7 +195,9 @@ def fit_figure(result: Result) -> go.Figure:
         high = f.high if f.high is not None else f.best["range"]
         figure.add_vrect(x0=f.low, x1=high, fillcolor=POINT, opacity=0.14, line_width=0, row=1, col=1)
     top = float(max(np.quantile(f.best["candidates"][0]["profile"][1], 0.6), f.lr_needed or 0.0, 12.0))
-    figure.update_xaxes(title_text=f"width of the gap [{unit}]", range=[0, f.best["range"]], row=1, col=1)
+    figure.update_xaxes(
+        title={"text": f"width of the gap [{unit}]", "standoff": 4}, range=[0, f.best["range"]], row=1, col=1
+    )
     figure.update_yaxes(title_text="rise of −2·ln L", range=[-0.05 * top, 1.3 * top], row=1, col=1)
     figure.add_hline(y=f.best["rise"], line={"color": INK, "width": 1, "dash": "dot"}, row=1, col=1)
 
@@ -219,7 +221,7 @@ def fit_figure(result: Result) -> go.Figure:
         figure.update_xaxes(nticks=6, tickangle=0, row=row, col=1)
     if result.t0 is None:
         figure.update_xaxes(title_text="time [s]", row=3, col=1)
-    figure.update_layout(height=620, margin={"l": 70, "r": 24, "t": 48, "b": 48}, hovermode="closest")
+    figure.update_layout(height=650, margin={"l": 70, "r": 24, "t": 48, "b": 48}, hovermode="closest")
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
     return figure
 

@@ -7,7 +7,7 @@
   const scheme = matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
   const PAPER = 680; // px between the margins of an A4 or Letter page
-  const NARROW = 480; // px: a row of the legend of half-periods holds one name, on a wider page three
+  const NARROW = 480; // px: narrower pages need more rows for a legend under its picture
   const low = (plot) => (plot.dataset.name === "time" ? 380 : 250); // px: a loop on one page; report.css has the same
   let printing = false;
 
@@ -30,9 +30,10 @@
       layout.width = Math.min(PAPER, plot.clientWidth);
       if (plot.closest(".believed")) layout.height = low(plot);
     }
-    if (!printing && layout.legend2 && plot.clientWidth < NARROW) {
+    if (!printing && plot.clientWidth < NARROW) {
       const names = data.filter(({ legend }) => legend === "legend2").length;
-      const more = 20 * (names - Math.ceil(names / 3));
+      // A row holds one name of the half-periods in place of three, and two of the parallelogram's three names.
+      const more = plot.dataset.name === "gap" ? 28 : 20 * (names - Math.ceil(names / 3));
       layout.height += more;
       layout.margin.b += more;
       plot.style.height = `${layout.height}px`;

@@ -65,10 +65,10 @@ METHODS: dict[str, tuple[str, ...]] = {
         "A model of the loop, from OP through a valve with a gap and through the process to PV, is fitted to the "
         "recording for every width of the gap. The width that explains PV best is the answer, and the limits hold all "
         "that explain it nearly as well.",
-        "It needs OP, and an OP that turns round and crosses the gap. It asks neither for settings of the controller "
+        "It needs an OP that reverses and crosses the gap. It asks neither for settings of the controller "
         "nor for a loop that oscillates.",
-        "A load that swings as evenly as a gap would make it misleads it most easily, and so does PV that was filtered "
-        "or compressed on its way to the recording.",
+        "Two things mislead it most easily: a load that oscillates as regularly as a loop with a gap, and PV that was "
+        "filtered or compressed on its way to the recording.",
     ),
     "Zero crossings: what a PLC would show": (
         "The width is worked out from how long and how far PV stays on one side of SP while the controller integrates. "

@@ -664,3 +664,10 @@ def test_a_packed_file_that_is_cut_off_and_a_word_among_times_say_what_to_do(tmp
     path.write_text("\n".join(["t,SP,PV,OP", *rows]))
     with pytest.raises(InputError, match=r"row 102, column t: 'noon' is not a time .*; correct or delete the row"):
         list(open_recordings(path)[0].batches())
+
+
+@pytest.mark.parametrize("names", ["SP_Out,PV_Out,CV_Out", "SP_OUT,PV_OUT,OP_OUT", "FIC1.SPOut,FIC1.PVOut,FIC1.Out"])
+def test_a_signal_at_the_output_of_a_block_is_that_signal(tmp_path, names):
+    """SP_Out was OP of a loop called SP, so that no crossings were counted."""
+    path = write(tmp_path, "\n".join([f"t,{names}", *(f"{k},1,2,3" for k in range(9))]))
+    assert [read(path)[0].columns[role] for role in ("SP", "PV", "OP")] == names.split(",")

@@ -15,6 +15,18 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     if (count > most) throw new InputError(`has ${count} columns, at most ${most} are read`, { hint: "split it into files of fewer loops" });
   }
 
+  /** A number without the unit behind it; any other text as it is. */
+  const numberIn = (cell) => unitOf(cell)?.[0] ?? cell.trim();
+
+  /** Row and column of the first cell with this number. */
+  const placeIn = (names, columns, line) => (number) => {
+    for (const [i, { kind, cells }] of columns.entries()) {
+      const row = kind === "text" ? cells.findIndex((cell) => numberIn(cell) === number) : -1;
+      if (row >= 0) return { row: line(row), column: names[i] };
+    }
+    return {};
+  };
+
   // --- text
 
   /** Encoding of a text, from its first bytes. */
@@ -124,9 +136,10 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const body = rows.slice(named.nameless ? start : head.rows);
     if (!body.length) throw noRows();
     checkWidths(body, width, delimiter);
-    const known = [...body.slice(0, seen.length), ...body.slice(-50)].flatMap((row) => row.cells.map((cell) => unitOf(cell)?.[0] ?? cell.trim()));
+    const known = [...body.slice(0, seen.length), ...body.slice(-50)].flatMap((row) => row.cells.map(numberIn));
     const columns = named.names.map((_, i) => ({ kind: "text", cells: body.map((row) => row.cells[i]) }));
-    return { ...named, columns, digits: digitsOf(known), line: (row) => body[row].line };
+    const line = (row) => body[row].line;
+    return { ...named, columns, digits: digitsOf(known, placeIn(named.names, columns, line)), line };
   }
 
   // --- sheets
@@ -182,10 +195,9 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const kept = names.flatMap((of, i) => (of || body.some((row) => row[i] !== "") ? [i] : []));
     const columns = kept.map((i) => typed(body.map((row) => row[i])));
     const words = columns.flatMap(({ kind, cells }) => (kind === "text" ? cells : [])).filter(Boolean);
-    return {
-      sheet: name, names: kept.map((i) => names[i]), units: kept.map((i) => units[i]), nameless, columns,
-      digits: digitsOf(words), line: (row) => first + above + 1 + row,
-    };
+    const line = (row) => first + above + 1 + row;
+    const called = kept.map((i) => names[i]);
+    return { sheet: name, names: called, units: kept.map((i) => units[i]), nameless, columns, digits: digitsOf(words.map(numberIn), placeIn(called, columns, line)), line };
   }
 
   /** Refuses an archive that is no workbook, by the names of the files in it. */
@@ -231,8 +243,9 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
 
   /** A table of columns; its rows are counted from 1, or as `lines` says. */
   function ofColumns(names, columns, lines = null) {
-    const seen = columns.flatMap((column) => (column.kind === "text" ? column.cells.slice(0, HEAD).map((cell) => cell.trim()) : []));
-    return { names, units: names.map(() => null), nameless: null, columns, digits: digitsOf(seen.filter(Boolean)), line: (row) => (lines ? lines[row] : row + 1) };
+    const seen = columns.flatMap((column) => (column.kind === "text" ? column.cells.slice(0, HEAD).map(numberIn) : []));
+    const line = (row) => (lines ? lines[row] : row + 1);
+    return { names, units: names.map(() => null), nameless: null, columns, digits: digitsOf(seen.filter(Boolean), placeIn(names, columns, line)), line };
   }
 
   return { noRows, checkColumns, decoded, records, raggedly, ofText, ofSheet, ofWorkbook, ofColumns };

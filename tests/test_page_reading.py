@@ -154,6 +154,10 @@ READ: dict[str, str | bytes] = {
     "values that say current": "\n".join(
         ["time|FIC101/PID1/SP.CV|FIC101/PID1/PV.CV|FIC101/PID1/OUT.CV", *rows(SECONDS, "|")]
     ),
+    "outputs of a block": "\n".join(["t,SP_Out,PV_Out,CV_Out", *rows(SECONDS)]),
+    "one value without its unit": "\n".join(
+        ["t,SP,PV,OP", *(f"{k},50,{k % 3},{k % 4}{' %' * (k != 5)}" for k in range(24))]
+    ),
     "limits are no signals": "\n".join(["t,SP,PV,OP,PV_HI_LIM", *(f"{row},99" for row in rows(SECONDS))]),
     "names joined": "\n".join(["t,FIC101SP,FIC101PV,FIC101OP", *rows(SECONDS)]),
     "quoted cells": "\n".join(
@@ -197,6 +201,9 @@ REFUSED: dict[str, str | bytes] = {
     "either order": "\n".join(["Date;SP;PV;OP", *rows([f"01/02/2024 10:00:{k:02d}" for k in range(24)], ";")]),
     "no number in PV": "\n".join(["t,SP,PV,OP", *(f"{k},1,Bad,2" for k in range(24))]),
     "two ways to write numbers": "\n".join(["t;SP;PV;OP", "0;1,5;2.5;3", "1;1,5;2.5;3"]),
+    "one decimal point among commas": "\n".join(
+        ["t;SP;PV;OP", *(f"{k};1,5;{k},5 bar;{k}{'.' if k == 12 else ','}5 %" for k in range(24))]
+    ),
 }
 ANNOTATED = (
     "#datatype,string,long,dateTime:RFC3339,double,string,string\n,result,table,_time,_value,_field,_measurement\n"

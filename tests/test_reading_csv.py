@@ -491,7 +491,7 @@ WRONG = {
     "unknown quality": ("t,SP,PV,Quality\n0,1,2,Good\n1,1,2,Meh\n", ", row 3, column Quality: 'Meh' is not a quality"),
     "mixed decimals": (
         "t;SP;PV\n0;1,5;2\n1;1.5;2\n",
-        ": '1,5' and others have a decimal comma, others a decimal point",
+        ", row 2, column SP: '1,5' has a decimal comma, and others, such as '1.5', a decimal point; write",
     ),
     "thousands or a point": (
         "t;SP;PV\n" + "0;1;2,5\n" * 20_000 + "1;1.234;2,5\n" + "2;1;2,5\n" * 20_000,
@@ -503,7 +503,11 @@ WRONG = {
     ),
     "two kinds of thousands": (
         "t;SP;PV\n0;1;2\n1;1.234,5;1,234.5\n",
-        ": '1.234,5' and others have a decimal comma, others a decimal point",
+        ", row 3, column SP: '1.234,5' has a decimal comma, and others, such as '1,234.5', a decimal point",
+    ),
+    "one decimal point among commas": (
+        "t;SP;PV\n" + "0;1,5;2,5\n" * 9 + "1;1,5;2.5 bar\n",
+        ", row 11, column PV: '2.5' has a decimal point, and others, such as '1,5', a decimal comma; write all",
     ),
 }
 

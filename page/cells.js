@@ -154,6 +154,12 @@ const Cells = (data, folded) => {
     });
   }
 
+  /** Whether cells are modes of a controller, and no numbers of a signal: words, or both 0 and 1 and nothing else. */
+  function holdsModes(cells) {
+    const known = [...new Set(cells.map(word))].filter((text) => !bad.has(text));
+    return [...known].sort().join(" ") === "0 1" || (known.length > 0 && !known.some(isNumber));
+  }
+
   function mode(text, cell, i) {
     if (data.values.auto.includes(text)) return 0;
     if (data.values.not_auto.includes(text) || bad.has(text)) return NOT_AUTO;
@@ -372,5 +378,5 @@ const Cells = (data, folded) => {
     return { t0: null, found, read: (other) => (seconds === 1 ? numbersOf(other) : numbersOf(other).map((x) => x * seconds)) };
   }
 
-  return { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, isNumber, unitOf, unitBehind, withoutUnit, numbers, flags, rule, clock };
+  return { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, isNumber, unitOf, unitBehind, withoutUnit, numbers, flags, rule, holdsModes, clock };
 };

@@ -5,7 +5,7 @@
 "use strict";
 
 const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cells_of) => {
-  const { isDate, isTimeOfDay, looksLikeStamp, isNumber, texts, isEmpty, taken } = cells_of;
+  const { isDate, isTimeOfDay, looksLikeStamp, isNumber, holdsModes, texts, isEmpty, taken } = cells_of;
   const { pv_empty: PV_EMPTY, held_empty: HELD_EMPTY, own: OWN, rows: ROWS, groups: GROUPS, widest: WIDEST } = data.shape;
   const { days: DAYS, day_step: DAY_STEP } = data.shape;
   const HEAD = 1000; // rows that tell what columns hold
@@ -116,7 +116,7 @@ const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cel
 
   /** Whether some loop's signals are written each on rows of its own. */
   function onOwnRows({ names, columns }, time) {
-    const meanings = settle(names.map(understand));
+    const meanings = settle(names.map(understand), (i) => holdsModes(firstOf(columns[i])));
     const loops = groups(meanings);
     const meant = (role, loop) => places(meanings, (meaning, i) => i !== time && meaning.role === role && meaning.loop === loop);
     return loops.slice(0, GROUPS).some((group) => {

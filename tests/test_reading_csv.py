@@ -675,3 +675,30 @@ def test_a_signal_at_the_output_of_a_block_is_that_signal(tmp_path, names):
     """SP_Out was OP of a loop called SP, so that no crossings were counted."""
     path = write(tmp_path, "\n".join([f"t,{names}", *(f"{k},1,2,3" for k in range(9))]))
     assert [read(path)[0].columns[role] for role in ("SP", "PV", "OP")] == names.split(",")
+
+
+@pytest.mark.parametrize(
+    ("cells", "more", "role"),
+    [
+        (["44,5", "45"], "", "position"),
+        (["Auto", "Hand"], "", "MODE"),
+        (["0", "1"], "", "MODE"),  # no valve has just these
+        (["Auto", "Hand"], "Ventilläge", "MODE"),
+        (["44,5", "45"], "Reglerläge", "position"),
+        (["44,5", "45"], "Ventilläge", None),  # it is not known what else it may be
+    ],
+)
+@pytest.mark.parametrize("long", [False, True])
+def test_lage_is_a_mode_where_it_holds_words(tmp_path, cells, more, role, long):
+    """Läge was passed over: an engineer means the valve's position by numbers, and the controller's mode by words."""
+    names = ["Börvärde", "Ärvärde", "Utsignal", "Läge", *filter(None, [more])]
+    rows = [["50", f"{k % 3}", "4,5", cells[k % 2], "auto" if more == "Reglerläge" else "7"] for k in range(9)]
+    if long:
+        tags = [f"{k};F1 {name};{cell}" for k, row in enumerate(rows) for name, cell in zip(names, row, strict=False)]
+        text = "\n".join(["Tid;tag;value", *tags])
+    else:
+        text = "\n".join(
+            [";".join(["Tid", *names]), *(";".join([f"{k}", *r[: len(names)]]) for k, r in enumerate(rows))]
+        )
+    recording, _ = read(write(tmp_path, text))
+    assert {role for role, name in recording.columns.items() if name in ("Läge", "F1 Läge")} == {role} - {None}

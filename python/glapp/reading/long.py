@@ -136,6 +136,12 @@ class _Store:
         self.units = {tag: units.pop() for tag, units in seen.items() if len(units) == 1}
         return list(seen)
 
+    def first(self, tag: str) -> list[str]:
+        """Values of a tag among the first rows, as text."""
+        tags, values = self.source.head([i for role in ("tag", "value") if (i := self.at[role]) is not None])
+        pairs = zip(tags.to_pylist(), values.to_pylist(), strict=False)
+        return [str(value) for name, value in pairs if name == tag and value is not None]
+
     def tags(self, wanted: Iterable[str]) -> dict[str, _Tag]:
         """The samples of these tags; where several recordings ask at once, one reads for all and the others wait.
 
@@ -326,7 +332,7 @@ def long_recordings(
             store.readers[tag] = (role, reader)
         return LongRecording(store, loop, chosen)
 
-    signals, kind = SignalColumns(store.names()), "tag" if source.tags is None else "column"
+    signals, kind = SignalColumns(store.names(), first=store.first), "tag" if source.tags is None else "column"
     return each_with_columns(
         signals, loops, defaults, make, only=only, stem=stem, label=source.label, tags=True, kind=kind
     )

@@ -21,6 +21,7 @@ __all__ = [
     "Quality",
     "digits_of",
     "flags_of",
+    "holds_modes",
     "is_number",
     "limit_flag",
     "mode_flag",
@@ -132,6 +133,18 @@ def is_number(text: str) -> bool:
     return bool(
         _PLAIN.fullmatch(text) or re.match(_SPACED, text) or any(re.match(_thousands(*p), text) for p in _PARTED)
     )
+
+
+def holds_modes(cells: Iterable[str]) -> bool:
+    """Whether cells are modes of a controller, and no numbers of a signal: words, or both 0 and 1 and nothing else.
+
+    Examples
+    --------
+    >>> holds_modes(["Auto", "", "Hand"]), holds_modes(["0", "1.0"]), holds_modes(["0", "0"]), holds_modes(["44,5"])
+    (True, True, False, False)
+    """
+    known = {word for cell in cells if (word := text_of(cell)) not in names.MISSING}
+    return known == {"0", "1"} or bool(known and not any(map(is_number, known)))
 
 
 def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits()) -> NDArray[np.float64]:

@@ -151,6 +151,7 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     if (typeof cell === "string") return cell.trim();
     if (typeof cell !== "object") return String(cell);
     if ("span" in cell) return String(cell.span);
+    if ("per_cent" in cell) return String(cell.per_cent);
     if ("time" in cell) return ofDay(cell.time);
     const iso = new Date(cell.moment ?? cell.date).toISOString();
     return "date" in cell ? iso.slice(0, 10) : iso.slice(0, 23).replace("T", " ").replace(/\.000$/, "");
@@ -161,7 +162,7 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const having = held.filter((cell) => cell !== "");
     const all = (kind) => having.every((cell) => typeof cell === "object" && kind in cell);
     const of = (kind, value) => ({ kind, cells: Float64Array.from(held, (cell) => (cell === "" ? NaN : value(cell))) });
-    if (having.every((cell) => typeof cell === "number")) return of("numbers", Number);
+    if (having.every((cell) => typeof cell === "number" || "per_cent" in Object(cell))) return of("numbers", (cell) => cell.per_cent ?? cell);
     if (all("span")) return of("numbers", (cell) => cell.span);
     const dated = (cell) => typeof cell === "object" && ("date" in cell || "moment" in cell);
     if (having.every(dated) && having.some((cell) => "moment" in cell)) return of("moments", (cell) => cell.moment ?? cell.date);
@@ -197,7 +198,8 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const words = columns.flatMap(({ kind, cells }) => (kind === "text" ? cells : [])).filter(Boolean);
     const line = (row) => first + above + 1 + row;
     const called = kept.map((i) => names[i]);
-    return { sheet: name, names: called, units: kept.map((i) => units[i]), nameless, columns, digits: digitsOf(words.map(numberIn), placeIn(called, columns, line)), line };
+    const unitOfColumn = (i) => units[i] ?? (body.some((row) => "per_cent" in Object(row[i])) ? "%" : null);
+    return { sheet: name, names: called, units: kept.map(unitOfColumn), nameless, columns, digits: digitsOf(words.map(numberIn), placeIn(called, columns, line)), line };
   }
 
   /** Refuses an archive that is no workbook, by the names of the files in it. */

@@ -345,9 +345,9 @@ def _folders(name: str) -> dict[str, str]:
 
 _MOMENT = re.compile(
     r"(?<!\d)(?:19|20)\d\d(?P<mark>[-_.]?)(?:0[1-9]|1[0-2])(?P=mark)(?:0[1-9]|[12]\d|3[01])"
-    r"(?:[-_. T]?\d\d[-_.:]?\d\d(?:[-_.:]?\d\d)?Z?)?(?!\d)"
+    r"(?:[-_. T]?\d\d(?:[-_.:]?\d\d){0,2}[hZ]?)?(?!\d)"
 )
-"""A date in a file's name, and a time behind it."""
+"""A date in a file's name, and a time or an hour behind it."""
 _PIECE = re.compile(r"(?:part|chunk|export|data|file)?[-_. \d]*|part-\d.*", re.IGNORECASE)
 """Names of parts of a table, which name no loop: 17, part-0, part-00000-3f1c-c000.snappy."""
 
@@ -361,8 +361,8 @@ def _stem(name: str) -> str:
     --------
     >>> _stem("FIC101.parquet"), _stem("north/FIC101_2026-03-01.parquet"), _stem("FIC101/2026/03/day=1/part-0.parquet")
     ('FIC101', 'FIC101', 'FIC101')
-    >>> _stem("FIC101/2026-03-01_op.parquet")
-    'FIC101'
+    >>> _stem("FIC101/2026-03-01_op.parquet"), _stem("FIC101_2026-03-01_18.parquet")
+    ('FIC101', 'FIC101')
     >>> _stem("2026-03-01.parquet")
     '2026-03-01'
     """

@@ -109,11 +109,22 @@ def plan_of(
         first = f"{problems[0].file}: {problems[0].what}" if problems else None
         raise InputError("holds no Parquet file that can be read", file=str(lake), hint=first)
     known, wrong = places(files, given, {})
+    problems = _without_zone_once(problems)
     checksum = digest(
         version("glapp"), FORM, [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]
     )
     units = _units(files, known)
     return Plan(lake, tuple(given or ()), known, tuple(units), tuple(files), (*problems, *wrong), fits, checksum)
+
+
+def _without_zone_once(problems: Sequence[DataIssue]) -> list[DataIssue]:
+    """The data issues, those of files without a zone as one: a lake has thousands of such files, or none."""
+    first, *more = [one for one in problems if one.code == "no_zone"] or [None]
+    if first is None or not more:
+        return [*problems]
+    same = f"{len(more)} other file{'s' * (len(more) > 1)}"
+    told = first._replace(what=f"{first.what}; so are those of {same}")
+    return [told, *(one for one in problems if one.code != "no_zone")]
 
 
 def _indexed(

@@ -244,6 +244,7 @@ def _lost_counts(tables: Mapping[str, pa.Table]) -> dict[str, int]:
         "files": len({one.file for one in parts}),
         "rows": sum(one.rows for one in parts),
         "left_out": sum(one.rows for one in problems if one.code in LEFT_OUT),
+        "not_understood": sum(one.code == "schema" for one in problems),
     }
 
 

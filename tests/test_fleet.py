@@ -1134,7 +1134,7 @@ def test_files_of_another_schema_are_counted_in_the_headline(
     naive = wide(x).set_column(0, "time", wide(x)["time"].cast(pa.timestamp("us")))
     for hour in range(3):
         put(lake, f"FIC1_2026-03-01_{hour:02d}.parquet", naive.slice(hour * 100, 100))
-        put(lake, f"later/{hour}.parquet", long(x).rename_columns(["tag", "time", "reading", "quality"]))
+        put(lake, f"later/{hour}.parquet", long(x).rename_columns(["tag", "time", "amount", "quality"]))
     app(["fleet", "analyze", str(lake), "--out", str(tmp_path / "out"), "--fits", "1"], standalone_mode=False)
     printed = " ".join(capsys.readouterr().err.split())
     assert "4 problems in the lake (3 schema, 1 no_zone), each with its place" in printed

@@ -159,10 +159,11 @@ def analyze(
         soft_wrap=True,
     )
     if n := made["tables"]["problems"]["rows"]:
-        codes = Counter(engines.read(results, "problems")["code"].to_pylist()).most_common()
+        codes = Counter(engines.read(results, "problems")["code"].to_pylist())
+        each = ", ".join(f"{of} {code}" for code, of in codes.most_common())
         say_note(
-            f"{n} problem{'s' * (n > 1)} in the lake ({', '.join(f'{of} {code}' for code, of in codes)}), each with its "
-            "place: the report's last part, and the table problems"
+            f"{n} problem{'s' * (n > 1)} in the lake ({each}), each with its place: the report's last part, and the "
+            "table problems"
         )
     if missing := lost_of(lost):
         say_error(f"not in the answers: {missing}")

@@ -119,11 +119,11 @@ def plan_of(
 
 def _without_zone_once(problems: Sequence[DataIssue]) -> list[DataIssue]:
     """The data issues, those of files without a zone as one: a lake has thousands of such files, or none."""
-    first, *more = [one for one in problems if one.code == "no_zone"] or [None]
-    if first is None or not more:
+    without = [one for one in problems if one.code == "no_zone"]
+    if len(without) < 2:
         return [*problems]
-    same = f"{len(more)} other file{'s' * (len(more) > 1)}"
-    told = first._replace(what=f"{first.what}; so are those of {same}")
+    first, *more = without
+    told = first._replace(what=f"{first.what}; so are those of {len(more)} other file{'s' * (len(more) > 1)}")
     return [told, *(one for one in problems if one.code != "no_zone")]
 
 

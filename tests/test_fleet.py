@@ -1138,7 +1138,7 @@ def test_files_of_another_schema_are_counted_in_the_headline(
     app(["fleet", "analyze", str(lake), "--out", str(tmp_path / "out"), "--fits", "1"], standalone_mode=False)
     printed = " ".join(capsys.readouterr().err.split())
     assert "4 problems in the lake (3 schema, 1 no_zone), each with its place" in printed
-    assert "not in the answers: 3 files left out for their columns, which name no signal of a loop." in printed
+    assert "not in the answers: 3 files left out: no column names a signal of a loop." in printed
     [one] = [row for row in fleet.read(tmp_path / "out", "problems").to_pylist() if row["code"] == "no_zone"]
     assert one["what"] == "its times have no zone, and are taken for UTC; so are those of 2 other files"
     assert fleet.read(tmp_path / "out")["loop"].to_pylist() == ["FIC1"]

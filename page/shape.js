@@ -174,10 +174,10 @@ const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cel
 
   const all = (column) => Array.from({ length: Math.min(HEAD, column.cells.length) }, (_, row) => row);
 
-  /** The only column of a role; of several qualities that of OPC, beside the historian's own. */
+  /** The only column of a role, or of several the one that is sure. */
   function only(names, role, fits) {
-    const opc = role === "quality" ? fits.filter((i) => folded(names[i]) === "opcquality") : [];
-    if (fits.length < 2 || opc.length === 1) return fits.length < 2 ? fits[0] : opc[0];
+    const sure = fits.filter((i) => folded(names[i]) === data.columns.sure[role]);
+    if (fits.length < 2 || sure.length === 1) return (sure.length ? sure : fits)[0];
     throw new InputError(`the columns ${fits.map((i) => `'${names[i]}'`).join(" and ")} could both be ${role}`);
   }
 

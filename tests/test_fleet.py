@@ -1142,3 +1142,17 @@ def test_files_of_another_schema_are_counted_in_the_headline(
     [one] = [row for row in fleet.read(tmp_path / "out", "problems").to_pylist() if row["code"] == "no_zone"]
     assert one["what"] == "its times have no zone, and are taken for UTC; so are those of 2 other files"
     assert fleet.read(tmp_path / "out")["loop"].to_pylist() == ["FIC1"]
+
+
+def test_names_that_lakes_give_to_their_columns(tmp_path: Path) -> None:
+    """Files whose value is called value_double or vValue were left out; beside Value, Value is meant."""
+    x = {name: values[:60] for name, values in signals().items()}
+    for i, names in enumerate(
+        (["sensor_id", "event_time", "value_double"], ["externalId", "timestamp", "value"], ["TagName", "ts", "vValue"])
+    ):
+        put(tmp_path, f"{i}.parquet", long(x, f"FIC{i}").drop_columns(["quality"]).rename_columns(names))
+    both = long(x, "FIC3").add_column(2, "vValue", pa.array([f"{k}" for k in range(180)]))
+    put(tmp_path, "3.parquet", both.rename_columns(["tag", "time", "vValue", "Value", "Quality"]))
+    found, problems = rows(planned(tmp_path))
+    assert sorted(name for name, _ in found) == [f"FIC{i}" for i in range(4)] and problems == []
+    assert len({tuple(sorted(map(tuple, of))) for of in found.values()}) == 1

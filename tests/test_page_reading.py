@@ -171,6 +171,10 @@ READ: dict[str, str | bytes] = {
     "Läge with 0 and 1 is the mode": "\n".join(
         ["Tid,Börvärde,Ärvärde,Utsignal,Läge", *(f"{r},{k % 2}" for k, r in enumerate(rows(SECONDS)))]
     ),
+    "a lake's names of columns": "event_time,signal_id,value_double\n"
+    + "".join(f"{time},F1.{tag},{k % 5}\n" for k, time in enumerate(ISO) for tag in ("SP", "PV", "OP")),
+    "Value beside vValue": "DateTime,TagName,Value,vValue,Quality\n"
+    + "".join(f"{time},F1.{tag},{k % 5},'{k % 5}',Good\n" for k, time in enumerate(ISO) for tag in ("SP", "PV", "OP")),
     "a tag with modes": "Tid;tag;value\n"
     + "".join(
         f"{k};F1.{tag};{value}\n"

@@ -36,7 +36,8 @@ from ..errors import InputError
 from ..loop import Loop
 from ..reading.cells import CellFault, is_text, plain, words
 from ..reading.columns import LABELS, SignalColumns, choose
-from ..reading.meaning import is_long, understand
+from ..reading.meaning import SURE, is_long, understand
+from ..reading.names import folded
 from ..reading.rows import Reader
 from ..reading.times import Clock
 from ..reading.values import Digits, Quality, digits_of, flags_of, text_of, words_for_bad
@@ -141,7 +142,8 @@ class File:
 
     def column(self, role: str) -> str | None:
         """The file's column of this role: time, tag, value or quality."""
-        return next((name for name in self.columns if understand(name).role == role), None)
+        having = [name for name in self.columns if understand(name).role == role]
+        return next((name for name in having if folded(name) == SURE.get(role)), next(iter(having), None))
 
     @property
     def unit_column(self) -> str | None:
@@ -277,7 +279,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     what = f"its columns are {', '.join(every[:12]) or 'none'}"
     if bare.column("time") is None:
         what += "; no time is among them"
-        return None, [DataIssue("schema", what, "a file has time, tag and value, or time and PV of a loop", file=name)]
+        return None, [DataIssue("schema", what, "call its column of times time; or leave the file out", file=name)]
     if not long and not any(understand(column).role in SIGNALS for column in every):
         return None, [_no_signals(bare)]
     if not sum(rows):
@@ -322,7 +324,8 @@ def _no_signals(file: File) -> DataIssue:
     """Data issue of a wide file of no loop."""
     what = f"its columns are {', '.join(file.columns[:12])}; neither tag and value nor a PV with SP or OP is among them"
     todo = (
-        "put PV, OP and SP of a loop into files in its folder, or tag, time and value into one; or leave the file out"
+        "call its columns tag, time and value, or time, PV, SP and OP of a loop, whose files may be several in its "
+        "folder; or leave the file out"
     )
     return DataIssue("schema", what, todo, file=file.name)
 

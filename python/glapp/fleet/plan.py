@@ -26,7 +26,7 @@ __all__ = ["AT_ONCE", "FORM", "Engine", "Plan", "Stage", "Unit", "plan_of"]
 AT_ONCE = 4_000_000
 """Most rows of a unit, as far as its files show it: some 0.5 GB of memory a process."""
 
-FORM = 5
+FORM = 6
 """Form of the pieces: with a later one all of them are made again."""
 
 

@@ -35,7 +35,7 @@ from ..quality import Finding, newest_first, own_times
 from ..recording import BAD, MARKED, Batch, Recording, finished, without_value
 from .cells import CellFault, plain, words
 from .columns import LABELS, SignalColumns, each_with_columns
-from .meaning import understand
+from .meaning import SURE, understand
 from .names import UNIT_COLUMNS, folded
 from .rows import OrderedRows, Reader
 from .source import Source
@@ -97,11 +97,9 @@ class _Store:
         fits = [i for i, name in enumerate(names) if (name == named if named else understand(name).role == role)]
         if role == "time" and not fits and not named and self.source.time is not None:
             fits = [names.index(self.source.time)]
-        if len(fits) == 1:
-            return fits[0]
-        opc = [i for i in fits if folded(names[i]) == "opcquality"]
-        if role == "quality" and len(opc) == 1:  # beside the historian's own Quality and QualityDetail
-            return opc[0]
+        sure = [i for i in fits if folded(names[i]) == SURE.get(role)]
+        if len(fits) == 1 or len(sure) == 1:
+            return (sure or fits)[0]
         if fits:
             what = f"the columns {' and '.join(repr(names[i]) for i in fits)} could both be {role}"
             raise InputError(

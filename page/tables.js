@@ -4,7 +4,7 @@
 // is what is to be said where it has no line of names, `typed` whether its numbers come as numbers.
 "use strict";
 
-const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
+const Tables = (data, { understand, isLong }, { headOf, namesOf, holdsData, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
   const SAMPLE = 1 << 16; // characters that tell how a text is written
   const HEAD = 1000; // rows that tell what columns hold
   const notText = () => new InputError("is not text, Parquet or Arrow", { hint: "export the recording as CSV, Excel, Parquet or Arrow" });
@@ -237,7 +237,7 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
       }
     }
     if (!made.length) throw wrong ?? new InputError("has no sheet with a table");
-    const having = made.filter(({ names }) => names.some((name) => ["pv", "op", "value"].includes(understand(name).role)));
+    const having = made.filter(({ names }) => isLong(names) || names.some((name) => ["pv", "op"].includes(understand(name).role)));
     return having.length ? having : made;
   }
 

@@ -25,7 +25,7 @@ import pyarrow as pa
 from ..errors import InputError
 from . import apart, bounds
 from .heads import begins_with_data, body_end, head_of, holds_data, no_rows
-from .meaning import understand
+from .meaning import is_long, understand
 from .not_tables import check_archive
 from .per_cent import PerCent, cells_in_per_cent
 from .source import Source
@@ -191,7 +191,7 @@ def _column_number(letters: bytes) -> int:
 
 
 def _has_signals(source: Source) -> bool:
-    return any(understand(name).role in ("pv", "op", "value") for name in source.names)
+    return is_long(source.names) or any(understand(name).role in ("pv", "op") for name in source.names)
 
 
 class SheetSource(Source):

@@ -554,7 +554,7 @@ NO_TABLES = {
     "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(100), "x.csv: is a picture (PNG); it shows"),
     "a text document": (rb"{\rtf1\ansi t,SP,PV\par}", "x.csv: is a text document (RTF); save its table as CSV"),
     "a data base": (b"SQLite format 3\0" + bytes(100), "x.csv: is a data base (SQLite); export the recording"),
-    "a 7z archive": (b"7z\xbc\xaf\x27\x1c" + bytes(20), "x.csv: is a 7z archive; unpack it, and name the file in it"),
+    "a 7z archive": (b"7z\xbc\xaf\x27\x1c" + bytes(20), "x.csv: is a 7z archive; unpack it, and take the file in it"),
     "a zip archive": (archive("a.csv", "b/", "b/c.csv"), "x.csv: is a zip archive of 2 files (a.csv, b/c.csv); unpack"),
     "a zip archive of one file": (archive("a.csv"), "x.csv: is a zip archive of 1 file (a.csv); unpack"),
     "an empty zip archive": (archive(), "x.csv: is a zip archive without a file; export the recording again"),

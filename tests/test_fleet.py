@@ -586,6 +586,13 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: is no folder; name the folder"):
         fleet.analyze(tmp_path / "file", tmp_path / "out")
+    (tmp_path / "exports").mkdir()
+    for day in (1, 2):
+        (tmp_path / "exports" / f"{day}.csv").write_text("t,SP,PV\n")
+    with pytest.raises(
+        InputError, match=r"no .parquet file, and 2 files with the ending .csv, which is not .* analyze"
+    ):
+        fleet.analyze(tmp_path / "exports", tmp_path / "out")
     put(tmp_path / "lake", "notes.parquet", pa.table({"note": ["-"]}))
     with pytest.raises(InputError, match="is within the lake"):
         fleet.analyze(tmp_path / "lake", tmp_path / "lake" / "out")

@@ -192,7 +192,10 @@ def files_of(lake: Path) -> tuple[list[str], list[DataIssue]]:
                 for name in sorted(files - inside)
             ]
     if not found:
-        raise InputError("holds no .parquet file", file=str(lake), hint="glapp fleet make-demo writes a lake to try")
+        what, hint = "holds no .parquet file", "glapp fleet make-demo writes a lake to try"
+        if (other := next((one for one in problems if one.code == "not_read"), None)) is not None:
+            what, hint = f"{what}, and {other.what}", other.todo
+        raise InputError(what, file=str(lake), hint=hint)
     return sorted(found), problems
 
 
@@ -230,7 +233,7 @@ def _walked(lake: Path) -> tuple[set[str], list[DataIssue]]:
                 problems.append(DataIssue("unreadable", "is a link to nowhere", _COPY, file=place))
     for ending, names in others.items():
         count = f"{len(names)} {'files' if len(names) > 1 else 'file'}"
-        what = f"{count} with the ending {ending or '(none)'} and not .parquet: not read"
+        what = f"{count} with the ending {ending or '(none)'}, which is not read"
         todo = "convert what has signals to Parquet, or leave it; glapp analyze reads CSV, Excel and packed text"
         problems.append(DataIssue("not_read", what, todo, file=names[0]))
     return found, problems

@@ -150,6 +150,7 @@ def reader_data() -> dict[str, Any]:
             "unit": meaning._UNIT.pattern,
             "field": meaning._FIELD.pattern,
             "host": meaning._HOST.pattern,
+            "sure": meaning.SURE,
             "unit_columns": sorted(names.UNIT_COLUMNS),
             "blocks": names.BLOCKS,
             "kinds": {kind: sorted(roles) for kind, roles in kin._OF.items()},

@@ -68,21 +68,24 @@ const Cells = (data, folded) => {
 
   // --- numbers
 
-  /** Notation of the numbers in a table's cells: the marks of decimals and of thousands; "" where none tells. */
-  function digitsOf(cells) {
+  /** Notation of the numbers in a table's cells: the marks of decimals and of thousands; "" where none tells. `placeOf`: row and column of a cell. */
+  function digitsOf(cells, placeOf) {
     const shown = [];
     for (const [decimal, group] of [[",", "."], [".", ","]]) {
       const cell = cells.find((text) => THOUSANDS[group].test(text));
       if (cell !== undefined) shown.push({ decimal, group, cell });
     }
     const rest = cells.filter((cell) => !shown.some(({ group }) => THOUSANDS[group].test(cell) || GROUPED[group].test(cell)));
-    const comma = shown.find(({ decimal }) => decimal === ",")?.cell ?? rest.find((cell) => DECIMAL_COMMA.test(cell));
-    const point = shown.find(({ decimal }) => decimal === ".")?.cell ?? rest.find((cell) => cell.includes(".") && PLAIN.test(cell));
-    if (comma !== undefined && point !== undefined) {
-      throw new InputError(`'${comma}' and others have a decimal comma, others a decimal point`, { hint: "write all numbers alike" });
+    const having = (mark, plain) => [...shown.filter(({ decimal }) => decimal === mark).map(({ cell }) => cell), ...rest.filter(plain)];
+    const commas = having(",", (cell) => DECIMAL_COMMA.test(cell));
+    const points = having(".", (cell) => cell.includes(".") && PLAIN.test(cell));
+    if (commas.length && points.length) {
+      const fewer = points.length < commas.length;
+      const [[odd], mark, [usual], other] = fewer ? [points, "point", commas, "comma"] : [commas, "comma", points, "point"];
+      throw new InputError(`'${odd}' has a decimal ${mark}, and others, such as '${usual}', a decimal ${other}`, { ...placeOf(odd), hint: "write all numbers alike" });
     }
     if (shown.length) return { decimal: shown[0].decimal, group: shown[0].group };
-    return { decimal: comma !== undefined ? "," : point !== undefined ? "." : "", group: "" };
+    return { decimal: commas.length ? "," : points.length ? "." : "", group: "" };
   }
 
   /** Whether a cell is a number, however its digits are parted. */
@@ -94,10 +97,14 @@ const Cells = (data, folded) => {
     return unit !== undefined && UNITS.has(folded(unit)) ? [number, unit] : null;
   }
 
-  /** The unit that stands behind the number in every one of these cells that is no word for missing. */
+  /** The unit that stands behind most of these numbers; null where most have none. */
   function unitBehind(cells) {
-    const ends = new Set(cells.filter((cell) => !bad.has(cell.trim().toLowerCase())).map((cell) => unitOf(cell)?.[1] ?? null));
-    return ends.size === 1 ? [...ends][0] : null;
+    const counts = new Map();
+    for (const cell of cells) {
+      const unit = unitOf(cell)?.[1] ?? null;
+      if (!bad.has(cell.trim().toLowerCase())) counts.set(unit, (counts.get(unit) ?? 0) + 1);
+    }
+    return [...counts].reduce((most, one) => (one[1] > most[1] ? one : most), [null, 0])[0];
   }
 
   /** A column of text without the unit behind its numbers. */
@@ -123,6 +130,8 @@ const Cells = (data, folded) => {
         throw new CellFault(i, `'${text}' may be with a decimal point, or thousands: other numbers have a decimal comma`, "write all numbers alike");
       }
       if (decimal !== ".") written = written.replaceAll(",", ".");
+      const unit = NUMBER.test(written) ? null : unitOf(text)?.[1];
+      if (unit) throw new CellFault(i, `'${text}' is in ${unit}, and others of its column are not`, "export the column in one unit");
       if (!NUMBER.test(written)) throw new CellFault(i, `'${text}' is not a number`, "write bad values as empty, NaN or Bad");
       const value = Number(written);
       return Number.isFinite(value) ? value : NaN;
@@ -143,6 +152,12 @@ const Cells = (data, folded) => {
       if (!known.has(cell)) known.set(cell, decide(word(cell), cell, i));
       return known.get(cell);
     });
+  }
+
+  /** Whether cells are modes of a controller, and no numbers of a signal: words, or both 0 and 1 and nothing else. */
+  function holdsModes(cells) {
+    const known = [...new Set(cells.map(word))].filter((text) => !bad.has(text));
+    return [...known].sort().join(" ") === "0 1" || (known.length > 0 && !known.some(isNumber));
   }
 
   function mode(text, cell, i) {
@@ -363,5 +378,5 @@ const Cells = (data, folded) => {
     return { t0: null, found, read: (other) => (seconds === 1 ? numbersOf(other) : numbersOf(other).map((x) => x * seconds)) };
   }
 
-  return { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, isNumber, unitOf, unitBehind, withoutUnit, numbers, flags, rule, clock };
+  return { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, isNumber, unitOf, unitBehind, withoutUnit, numbers, flags, rule, holdsModes, clock };
 };

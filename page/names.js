@@ -140,26 +140,35 @@ const Names = (data) => {
 
   /**
    * The words that are not sure get the first of their roles that no other column of their loop has, and signals of
-   * other prefixes get their loop.
+   * other prefixes get their loop. `modes`: whether the column at a place holds modes, and no numbers.
    */
-  function settle(meanings) {
+  function settle(meanings, modes) {
     const roles = new Map();
     const open = new Map();
-    for (const { role, loop, weak } of meanings) {
+    const rolesOf = (word, at) => {
+      const may_be = data.columns.weak[word];
+      if (!may_be.includes("mode")) return may_be;
+      return may_be.filter((role) => (role === "mode") === at.some(modes));
+    };
+    for (const [i, { role, loop, weak }] of meanings.entries()) {
       if (!roles.has(loop)) roles.set(loop, new Set());
-      if (["sp", "pv", "op", "position"].includes(role)) roles.get(loop).add(role);
-      if (weak) open.set(loop, (open.get(loop) ?? new Set()).add(weak));
+      if (role) roles.get(loop).add(role);
+      if (weak) {
+        if (!open.has(loop)) open.set(loop, new Map());
+        open.get(loop).set(weak, [...(open.get(loop).get(weak) ?? []), i]);
+      }
     }
     for (const [loop, words] of open) {
       const have = roles.get(loop);
-      if (!have.size && words.size < 3) continue;
+      if (!["sp", "pv", "op", "position"].some((role) => have.has(role)) && words.size < 3) continue;
+      const may_be = new Map([...words].map(([word, at]) => [word, rolesOf(word, at)]));
       while (words.size) {
-        const left = [...words].map((word) => [word, data.columns.weak[word].filter((role) => !have.has(role))]);
+        const left = [...words.keys()].map((word) => [word, may_be.get(word).filter((role) => !have.has(role))]);
         const first = left.find(([, of]) => of.length);
         if (!first) break;
         const sure = left.filter(([, of]) => of.length === 1);
         for (const [word, of] of sure.length ? sure : [first]) {
-          for (const one of meanings) if (one.loop === loop && one.weak === word) one.role = of[0];
+          for (const i of words.get(word)) meanings[i].role = of[0];
           words.delete(word);
           have.add(of[0]);
         }

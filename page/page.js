@@ -85,11 +85,15 @@ const hears = {
   },
   wrong({ text }) {
     rest();
-    $("wrong").textContent = `${file.name}: ${text}`;
-    $("wrong").hidden = false;
+    refuse(file.name, text);
     if (file.opened) $("settings").open = true;
   },
 };
+
+function refuse(name, text) {
+  $("wrong").textContent = `${name}: ${text}`;
+  $("wrong").hidden = false;
+}
 
 function broke(what, why) {
   dismiss();
@@ -136,7 +140,7 @@ const stem = () => file.name.replace(/\.[^.]+$/, "").replace(/\.(csv|txt|tsv)$/i
 async function take(name, bytes) {
   $("wrong").hidden = true;
   $("result").replaceChildren();
-  $("settings").hidden = true;
+  $("settings").hidden = $("several").hidden = true;
   file = { name, bytes };
   await begin();
   worker.postMessage({ kind: "open", bytes, stem: stem() });
@@ -145,6 +149,7 @@ async function take(name, bytes) {
 function analyse() {
   $("wrong").hidden = true;
   $("result").replaceChildren();
+  noted.set(file.opened.loops[file.loop].name, fields.map((field) => [field.value, field.checked]));
   try {
     const columns = Object.fromEntries(Object.entries(file.columns).filter(([, at]) => at !== null));
     const options = { columns, loop: file.loop, sample_time: typed("sample_time"), time_format: file.time_format };
@@ -165,6 +170,9 @@ $("cancel").addEventListener("click", async () => {
 
 // --- what is known of the loop
 
+const fields = [...$("again").querySelectorAll("input")];
+const noted = new Map(); // name of a loop to what was typed of it: K of one is not that of the next
+
 const typed = (id) => {
   const text = $(id).value.trim().replace(",", ".");
   if (text === "") return null;
@@ -184,6 +192,7 @@ function span(of) {
 function task() {
   const [k, ti, td, b] = ["k", "ti", "td", "b"].map(typed);
   if ((k === null) !== (ti === null)) throw new Error("K and TI: give both, or neither");
+  if (k === null && td !== null) throw new Error("TD: give K and TI with it, or leave it empty");
   return {
     controller: k === null ? null : { k, ti, td: td ?? 0, b: b ?? 1 },
     setpoint_weight: b,
@@ -201,7 +210,8 @@ function offer() {
   const { loops } = file.opened;
   file.columns = {};
   file.time_format = null;
-  const { names } = loops[file.loop];
+  const { name: called, names } = loops[file.loop];
+  fields.forEach((field, i) => { [field.value, field.checked] = noted.get(called)?.[i] ?? ["", false]; });
   const choice = (role) => h("label", {}, data.reading.columns.labels[role],
     h("select", { onchange: (event) => { file.columns[role] = event.target.value === "" ? null : Number(event.target.value); } },
       h("option", { value: "" }, "automatic"), h("option", { value: "-1" }, "none"),
@@ -212,11 +222,14 @@ function offer() {
   const another = (event) => {
     file.loop = Number(event.target.value);
     offer();
+    analyse();
   };
-  const several = loops.length < 2 ? null : h("label", {}, "Loop",
+  const several = h("label", {}, `Loop, one of ${loops.length} in the file `,
     h("select", { id: "loop", onchange: another }, ...loops.map(({ name }, i) => h("option", { value: i, selected: i === file.loop }, name))));
+  $("several").replaceChildren(several);
+  $("several").hidden = loops.length < 2;
   const roles = ["time", "sp", "pv", "op", "mode", "quality", "position"].filter((role) => !loops[file.loop].tags || !["time", "quality"].includes(role));
-  $("columns").replaceChildren(...[several, ...roles.map(choice), order].filter(Boolean));
+  $("columns").replaceChildren(...roles.map(choice), order);
   $("first-rows").replaceChildren(firstRows(loops[file.loop]));
   $("settings").hidden = false;
 }
@@ -478,18 +491,26 @@ function save() {
 
 // --- dropping
 
-const bytes_of = async (one) => take(one.name, new Uint8Array(await one.arrayBuffer()));
+async function given([one, ...more]) {
+  if (!one) return;
+  go("recording");
+  if (more.length) {
+    refuse(`${more.length + 1} files`, "one recording is read at a time: drop one of them");
+    return;
+  }
+  try {
+    await take(one.name, new Uint8Array(await one.arrayBuffer()));
+  } catch (fault) { // a folder, or a file that is no longer there
+    refuse(one.name, `cannot be read (${fault.message}): drop a file, from a place that this computer can read`);
+  }
+}
 addEventListener("dragover", (event) => event.preventDefault());
 addEventListener("drop", (event) => {
   event.preventDefault();
-  const [one] = event.dataTransfer.files;
-  if (one) {
-    go("recording");
-    bytes_of(one);
-  }
+  given(event.dataTransfer.files);
 });
 $("file").addEventListener("click", (event) => { event.target.value = ""; }); // the same file again is a choice too
-$("file").addEventListener("change", (event) => event.target.files[0] && bytes_of(event.target.files[0]));
+$("file").addEventListener("change", (event) => given(event.target.files));
 $("example").addEventListener("click", () => take("FIC201.csv", new TextEncoder().encode($("example-data").textContent)));
 
 // --- the two halves of the page

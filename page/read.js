@@ -6,7 +6,7 @@ const Reading = (data) => {
   const names_of = Names(data);
   const { understand, settle, groups, choose, withOwnQualities } = names_of;
   const cells_of = Cells(data, names_of.folded);
-  const { NOT_AUTO, BAD, texts, isEmpty, taken, unitBehind, withoutUnit, numbers, flags, rule, clock } = cells_of;
+  const { NOT_AUTO, BAD, texts, isEmpty, taken, unitBehind, withoutUnit, numbers, flags, rule, holdsModes, clock } = cells_of;
   const tables_of = Tables(data, names_of, Heads(data, names_of, cells_of), cells_of);
   const { decoded, ofText, ofWorkbook, ofColumns } = tables_of;
   const Json = Structured(data, names_of, tables_of);
@@ -89,7 +89,7 @@ const Reading = (data) => {
     const tables = (await sources(bytes)).map(shaped);
     const loops = tables.flatMap((source) => {
       const names = source.tags ? [...source.tags.keys()] : withOwnQualities(source.names);
-      const meanings = settle(names.map(understand));
+      const meanings = settle(names.map(understand), (i) => holdsModes(firstOf({ names, source }, i, HEAD)));
       if (!source.tags && source.time !== null) meanings.forEach((meaning, i) => { if ((meaning.role === "time") !== (i === source.time)) meaning.role = i === source.time ? "time" : null; });
       const of = groups(meanings);
       const plain = tables.length > 1 ? source.sheet : stem;
@@ -353,16 +353,18 @@ const Reading = (data) => {
     return { columns: finished(out, bits, marks), t0: time.t0, found: [...time.found, ...found], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
   }
 
+  /** The first cells of one of a loop's columns, as text. */
+  function firstOf({ names, source }, i, count) {
+    const tag = source.tags?.get(names[i]);
+    const { cells, ...column } = source.columns[tag ? tag.value : i];
+    const rows = tag ? tag.rows.slice(0, count) : Array.from({ length: count }, (_, row) => row);
+    return texts(taken({ ...column, cells }, rows.filter((row) => row < cells.length)));
+  }
+
   /** The first cells of each of a loop's columns, as text. */
-  function firstRows({ names, source }, count) {
-    const rows = Array.from({ length: count }, (_, row) => row);
-    const columnOf = (name, i) => {
-      const tag = source.tags?.get(name);
-      const column = source.columns[tag ? tag.value : i];
-      return texts(taken(column, (tag ? tag.rows : rows).slice(0, count).filter((row) => row < column.cells.length)));
-    };
-    const columns = names.map(columnOf);
-    return rows.map((row) => columns.map((cells) => cells[row] ?? ""));
+  function firstRows(loop, count) {
+    const columns = loop.names.map((_, i) => firstOf(loop, i, count));
+    return Array.from({ length: count }, (_, row) => columns.map((cells) => cells[row] ?? ""));
   }
 
   return { understand, open, recording, firstRows };

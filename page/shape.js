@@ -5,7 +5,7 @@
 "use strict";
 
 const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cells_of) => {
-  const { isDate, isTimeOfDay, looksLikeStamp, isNumber, texts, isEmpty, taken } = cells_of;
+  const { isDate, isTimeOfDay, looksLikeStamp, isNumber, holdsModes, texts, isEmpty, taken } = cells_of;
   const { pv_empty: PV_EMPTY, held_empty: HELD_EMPTY, own: OWN, rows: ROWS, groups: GROUPS, widest: WIDEST } = data.shape;
   const { days: DAYS, day_step: DAY_STEP } = data.shape;
   const HEAD = 1000; // rows that tell what columns hold
@@ -116,7 +116,7 @@ const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cel
 
   /** Whether some loop's signals are written each on rows of its own. */
   function onOwnRows({ names, columns }, time) {
-    const meanings = settle(names.map(understand));
+    const meanings = settle(names.map(understand), (i) => holdsModes(firstOf(columns[i])));
     const loops = groups(meanings);
     const meant = (role, loop) => places(meanings, (meaning, i) => i !== time && meaning.role === role && meaning.loop === loop);
     return loops.slice(0, GROUPS).some((group) => {
@@ -174,10 +174,10 @@ const Shape = (data, { folded, understand, timeOf, settle, groups, isLong }, cel
 
   const all = (column) => Array.from({ length: Math.min(HEAD, column.cells.length) }, (_, row) => row);
 
-  /** The only column of a role; of several qualities that of OPC, beside the historian's own. */
+  /** The only column of a role, or of several the one that is sure. */
   function only(names, role, fits) {
-    const opc = role === "quality" ? fits.filter((i) => folded(names[i]) === "opcquality") : [];
-    if (fits.length < 2 || opc.length === 1) return fits.length < 2 ? fits[0] : opc[0];
+    const sure = fits.filter((i) => folded(names[i]) === data.columns.sure[role]);
+    if (fits.length < 2 || sure.length === 1) return (sure.length ? sure : fits)[0];
     throw new InputError(`the columns ${fits.map((i) => `'${names[i]}'`).join(" and ")} could both be ${role}`);
   }
 

@@ -5,6 +5,7 @@ const Sheets = (() => {
   const DAY = 86_400_000;
   const BUILTIN = new Set([14, 15, 16, 17, 18, 19, 20, 21, 22, 45, 47]); // ECMA-376 18.8.30: dates and times of day
   const ELAPSED = 46; // [h]:mm:ss
+  const PER_CENT = new Set([9, 10]);
   const EPOCH = { 1900: -25_569, 1904: -24_107 }; // day 0 of each calendar, in days since 1970
 
   const part = (name) => `(?:[\\w.-]+:)?${name}`;
@@ -47,9 +48,10 @@ const Sheets = (() => {
   const all = (text, name) => [...text.matchAll(element(name))].map(([, given, inner]) => ({ ...attributes(given), inner: inner ?? "" }));
   const texts = (inner) => all(inner.replace(element("rPh"), ""), "t").map((t) => plain(t.inner)).join("");
 
-  /** Whether a format written by hand shows a date or a time ("moment"), or a time span ("span"). */
+  /** Whether a format written by hand shows a date or a time ("moment"), a time span ("span") or per cent ("per_cent"). */
   function shown(code) {
     const bare = code.replace(/"[^"]*"|[\\_*]./g, "").split(";")[0];
+    if (bare.includes("%")) return "per_cent";
     if (/\[(?:h+|m+|s+)\]/i.test(bare)) return "span";
     return /[dmhys]|a\/p|am\/pm/i.test(bare.replace(/\[[^\]]*\]/g, "")) ? "moment" : null;
   }
@@ -61,6 +63,7 @@ const Sheets = (() => {
       const id = Number(numFmtId ?? 0);
       if (own.has(id)) return own.get(id);
       if (id === ELAPSED) return "span";
+      if (PER_CENT.has(id)) return "per_cent";
       return BUILTIN.has(id) || (id >= 27 && id <= 36) || (id >= 50 && id <= 58) ? "moment" : null;
     });
   }
@@ -74,6 +77,7 @@ const Sheets = (() => {
   /** A number as its style shows it. */
   function styled(value, style, epoch) {
     if (style === "span") return { span: value * 86_400 };
+    if (style === "per_cent") return { per_cent: Number((value * 100).toPrecision(15)) }; // as many digits as Excel keeps
     if (style === null || style === undefined) return value;
     const ms = Math.round(value * DAY);
     if (!(Math.abs(ms) < 1e14)) throw new Error(`${value} is no date`);

@@ -4,7 +4,7 @@
 // is what is to be said where it has no line of names, `typed` whether its numbers come as numbers.
 "use strict";
 
-const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
+const Tables = (data, { understand, isLong }, { headOf, namesOf, holdsData, beginsWithData, bodyEnd }, { digitsOf, unitOf }) => {
   const SAMPLE = 1 << 16; // characters that tell how a text is written
   const HEAD = 1000; // rows that tell what columns hold
   const notText = () => new InputError("is not text, Parquet or Arrow", { hint: "export the recording as CSV, Excel, Parquet or Arrow" });
@@ -14,6 +14,18 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const most = data.bounds.columns;
     if (count > most) throw new InputError(`has ${count} columns, at most ${most} are read`, { hint: "split it into files of fewer loops" });
   }
+
+  /** A number without the unit behind it; any other text as it is. */
+  const numberIn = (cell) => unitOf(cell)?.[0] ?? cell.trim();
+
+  /** Row and column of the first cell with this number. */
+  const placeIn = (names, columns, line) => (number) => {
+    for (const [i, { kind, cells }] of columns.entries()) {
+      const row = kind === "text" ? cells.findIndex((cell) => numberIn(cell) === number) : -1;
+      if (row >= 0) return { row: line(row), column: names[i] };
+    }
+    return {};
+  };
 
   // --- text
 
@@ -124,9 +136,10 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const body = rows.slice(named.nameless ? start : head.rows);
     if (!body.length) throw noRows();
     checkWidths(body, width, delimiter);
-    const known = [...body.slice(0, seen.length), ...body.slice(-50)].flatMap((row) => row.cells.map((cell) => unitOf(cell)?.[0] ?? cell.trim()));
+    const known = [...body.slice(0, seen.length), ...body.slice(-50)].flatMap((row) => row.cells.map(numberIn));
     const columns = named.names.map((_, i) => ({ kind: "text", cells: body.map((row) => row.cells[i]) }));
-    return { ...named, columns, digits: digitsOf(known), line: (row) => body[row].line };
+    const line = (row) => body[row].line;
+    return { ...named, columns, digits: digitsOf(known, placeIn(named.names, columns, line)), line };
   }
 
   // --- sheets
@@ -138,6 +151,7 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     if (typeof cell === "string") return cell.trim();
     if (typeof cell !== "object") return String(cell);
     if ("span" in cell) return String(cell.span);
+    if ("per_cent" in cell) return String(cell.per_cent);
     if ("time" in cell) return ofDay(cell.time);
     const iso = new Date(cell.moment ?? cell.date).toISOString();
     return "date" in cell ? iso.slice(0, 10) : iso.slice(0, 23).replace("T", " ").replace(/\.000$/, "");
@@ -148,7 +162,7 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const having = held.filter((cell) => cell !== "");
     const all = (kind) => having.every((cell) => typeof cell === "object" && kind in cell);
     const of = (kind, value) => ({ kind, cells: Float64Array.from(held, (cell) => (cell === "" ? NaN : value(cell))) });
-    if (having.every((cell) => typeof cell === "number")) return of("numbers", Number);
+    if (having.every((cell) => typeof cell === "number" || "per_cent" in Object(cell))) return of("numbers", (cell) => cell.per_cent ?? cell);
     if (all("span")) return of("numbers", (cell) => cell.span);
     const dated = (cell) => typeof cell === "object" && ("date" in cell || "moment" in cell);
     if (having.every(dated) && having.some((cell) => "moment" in cell)) return of("moments", (cell) => cell.moment ?? cell.date);
@@ -182,10 +196,10 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
     const kept = names.flatMap((of, i) => (of || body.some((row) => row[i] !== "") ? [i] : []));
     const columns = kept.map((i) => typed(body.map((row) => row[i])));
     const words = columns.flatMap(({ kind, cells }) => (kind === "text" ? cells : [])).filter(Boolean);
-    return {
-      sheet: name, names: kept.map((i) => names[i]), units: kept.map((i) => units[i]), nameless, columns,
-      digits: digitsOf(words), line: (row) => first + above + 1 + row,
-    };
+    const line = (row) => first + above + 1 + row;
+    const called = kept.map((i) => names[i]);
+    const unitOfColumn = (i) => units[i] ?? (body.some((row) => "per_cent" in Object(row[i])) ? "%" : null);
+    return { sheet: name, names: called, units: kept.map(unitOfColumn), nameless, columns, digits: digitsOf(words.map(numberIn), placeIn(called, columns, line)), line };
   }
 
   /** Refuses an archive that is no workbook, by the names of the files in it. */
@@ -223,7 +237,7 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
       }
     }
     if (!made.length) throw wrong ?? new InputError("has no sheet with a table");
-    const having = made.filter(({ names }) => names.some((name) => ["pv", "op", "value"].includes(understand(name).role)));
+    const having = made.filter(({ names }) => isLong(names) || names.some((name) => ["pv", "op"].includes(understand(name).role)));
     return having.length ? having : made;
   }
 
@@ -231,8 +245,9 @@ const Tables = (data, { understand }, { headOf, namesOf, holdsData, beginsWithDa
 
   /** A table of columns; its rows are counted from 1, or as `lines` says. */
   function ofColumns(names, columns, lines = null) {
-    const seen = columns.flatMap((column) => (column.kind === "text" ? column.cells.slice(0, HEAD).map((cell) => cell.trim()) : []));
-    return { names, units: names.map(() => null), nameless: null, columns, digits: digitsOf(seen.filter(Boolean)), line: (row) => (lines ? lines[row] : row + 1) };
+    const seen = columns.flatMap((column) => (column.kind === "text" ? column.cells.slice(0, HEAD).map(numberIn) : []));
+    const line = (row) => (lines ? lines[row] : row + 1);
+    return { names, units: names.map(() => null), nameless: null, columns, digits: digitsOf(seen.filter(Boolean), placeIn(names, columns, line)), line };
   }
 
   return { noRows, checkColumns, decoded, records, raggedly, ofText, ofSheet, ofWorkbook, ofColumns };

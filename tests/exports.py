@@ -760,6 +760,22 @@ add(
     ".xlsx",
     workbook(("Read me", [["Trend of", "FIC101"], ["for", "maintenance"]]), ("Data", typed())),
 )
+
+
+@form("Excel: OP in cells that show per cent, 45.5 % for 0.455")
+def excel_per_cent() -> Export:
+    book = openpyxl.Workbook()
+    sheet = book.active
+    for row in typed():
+        sheet.append(row if row[0] == "Timestamp" else [*row[:3], row[3] / 100])
+        sheet.cell(sheet.max_row, 4).number_format = "0.0%"
+        sheet.cell(sheet.max_row, 3).number_format = '0.00" %"'  # a sign that is only written
+    sheet.cell(N + 9, 9).number_format = "0%"  # of a cell that holds nothing
+    out = io.BytesIO()
+    book.save(out)
+    return Export(".xlsx", out.getvalue(), units={"OP": "%"})
+
+
 add("excel_1904", "Excel: the calendar from 1904", Export, ".xlsx", workbook(("Trend", typed()), mac=True))
 
 

@@ -552,7 +552,11 @@ def test_a_gap_that_is_acceptable_is_not_among_those_to_repair(
     row |= {"valve": "gap", "confidence": "found", "verdict": "backlash", "score": 0.4, "width_percent": 0.5}
     row |= {"low_percent": 0.4, "high_percent": 0.8}
     loops = [{**row, "loop": name, "acceptable": name} for name in ("within", "beyond", "open")]
-    made = {"lost": {"loops": 0, "files": 0, "rows": 0, "left_out": 0}, "seconds": 1.0, "folder": "tables"}
+    made = {
+        "lost": dict.fromkeys(("loops", "files", "rows", "left_out", "not_understood"), 0),
+        "seconds": 1.0,
+        "folder": "tables",
+    }
     made["tables"] = {"problems": {"rows": 0}}
     monkeypatch.setattr(fleet, "analyze", lambda *_, **__: made)
     monkeypatch.setattr(fleet, "read", lambda *_: pa.Table.from_pylist(loops, schema=LOOPS))
@@ -582,6 +586,13 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: is no folder; name the folder"):
         fleet.analyze(tmp_path / "file", tmp_path / "out")
+    (tmp_path / "exports").mkdir()
+    for day in (1, 2):
+        (tmp_path / "exports" / f"{day}.csv").write_text("t,SP,PV\n")
+    with pytest.raises(
+        InputError, match=r"no .parquet file, and 2 files with the ending .csv, which is not .* analyze"
+    ):
+        fleet.analyze(tmp_path / "exports", tmp_path / "out")
     put(tmp_path / "lake", "notes.parquet", pa.table({"note": ["-"]}))
     with pytest.raises(InputError, match="is within the lake"):
         fleet.analyze(tmp_path / "lake", tmp_path / "lake" / "out")
@@ -666,7 +677,7 @@ def test_one_folder_a_loop(tmp_path: Path) -> None:
     for folder in ("FIC1", "area/fic2/2026/03"):
         put(tmp_path, f"{folder}/2026-03-01.parquet", wide(x))
         put(tmp_path, f"{folder}/part-00000-3f1c-c000.snappy.parquet", wide(x))
-    put(tmp_path, "FIC3_2026-03-01.parquet", wide(x))
+    put(tmp_path, "FIC3_2026-03-01_18.parquet", wide(x))  # the hour is no part of its name
     table = wide(x)
     put(tmp_path, "FIC4/2026-03-01_pv.parquet", table.select(["time", "PV", "SP"]))
     put(tmp_path, "FIC4/2026-03-01_op.parquet", table.select(["time", "OP"]).rename_columns(["t", "OP"]))
@@ -887,7 +898,8 @@ def test_loops_that_are_lost_with_their_files_are_refused(tmp_path: Path, capsys
         refused = {name: row["reason_code"] for name, row in found.items() if row["valve"] == "refused"}
         assert refused == {"FIC1": "no_rows", "FIC2": "no_rows", "FIC3": "unreadable"}
         assert all(f"{name}.parquet" in found[name]["reason"] and found[name]["lost"] == 1 for name in refused)
-        assert fleet.manifest(out)["lost"] == {"loops": 3, "files": 3, "rows": 1400, "left_out": 0}
+        lost = {"loops": 3, "files": 3, "rows": 1400, "left_out": 0, "not_understood": 0}
+        assert fleet.manifest(out)["lost"] == lost
         page = (out / "report.html").read_text().replace("<wbr>", "")
         assert "3 loops refused." in page and all(name in page for name in refused)
     assert fleet.read(out, "inputs").select(["file", "rows", "unreadable"]).to_pylist()[2] == {
@@ -1116,3 +1128,38 @@ def test_the_progress_of_a_large_run_fits_a_narrow_screen(monkeypatch: pytest.Mo
     lines = screen.render_lines(bar.get_renderable())
     shown = ["".join(part.text for part in line) for line in lines]
     assert len(shown) == len(cli_fleet._PARTS) and all("part: 3 h 14 min left" in line for line in shown), shown
+
+
+def test_files_of_another_schema_are_counted_in_the_headline(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two months whose files call the value otherwise were left out, and the headline named no file.
+
+    Files without a zone were a problem each, thousands in a lake of small files.
+    """
+    lake, x = tmp_path / "lake", {name: values[:400] for name, values in signals().items()}
+    naive = wide(x).set_column(0, "time", wide(x)["time"].cast(pa.timestamp("us")))
+    for hour in range(3):
+        put(lake, f"FIC1_2026-03-01_{hour:02d}.parquet", naive.slice(hour * 100, 100))
+        put(lake, f"later/{hour}.parquet", long(x).rename_columns(["tag", "time", "amount", "quality"]))
+    app(["fleet", "analyze", str(lake), "--out", str(tmp_path / "out"), "--fits", "1"], standalone_mode=False)
+    printed = " ".join(capsys.readouterr().err.split())
+    assert "4 problems in the lake (3 schema, 1 no_zone), each with its place" in printed
+    assert "not in the answers: 3 files left out: no column names a signal of a loop." in printed
+    [one] = [row for row in fleet.read(tmp_path / "out", "problems").to_pylist() if row["code"] == "no_zone"]
+    assert one["what"] == "its times have no zone, and are taken for UTC; so are those of 2 other files"
+    assert fleet.read(tmp_path / "out")["loop"].to_pylist() == ["FIC1"]
+
+
+def test_names_that_lakes_give_to_their_columns(tmp_path: Path) -> None:
+    """Files whose value is called value_double or vValue were left out; beside Value, Value is meant."""
+    x = {name: values[:60] for name, values in signals().items()}
+    for i, names in enumerate(
+        (["sensor_id", "event_time", "value_double"], ["externalId", "timestamp", "value"], ["TagName", "ts", "vValue"])
+    ):
+        put(tmp_path, f"{i}.parquet", long(x, f"FIC{i}").drop_columns(["quality"]).rename_columns(names))
+    both = long(x, "FIC3").add_column(2, "vValue", pa.array([f"{k}" for k in range(180)]))
+    put(tmp_path, "3.parquet", both.rename_columns(["tag", "time", "vValue", "Value", "Quality"]))
+    found, problems = rows(planned(tmp_path))
+    assert sorted(name for name, _ in found) == [f"FIC{i}" for i in range(4)] and problems == []
+    assert len({tuple(sorted(map(tuple, of))) for of in found.values()}) == 1

@@ -81,7 +81,7 @@ def test_a_file_enters_names_and_values_once() -> None:
         return {name.removeprefix("glapp.") for name, used in modules.items() if f"glapp.reading.{of}" in used}
 
     beside = {"reading.shape", "fleet.lake"}
-    assert importers("values") == {"reading.rows", "reading.source", "service.opcua_values", *beside}
+    assert importers("values") == {"reading.rows", "reading.columns", "reading.source", "service.opcua_values", *beside}
     assert importers("columns") == {"reading", "reading.wide", "reading.long", *beside}
 
 

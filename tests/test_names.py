@@ -282,7 +282,7 @@ def test_standard_input_is_not_taken_for_a_file(run):
 
 
 def test_a_folder_is_refused(tmp_path):
-    with pytest.raises(InputError, match="is a directory; name the file in it"):
+    with pytest.raises(InputError, match="is a directory; name the files in it"):
         open_recordings(tmp_path)
     (tmp_path / "x.toml").mkdir()
     with pytest.raises(InputError, match="is a directory"):

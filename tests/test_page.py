@@ -241,6 +241,60 @@ def test_what_a_file_leaves_open_is_chosen_below_its_refusal(page: Any, tmp_path
     assert page.wrong == []
 
 
+def test_each_loop_of_a_file_can_be_seen_and_has_settings_of_its_own(page: Any, tmp_path: Path) -> None:
+    """A file of several loops showed the first, and nothing said so; the gain of one loop was used for the next."""
+    rows = [f"{k},50,{50 + k % 7},{40 + k % 5}" for k in range(300)]
+    both = [f"{row},60,{60 + k % 5},{30 + k % 3}" for k, row in enumerate(rows)]
+    for name, lines in (
+        ("one", ["t,F1.SP,F1.PV,F1.OP", *rows]),
+        ("two", ["t,F1.SP,F1.PV,F1.OP,F2.SP,F2.PV,F2.OP", *both]),
+    ):
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines), encoding="utf-8")
+    answered(page, tmp_path / "one.csv")
+    assert not page.locator("#several").is_visible()
+    page.evaluate("() => { $('settings').open = true; }")
+    page.fill("#pv_low", "0")
+    page.fill("#pv_high", "1,5")
+    page.click("#again button[type=submit]")
+    page.wait_for_selector("#result .loop:not(.provisional) :text('beyond its span of 0 to 1.5')")
+    answered(page, tmp_path / "two.csv")
+    assert "Loop, one of 2 in the file" in page.locator("#several").inner_text()
+    assert (page.locator("#result h2").inner_text(), page.input_value("#pv_high")) == ("F1", "1,5")
+    page.select_option("#loop", label="F2")
+    page.wait_for_selector("#result .loop:not(.provisional) h2:text('F2')")
+    assert page.input_value("#pv_high") == ""
+    assert page.evaluate("() => Array.from(shown.read.columns.op)")[:4] == [30, 31, 32, 30]
+    page.select_option("#loop", label="F1")
+    page.wait_for_selector("#result .loop:not(.provisional) h2:text('F1')")
+    assert page.input_value("#pv_high") == "1,5"
+
+
+def test_what_is_given_and_not_used_is_refused(analysed: Any, recordings: Path, tmp_path: Path) -> None:
+    """The second file of a drop, a folder and a TD without K were passed over without a word."""
+    page = analysed
+    page.evaluate("() => { $('settings').open = true; }")
+    page.fill("#td", "2")
+    page.click("#again button[type=submit]")
+    assert page.locator("#wrong").inner_text() == "worn.csv: TD: give K and TI with it, or leave it empty"
+    page.fill("#td", "")
+    page.evaluate("() => noted.clear()")
+    told = page.evaluate("""async () => {
+        const told = [];
+        const two = new DataTransfer();
+        for (const name of ["a.csv", "b.csv"]) two.items.add(new File(["t,PV"], name));
+        const folder = [{ name: "exports", arrayBuffer: () => Promise.reject(new Error("no file")) }];
+        for (const files of [two.files, folder]) {
+            await given(files);
+            told.push($("wrong").innerText);
+        }
+        return told;
+    }""")
+    assert told == [
+        "2 files: one recording is read at a time: drop one of them",
+        "exports: cannot be read (no file): drop a file, from a place that this computer can read",
+    ]
+
+
 def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
     page.evaluate("() => { $('settings').open = false; }")
     drop(page, recordings / "worn.csv")

@@ -44,6 +44,7 @@ def archive(*names: str) -> bytes:
 
 SECONDS = [str(k) for k in range(24)]
 ISO = [f"2024-01-31 23:59:{k:02d}" for k in range(36, 60)] + ["2024-02-01 00:00:00"]
+MODES = ["Auto", "Hand", ""]
 READ: dict[str, str | bytes] = {
     "plain": "\n".join(["t,SP,PV,OP", *rows(SECONDS)]),
     "no end of line, and windows' own": "\r\n".join(["t,SP,PV,OP", *rows(SECONDS)]) + "\r\n",
@@ -154,6 +155,32 @@ READ: dict[str, str | bytes] = {
     "values that say current": "\n".join(
         ["time|FIC101/PID1/SP.CV|FIC101/PID1/PV.CV|FIC101/PID1/OUT.CV", *rows(SECONDS, "|")]
     ),
+    "outputs of a block": "\n".join(["t,SP_Out,PV_Out,CV_Out", *rows(SECONDS)]),
+    "one value without its unit": "\n".join(
+        ["t,SP,PV,OP", *(f"{k},50,{k % 3},{k % 4}{' %' * (k != 5)}" for k in range(24))]
+    ),
+    "Läge with numbers is the valve's position": "\n".join(
+        ["Tid;Börvärde;Ärvärde;Utsignal;Läge", *(f"{r};{k % 5},5" for k, r in enumerate(rows(SECONDS, ";", ",")))]
+    ),
+    "Läge with words is the mode": "\n".join(
+        [
+            "Tid;Börvärde;Ärvärde;Utsignal;Läge;Ventilläge",
+            *(f"{r};{MODES[k % 3]};7" for k, r in enumerate(rows(SECONDS, ";"))),
+        ]
+    ),
+    "Läge with 0 and 1 is the mode": "\n".join(
+        ["Tid,Börvärde,Ärvärde,Utsignal,Läge", *(f"{r},{k % 2}" for k, r in enumerate(rows(SECONDS)))]
+    ),
+    "a lake's names of columns": "event_time,signal_id,value_double\n"
+    + "".join(f"{time},F1.{tag},{k % 5}\n" for k, time in enumerate(ISO) for tag in ("SP", "PV", "OP")),
+    "Value beside vValue": "DateTime,TagName,Value,vValue,Quality\n"
+    + "".join(f"{time},F1.{tag},{k % 5},'{k % 5}',Good\n" for k, time in enumerate(ISO) for tag in ("SP", "PV", "OP")),
+    "a tag with modes": "Tid;tag;value\n"
+    + "".join(
+        f"{k};F1.{tag};{value}\n"
+        for k in range(9)
+        for tag, value in (("Börvärde", "50"), ("Ärvärde", f"{k % 3}"), ("Utsignal", "4,5"), ("Läge", MODES[k % 3]))
+    ),
     "limits are no signals": "\n".join(["t,SP,PV,OP,PV_HI_LIM", *(f"{row},99" for row in rows(SECONDS))]),
     "names joined": "\n".join(["t,FIC101SP,FIC101PV,FIC101OP", *rows(SECONDS)]),
     "quoted cells": "\n".join(
@@ -197,6 +224,9 @@ REFUSED: dict[str, str | bytes] = {
     "either order": "\n".join(["Date;SP;PV;OP", *rows([f"01/02/2024 10:00:{k:02d}" for k in range(24)], ";")]),
     "no number in PV": "\n".join(["t,SP,PV,OP", *(f"{k},1,Bad,2" for k in range(24))]),
     "two ways to write numbers": "\n".join(["t;SP;PV;OP", "0;1,5;2.5;3", "1;1,5;2.5;3"]),
+    "one decimal point among commas": "\n".join(
+        ["t;SP;PV;OP", *(f"{k};1,5;{k},5 bar;{k}{'.' if k == 12 else ','}5 %" for k in range(24))]
+    ),
 }
 ANNOTATED = (
     "#datatype,string,long,dateTime:RFC3339,double,string,string\n,result,table,_time,_value,_field,_measurement\n"

@@ -491,7 +491,7 @@ WRONG = {
     "unknown quality": ("t,SP,PV,Quality\n0,1,2,Good\n1,1,2,Meh\n", ", row 3, column Quality: 'Meh' is not a quality"),
     "mixed decimals": (
         "t;SP;PV\n0;1,5;2\n1;1.5;2\n",
-        ": '1,5' and others have a decimal comma, others a decimal point",
+        ", row 2, column SP: '1,5' has a decimal comma, and others, such as '1.5', a decimal point; write",
     ),
     "thousands or a point": (
         "t;SP;PV\n" + "0;1;2,5\n" * 20_000 + "1;1.234;2,5\n" + "2;1;2,5\n" * 20_000,
@@ -503,7 +503,11 @@ WRONG = {
     ),
     "two kinds of thousands": (
         "t;SP;PV\n0;1;2\n1;1.234,5;1,234.5\n",
-        ": '1.234,5' and others have a decimal comma, others a decimal point",
+        ", row 3, column SP: '1.234,5' has a decimal comma, and others, such as '1,234.5', a decimal point",
+    ),
+    "one decimal point among commas": (
+        "t;SP;PV\n" + "0;1,5;2,5\n" * 9 + "1;1,5;2.5 bar\n",
+        ", row 11, column PV: '2.5' has a decimal point, and others, such as '1,5', a decimal comma; write all",
     ),
 }
 
@@ -550,7 +554,7 @@ NO_TABLES = {
     "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(100), "x.csv: is a picture (PNG); it shows"),
     "a text document": (rb"{\rtf1\ansi t,SP,PV\par}", "x.csv: is a text document (RTF); save its table as CSV"),
     "a data base": (b"SQLite format 3\0" + bytes(100), "x.csv: is a data base (SQLite); export the recording"),
-    "a 7z archive": (b"7z\xbc\xaf\x27\x1c" + bytes(20), "x.csv: is a 7z archive; unpack it, and name the file in it"),
+    "a 7z archive": (b"7z\xbc\xaf\x27\x1c" + bytes(20), "x.csv: is a 7z archive; unpack it, and take the file in it"),
     "a zip archive": (archive("a.csv", "b/", "b/c.csv"), "x.csv: is a zip archive of 2 files (a.csv, b/c.csv); unpack"),
     "a zip archive of one file": (archive("a.csv"), "x.csv: is a zip archive of 1 file (a.csv); unpack"),
     "an empty zip archive": (archive(), "x.csv: is a zip archive without a file; export the recording again"),
@@ -664,3 +668,37 @@ def test_a_packed_file_that_is_cut_off_and_a_word_among_times_say_what_to_do(tmp
     path.write_text("\n".join(["t,SP,PV,OP", *rows]))
     with pytest.raises(InputError, match=r"row 102, column t: 'noon' is not a time .*; correct or delete the row"):
         list(open_recordings(path)[0].batches())
+
+
+@pytest.mark.parametrize("names", ["SP_Out,PV_Out,CV_Out", "SP_OUT,PV_OUT,OP_OUT", "FIC1.SPOut,FIC1.PVOut,FIC1.Out"])
+def test_a_signal_at_the_output_of_a_block_is_that_signal(tmp_path, names):
+    """SP_Out was OP of a loop called SP, so that no crossings were counted."""
+    path = write(tmp_path, "\n".join([f"t,{names}", *(f"{k},1,2,3" for k in range(9))]))
+    assert [read(path)[0].columns[role] for role in ("SP", "PV", "OP")] == names.split(",")
+
+
+@pytest.mark.parametrize(
+    ("cells", "more", "role"),
+    [
+        (["44,5", "45"], "", "position"),
+        (["Auto", "Hand"], "", "MODE"),
+        (["0", "1"], "", "MODE"),  # no valve has just these
+        (["Auto", "Hand"], "Ventilläge", "MODE"),
+        (["44,5", "45"], "Reglerläge", "position"),
+        (["44,5", "45"], "Ventilläge", None),  # it is not known what else it may be
+    ],
+)
+@pytest.mark.parametrize("long", [False, True])
+def test_lage_is_a_mode_where_it_holds_words(tmp_path, cells, more, role, long):
+    """Läge was passed over: an engineer means the valve's position by numbers, and the controller's mode by words."""
+    names = ["Börvärde", "Ärvärde", "Utsignal", "Läge", *filter(None, [more])]
+    rows = [["50", f"{k % 3}", "4,5", cells[k % 2], "auto" if more == "Reglerläge" else "7"] for k in range(9)]
+    if long:
+        tags = [f"{k};F1 {name};{cell}" for k, row in enumerate(rows) for name, cell in zip(names, row, strict=False)]
+        text = "\n".join(["Tid;tag;value", *tags])
+    else:
+        text = "\n".join(
+            [";".join(["Tid", *names]), *(";".join([f"{k}", *r[: len(names)]]) for k, r in enumerate(rows))]
+        )
+    recording, _ = read(write(tmp_path, text))
+    assert {role for role, name in recording.columns.items() if name in ("Läge", "F1 Läge")} == {role} - {None}

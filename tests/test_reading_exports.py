@@ -135,7 +135,8 @@ def test_a_workbook_without_its_package_says_what_to_install(tmp_path, monkeypat
 
 def test_each_sheet_with_a_table_is_a_loop(tmp_path):
     plain = [["Time", "SP", "PV", "OP"], *typed()[1:]]
-    path = as_workbook(tmp_path, ("North", plain), ("Notes", [["a", "b"], ["c", "d"]]), ("South", plain))
+    others = ("Notes", [["a", "b"], ["c", "d"]]), ("Spans", [["name of it", "Wert"], ["high", 100.0]])
+    path = as_workbook(tmp_path, ("North", plain), *others, ("South", plain))
     assert [recording.name for recording in open_recordings(path)] == ["North", "South"]
     [south] = open_recordings(path, [Loop(name="South")])
     np.testing.assert_array_equal(joined(list(south.batches())).pv, PV)

@@ -53,8 +53,12 @@ def test_rows_of_several_loops_are_not_mixed(tmp_path):
 
 
 def test_units_behind_numbers_must_be_one_unit(tmp_path):
+    """The error was that of the first row, whichever row has another unit."""
     lines = [f"{k},50 l/s,{pv}{' m3/h' if k == 17 else ' l/s'},{op}%" for k, pv, op in ROWS]
-    with pytest.raises(InputError, match=r"column PV: '50 l/s' is not a number"):
+    with pytest.raises(InputError, match=r"row 19, column PV: '52 m3/h' is in m3/h, and others of its column are not"):
+        read(tmp_path, "x.csv", "\n".join(["t,SP,PV,OP", *lines]))
+    lines = [f"{k},50,{pv}{' m3/h' * (k == 17)},{op}%" for k, pv, op in ROWS]
+    with pytest.raises(InputError, match=r"row 19, column PV: '52 m3/h' is in m3/h"):
         read(tmp_path, "x.csv", "\n".join(["t,SP,PV,OP", *lines]))
 
 

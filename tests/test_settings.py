@@ -91,6 +91,9 @@ def test_a_default_gain_is_no_gain_of_an_integrating_process():
         ("[loops.A]\npv_span = [5, 1]", "loops.toml, loop A, pv_span: goes from 5 to 1, must be low < high"),
         ("[loops.A]\nname = 'B'", "loops.toml, loop A, name: is given by the table"),
         ("[defaults]\nfile = 'x'\n[loops.A]", "loops.toml, defaults.file: belongs to a loop"),
+        ("[loops.A]\nrepaired = 'soon'", "loops.toml, loop A, repaired: is 'soon', must be a date and time such as"),
+        # Regression: a number was taken for seconds since 1970.
+        ("[loops.A]\nrepaired = 20260301", "loops.toml, loop A, repaired: is 20260301, must be a date and time such"),
         ("[defaults]\nn = 4\n[loops.A]", "loops.toml, defaults.n: is 4, must be odd"),
         (
             "[defaults.controller]\nti_unti = 's'\n[loops.A]",

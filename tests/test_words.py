@@ -96,7 +96,8 @@ BESIDE = {
     "what was read of a lake, of no valve": [
         " ({}, as far as is known)",
         "{} could not be read",
-        "{} left out for their",
+        "{} left out for time",
+        "{} left out: no column",
         "{} % of PV lies outside",
         "{} chosen windows have fewer",
         "{} % of the window's PV",
@@ -161,6 +162,10 @@ BESIDE_ON_THE_PAGE = {
     ],
     "what is wrong with an input or a program": [
         "the ${what} broke off",
+        "TD: give K and TI",
+        "one recording is read at",
+        "cannot be read (${fault",
+        "Loop, one of",
         "span of ${of",
         "the analysis broke off",
         "K and TI: give both",

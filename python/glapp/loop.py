@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from datetime import datetime
+from datetime import date, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from zoneinfo import ZoneInfo, available_timezones
@@ -291,6 +291,18 @@ class Loop(Checked):
                 hint = None if available_timezones() else "this Python has no time zones at all: pip install tzdata"
                 raise InputError(what, value=zone, bound="an IANA time zone", hint=hint) from None
         return zone
+
+    @field_validator("repaired", mode="before")
+    @classmethod
+    def _moment(cls, moment: Any) -> Any:
+        """A date and time, as one or as text: a number would count as seconds since 1970."""
+        if moment is None or isinstance(moment, date):
+            return moment
+        try:
+            return datetime.fromisoformat(moment.strip())
+        except (ValueError, AttributeError):
+            bound = "a date and time such as '2026-03-01T12:00:00'"
+            raise InputError(f"is {moment!r}, must be {bound}", value=moment, bound=bound) from None
 
     @field_validator("n")
     @classmethod

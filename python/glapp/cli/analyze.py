@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.padding import Padding
@@ -72,33 +72,23 @@ def analyze(
     minutes: Annotated[float, typer.Option(metavar="NUMBER", help="With --plan, longest test.")] = 60.0,
 ) -> None:
     """Estimate the dead band of every loop, with how sure that is and the reasons."""
-    to_output = table is not None and str(table) == "-"
+    to_output = str(table) == "-"
     if json and to_output:
         raise CommandError("--json and --csv - both write to standard output; name a file for --csv")
-    if no_fit and plan:
-        raise CommandError("--plan works on the fit, and --no-fit leaves it out")
-    if not plan and (op_within is not None or pv_within is not None):
-        raise CommandError("--op-within and --pv-within are limits of a planned test: add --plan")
-    check_option("--op-within", op_within)
-    check_option("--pv-within", pv_within)
-    check_option("--minutes", minutes)
-    if table is not None and not to_output:
-        check_output("--csv", table, read_by(files), TABLE)
+    limits = _limits(plan, no_fit, op_within, pv_within, minutes)
+    to_table = None if to_output else table
+    if to_table is not None:
+        check_output("--csv", to_table, read_by(files), TABLE)
     if report is not None:
-        check_output("--report", report, [*read_by(files), *([table] if table is not None else [])], PAGE)
+        check_output("--report", report, [*read_by(files), *([] if table is None else [table])], PAGE)
     opened = open_files(files, options, as_loop)
     if not json and not to_output and as_loop is None and can_ask():
         opened = asked(opened, options.settings())
-    limits = {"op_within": op_within, "pv_within": pv_within, "minutes": minutes} if plan else None
     answers = analyze_all(opened, trust, fit=not no_fit, plan=limits)
     results = [a.result() if isinstance(a, Refused) else a for a in answers]
-    faults = []  # a file that cannot be written is no reason to lose the answers on the screen
-    if table is not None and not to_output:
-        faults.append(fault_of(table, lambda: write_file(table, _rows(results))))
-    if report is not None:
-        from ..report.html import write_report
-
-        faults.append(fault_of(report, lambda: write_report(results, report)))
+    # A file that cannot be written is no reason to lose the answers on the screen.
+    table_fault = None if to_table is None else fault_of(to_table, lambda: write_file(to_table, _rows(results)))
+    report_fault = None if report is None else fault_of(report, lambda: _write_report(results, report))
     if json:
         from ..document import to_json
 
@@ -107,12 +97,41 @@ def analyze(
         typer.echo(_rows(results), nl=False)
     elif any(isinstance(a, Result) for a in answers):
         _show(answers, why)
-    for error in [*(answer.error for answer in answers if isinstance(answer, Refused)), *filter(None, faults)]:
+    faults = [fault for fault in (table_fault, report_fault) if fault is not None]
+    for error in [*(answer.error for answer in answers if isinstance(answer, Refused)), *faults]:
         say_error(error)
-    if report is not None and faults[-1] is None and not json and not to_output:
+    if report is not None and report_fault is None and not json and not to_output:
         out.print(f"\nReport: {report}", soft_wrap=True)
-    if any(faults) or any(result.answer.valve == "refused" for result in results):
+    if faults or any(result.answer.valve == "refused" for result in results):
         raise typer.Exit(1)
+
+
+def _limits(
+    plan: bool,
+    no_fit: bool,
+    op_within: tuple[float, float] | None,
+    pv_within: tuple[float, float] | None,
+    minutes: float,
+) -> dict[str, Any] | None:
+    """Limits of a planned test; None where none is planned.
+
+    Raises CommandError where an option contradicts another, or is out of its bounds.
+    """
+    if no_fit and plan:
+        raise CommandError("--plan works on the fit, and --no-fit leaves it out")
+    if not plan and (op_within is not None or pv_within is not None):
+        raise CommandError("--op-within and --pv-within are limits of a planned test: add --plan")
+    check_option("--op-within", op_within)
+    check_option("--pv-within", pv_within)
+    check_option("--minutes", minutes)
+    return {"op_within": op_within, "pv_within": pv_within, "minutes": minutes} if plan else None
+
+
+def _write_report(results: Sequence[Result], path: Path) -> None:
+    """Write the report; Plotly and its templates are loaded only for it."""
+    from ..report.html import write_report
+
+    write_report(results, path)
 
 
 def _rows(results: Sequence[Result]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -157,10 +158,12 @@ def analyze(
         f"in {results / made['folder']}.",
         soft_wrap=True,
     )
-    if problems := made["tables"]["problems"]["rows"]:
+    if n := made["tables"]["problems"]["rows"]:
+        codes = Counter(engines.read(results, "problems")["code"].to_pylist())
+        each = ", ".join(f"{of} {code}" for code, of in codes.most_common())
         say_note(
-            f"{problems} problem{'s' * (problems > 1)} in the lake, each with its place: the report's last part, and "
-            "the table problems"
+            f"{n} problem{'s' * (n > 1)} in the lake ({each}), each with its place: the report's last part, and the "
+            "table problems"
         )
     if missing := lost_of(lost):
         say_error(f"not in the answers: {missing}")

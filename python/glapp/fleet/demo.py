@@ -455,93 +455,116 @@ def _write_truth(lake: Path, drawn: Sequence[_Loop]) -> None:
 # --- what is wrong with it
 
 
-def _spoil(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[tuple[str, str, str, str]]:
-    """Plant every kind of fault; gives of each the code that has to be found, its file, loop and day."""
+_Fault = tuple[str, str, str, str]
+"""A planted fault: the code that has to be found, its file, loop and day; "" where there is none."""
 
-    def day(k: int) -> str:
-        return (BEGIN + timedelta(days=k % days)).isoformat()
 
-    def first(site: Site, skip: int = 0) -> _Loop | None:
-        return next(iter([loop for loop in drawn if loop.site == site and loop.record == "good"][skip:]), None)
-
-    def relative(path: Path) -> str:
-        return path.relative_to(lake).as_posix()
-
+def _spoil(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[_Fault]:
+    """Plant every kind of fault."""
     yield "no_tags", "", "FIC9001", ""
     yield "settings", "loops.csv", "FIC9002", ""
+    yield from _spoil_historian(lake, drawn, days)
+    yield from _spoil_opc(lake, days)
+    yield from _spoil_platform(lake, drawn, days)
+    yield from _hole(lake, days)
+
+
+def _day(k: int, days: int) -> str:
+    """A day of the lake, however short that is."""
+    return (BEGIN + timedelta(days=k % days)).isoformat()
+
+
+def _good(drawn: Sequence[_Loop], site: Site, skip: int = 0) -> _Loop | None:
+    """A loop of the site whose recording is good."""
+    return next(iter([loop for loop in drawn if loop.site == site and loop.record == "good"][skip:]), None)
+
+
+def _spoil_historian(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[_Fault]:
+    """Add files that are of no use or contradict others, and change the unit of a day."""
+
+    def write(k: int, name: str, table: pa.Table) -> str:
+        place = f"historian/day={_day(k, days)}/{name}.parquet"
+        pq.write_table(table, lake / place)
+        return place
+
     # Another schema, in the same folder.
-    path = lake / "historian" / f"day={day(4)}" / "shift-notes.parquet"
-    pq.write_table(pa.table({"shift": ["A", "B"], "note": ["pump 3 out", "nothing"]}), path)
-    yield "schema", relative(path), "", ""
+    notes = pa.table({"shift": ["A", "B"], "note": ["pump 3 out", "nothing"]})
+    yield "schema", write(4, "shift-notes", notes), "", ""
     # Times that are plain numbers.
-    path = lake / "historian" / f"day={day(4)}" / "counters.parquet"
-    pq.write_table(pa.table({"tag": ["X.PV"] * 3, "time": [0.0, 1.0, 2.0], "value": [1.0, 2.0, 3.0]}), path)
-    yield "time", relative(path), "", ""
+    counters = pa.table({"tag": ["X.PV"] * 3, "time": [0.0, 1.0, 2.0], "value": [1.0, 2.0, 3.0]})
+    yield "time", write(4, "counters", counters), "", ""
     # Tags that no settings name, and a quality that no vendor has.
     at = _utc(5 % days, np.arange(0, _SECONDS, 60))
     n = len(at)
     tags = pa.array(["FIC9003.PV"] * n + ["FIC9003.SP"] * n)
     table = pa.table([tags, pa.concat_arrays([at, at]), np.full(2 * n, 50.0), pa.array(["Good"] * 2 * n)], schema=_LONG)
-    path = lake / "historian" / f"day={day(5)}" / "new-loop.parquet"
-    pq.write_table(table, path)
+    write(5, "new-loop", table)
     yield "no_settings", "", "FIC9003", ""
-    if (loop := first("historian")) is not None:
+    if (loop := _good(drawn, "historian")) is not None:
         # An hour of one loop came in twice, the second time with other numbers and a quality nobody knows.
         at = _utc(6 % days, np.arange(0, 3600, STEP))
-        values = np.full(len(at), 12.34)
         words = pa.array(["Good"] * (len(at) - 5) + ["Shaky"] * 5)
-        table = pa.table([pa.array([f"{loop.name}.PV"] * len(at)), at, values, words], schema=_LONG)
-        path = lake / "historian" / f"day={day(6)}" / "correction.parquet"
-        pq.write_table(table, path)
-        yield "contradicting", "", loop.name, day(6)
-        yield "quality", relative(path), "", ""
-    if (loop := first("historian", 1)) is not None:
+        table = pa.table([pa.array([f"{loop.name}.PV"] * len(at)), at, np.full(len(at), 12.34), words], schema=_LONG)
+        place = write(6, "correction", table)
+        yield "contradicting", "", loop.name, _day(6, days)
+        yield "quality", place, "", ""
+    if (loop := _good(drawn, "historian", 1)) is not None:
         # A day in another unit that no column states: 14.5 psi are a bar.
-        yield from _in_psi(lake, loop, day(7))
-    opc = lake / "opc" / f"day={day(8)}" / "part-0.parquet"
-    table = pq.read_table(opc, partitioning=None)
-    if len(table):
-        # A day exported twice, and out of order the second time.
-        pq.write_table(table.take(np.random.default_rng(8).permutation(len(table))), opc.with_name("part-1.parquet"))
-        named = {name.rpartition(".")[0] for name in table["PointName"].unique().to_pylist()}
-        yield from (("doubled", "", name, day(8)) for name in sorted(named))
-        # A word in place of a number.
-        other = lake / "opc" / f"day={day(9)}" / "part-0.parquet"
-        if other != opc:
-            table = pq.read_table(other, partitioning=None)
-            text = table["Value"].to_pylist()
-            text[100] = "see shift log"
-            pq.write_table(table.set_column(2, _OPC.field(2), pa.array(text)), other)
-            yield "value", relative(other), "", ""
-        change = datetime(2025, 10, 26, tzinfo=ZoneInfo(_ZONE)).date()
-        if (change - BEGIN).days < days:
-            yield "clock_change", f"opc/day={change}/part-0.parquet", "", ""
-    if (loop := first("platform")) is not None:
-        folder = lake / "platform" / f"loop={loop.name}"
-        # A file that was cut off while it was copied.
-        path = folder / f"{day(10)}.parquet"
-        data = path.read_bytes()
-        path.write_bytes(data[: len(data) // 2])
-        yield "unreadable", relative(path), "", ""
-        # The unit that a column states is not that of the settings.
-        if days > 1:
-            path = folder / f"{day(11)}.parquet"
-            table = pq.read_table(path, partitioning=None)
-            pq.write_table(table.rename_columns(["PV [psi]" if c == "PV" else c for c in table.column_names]), path)
-            yield "unit", relative(path), loop.name, ""
-    # A file with a hole in its middle: bytes of one group of rows are overwritten.
-    path = lake / "historian" / f"day={day(3)}" / "part-0.parquet"
-    meta = pq.read_metadata(path)
+        yield from _in_psi(lake, loop, _day(7, days))
+
+
+def _spoil_opc(lake: Path, days: int) -> Iterator[_Fault]:
+    """Export a day twice, write a word in place of a number; the clocks change by themselves."""
+    path = lake / "opc" / f"day={_day(8, days)}" / "part-0.parquet"
+    table = pq.read_table(path, partitioning=None)
+    if not len(table):
+        return
+    # Out of order the second time.
+    pq.write_table(table.take(np.random.default_rng(8).permutation(len(table))), path.with_name("part-1.parquet"))
+    named = {name.rpartition(".")[0] for name in table["PointName"].unique().to_pylist()}
+    yield from (("doubled", "", name, _day(8, days)) for name in sorted(named))
+    place = f"opc/day={_day(9, days)}/part-0.parquet"
+    if (other := lake / place) != path:
+        table = pq.read_table(other, partitioning=None)
+        text = table["Value"].to_pylist()
+        text[100] = "see shift log"
+        pq.write_table(table.set_column(2, _OPC.field(2), pa.array(text)), other)
+        yield "value", place, "", ""
+    change = datetime(2025, 10, 26, tzinfo=ZoneInfo(_ZONE)).date()
+    if (change - BEGIN).days < days:
+        yield "clock_change", f"opc/day={change}/part-0.parquet", "", ""
+
+
+def _spoil_platform(lake: Path, drawn: Sequence[_Loop], days: int) -> Iterator[_Fault]:
+    """Cut a file off, as while it was copied, and state a unit that is not that of the settings."""
+    if (loop := _good(drawn, "platform")) is None:
+        return
+    place = f"platform/loop={loop.name}/{_day(10, days)}.parquet"
+    data = (lake / place).read_bytes()
+    (lake / place).write_bytes(data[: len(data) // 2])
+    yield "unreadable", place, "", ""
+    if days > 1:
+        place = f"platform/loop={loop.name}/{_day(11, days)}.parquet"
+        table = pq.read_table(lake / place, partitioning=None)
+        names = ["PV [psi]" if name == "PV" else name for name in table.column_names]
+        pq.write_table(table.rename_columns(names), lake / place)
+        yield "unit", place, loop.name, ""
+
+
+def _hole(lake: Path, days: int) -> Iterator[_Fault]:
+    """Overwrite some bytes in the middle of a file, within one group of rows."""
+    place = f"historian/day={_day(3, days)}/part-0.parquet"
+    meta = pq.read_metadata(lake / place)
     if meta.num_row_groups:
         chunk = meta.row_group(meta.num_row_groups // 2).column(2)
-        with path.open("r+b") as file:
+        with (lake / place).open("r+b") as file:
             file.seek(chunk.data_page_offset + chunk.total_compressed_size // 2)
             file.write(b"\x00" * 64)
-        yield "damaged", relative(path), "", ""
+        yield "damaged", place, "", ""
 
 
-def _in_psi(lake: Path, loop: _Loop, day: str) -> Iterator[tuple[str, str, str, str]]:
-    """Rewrite a day of a loop in psi; gives the planted fault: code, file, loop, day."""
+def _in_psi(lake: Path, loop: _Loop, day: str) -> Iterator[_Fault]:
+    """Rewrite a day of a loop in psi."""
     path = lake / "historian" / f"day={day}" / "part-0.parquet"
     with pq.ParquetFile(path) as file:
         groups = [file.read_row_group(i) for i in range(file.metadata.num_row_groups)]

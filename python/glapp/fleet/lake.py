@@ -36,7 +36,8 @@ from ..errors import InputError
 from ..loop import Loop
 from ..reading.cells import CellFault, is_text, plain, words
 from ..reading.columns import LABELS, SignalColumns, choose
-from ..reading.meaning import is_long, understand
+from ..reading.meaning import SURE, is_long, understand
+from ..reading.names import folded
 from ..reading.rows import Reader
 from ..reading.times import Clock
 from ..reading.values import Digits, Quality, digits_of, flags_of, text_of, words_for_bad
@@ -141,7 +142,8 @@ class File:
 
     def column(self, role: str) -> str | None:
         """The file's column of this role: time, tag, value or quality."""
-        return next((name for name in self.columns if understand(name).role == role), None)
+        having = [name for name in self.columns if understand(name).role == role]
+        return next((name for name in having if folded(name) == SURE.get(role)), next(iter(having), None))
 
     @property
     def unit_column(self) -> str | None:
@@ -190,7 +192,10 @@ def files_of(lake: Path) -> tuple[list[str], list[DataIssue]]:
                 for name in sorted(files - inside)
             ]
     if not found:
-        raise InputError("holds no .parquet file", file=str(lake), hint="glapp fleet make-demo writes a lake to try")
+        what, hint = "holds no .parquet file", "glapp fleet make-demo writes a lake to try"
+        if (other := next((one for one in problems if one.code == "not_read"), None)) is not None:
+            what, hint = f"{what}, and {other.what}", other.todo
+        raise InputError(what, file=str(lake), hint=hint)
     return sorted(found), problems
 
 
@@ -228,7 +233,7 @@ def _walked(lake: Path) -> tuple[set[str], list[DataIssue]]:
                 problems.append(DataIssue("unreadable", "is a link to nowhere", _COPY, file=place))
     for ending, names in others.items():
         count = f"{len(names)} {'files' if len(names) > 1 else 'file'}"
-        what = f"{count} with the ending {ending or '(none)'} and not .parquet: not read"
+        what = f"{count} with the ending {ending or '(none)'}, which is not read"
         todo = "convert what has signals to Parquet, or leave it; glapp analyze reads CSV, Excel and packed text"
         problems.append(DataIssue("not_read", what, todo, file=names[0]))
     return found, problems
@@ -277,7 +282,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     what = f"its columns are {', '.join(every[:12]) or 'none'}"
     if bare.column("time") is None:
         what += "; no time is among them"
-        return None, [DataIssue("schema", what, "a file has time, tag and value, or time and PV of a loop", file=name)]
+        return None, [DataIssue("schema", what, "call its column of times time; or leave the file out", file=name)]
     if not long and not any(understand(column).role in SIGNALS for column in every):
         return None, [_no_signals(bare)]
     if not sum(rows):
@@ -322,7 +327,8 @@ def _no_signals(file: File) -> DataIssue:
     """Data issue of a wide file of no loop."""
     what = f"its columns are {', '.join(file.columns[:12])}; neither tag and value nor a PV with SP or OP is among them"
     todo = (
-        "put PV, OP and SP of a loop into files in its folder, or tag, time and value into one; or leave the file out"
+        "call its columns tag, time and value, or time, PV, SP and OP of a loop, whose files may be several in its "
+        "folder; or leave the file out"
     )
     return DataIssue("schema", what, todo, file=file.name)
 
@@ -345,9 +351,9 @@ def _folders(name: str) -> dict[str, str]:
 
 _MOMENT = re.compile(
     r"(?<!\d)(?:19|20)\d\d(?P<mark>[-_.]?)(?:0[1-9]|1[0-2])(?P=mark)(?:0[1-9]|[12]\d|3[01])"
-    r"(?:[-_. T]?\d\d[-_.:]?\d\d(?:[-_.:]?\d\d)?Z?)?(?!\d)"
+    r"(?:[-_. T]?\d\d(?:[-_.:]?\d\d){0,2}[hZ]?)?(?!\d)"
 )
-"""A date in a file's name, and a time behind it."""
+"""A date in a file's name, and a time or an hour behind it."""
 _PIECE = re.compile(r"(?:part|chunk|export|data|file)?[-_. \d]*|part-\d.*", re.IGNORECASE)
 """Names of parts of a table, which name no loop: 17, part-0, part-00000-3f1c-c000.snappy."""
 
@@ -361,8 +367,8 @@ def _stem(name: str) -> str:
     --------
     >>> _stem("FIC101.parquet"), _stem("north/FIC101_2026-03-01.parquet"), _stem("FIC101/2026/03/day=1/part-0.parquet")
     ('FIC101', 'FIC101', 'FIC101')
-    >>> _stem("FIC101/2026-03-01_op.parquet")
-    'FIC101'
+    >>> _stem("FIC101/2026-03-01_op.parquet"), _stem("FIC101_2026-03-01_18.parquet")
+    ('FIC101', 'FIC101')
     >>> _stem("2026-03-01.parquet")
     '2026-03-01'
     """
@@ -525,85 +531,14 @@ def places(
     for tag in sorted(set().union(*(file.tags for file in files if file.long))):
         spellings.setdefault(tag.lower(), []).append(tag)
     tags = SignalColumns([first for first, *_ in spellings.values()])
-    problems: list[DataIssue] = []
-    found: dict[str, dict[str, str]] = {}  # loop to role to tag
-    columns: dict[str, dict[str, dict[str, str]]] = {}  # file to loop to role to column
-    loops = {loop.name: loop for loop in given or ()}
-    settings = {name.lower(): name for name in loops}
-    used: set[str] = set()
-
-    def of(signals: SignalColumns, loop: Loop, group: str | None, label: str, *, long: bool) -> dict[str, str] | None:
-        kind = "tag" if long else "column"
-        try:
-            chosen = choose(signals, loop, group, label, tags=long, kind=kind)
-            return {role: name for role, name in chosen.items() if role in SIGNALS}
-        except InputError as error:  # its hint names options of glapp analyze
-            todo = f"name its {kind}s in the settings: columns.pv, columns.sp, columns.op"
-            problems.append(DataIssue("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
-            return None
-
-    if tags.names:
-        names = loops if given is not None else {name: Loop(**{**defaults, "name": name}) for name in tags.groups}
-        for name, loop in names.items():
-            # A lone loop in a lake is no reason to take its tags for those of a loop of another name.
-            group = tags.own_group(loop)
-            own = any(getattr(loop.columns, role) for role in ("pv", "sp", "op"))
-            if (group is not None or own) and (chosen := of(tags, loop, group, "the lake", long=True)):
-                loops.setdefault(name, loop)
-                found[name] = chosen
-                used |= set(chosen.values())
-    beside: dict[str, dict[str, None]] = {}  # stem to the columns of all its files
-    for file in files:
-        if not file.long:
-            beside.setdefault(file.stem, {}).update(dict.fromkeys(file.columns))
-    shown = [(tags, "", "")]
-    for file in files:
-        if file.long:
-            continue
-        signals = SignalColumns(file.columns)
-        if not signals.groups:  # what it lacks may be in another file of its loop
-            signals = SignalColumns(beside[file.stem], file.column("time"))
-        if not signals.groups and not signals.passed_over:
-            problems.append(_no_signals(file))
-            continue
-        shown.append((signals, file.name, file.stem))
-        more = {name: name for name in signals.passed_over if given is not None and name.lower() in settings}
-        of_file = (signals.loops(file.stem) if signals.groups else {}) | more
-        for written, group in of_file.items():
-            name = written if written in loops else settings.get(written.lower(), written)
-            known = loops.get(name) if given is not None else loops.setdefault(name, Loop(**{**defaults, "name": name}))
-            if known is None:
-                what = f"has signals of {name}, which no settings name"
-                problems.append(
-                    DataIssue("no_settings", what, "add the loop to the settings", file=file.name, loop=name)
-                )
-            elif chosen := of(signals, known, group, file.name, long=False):
-                mine = {role: column for role, column in chosen.items() if column in file.columns}
-                columns.setdefault(file.name, {})[name] = mine
-    for signals, label, stem in shown:
-        for prefix, lacks in sorted(signals.passed_over.items()):
-            name = settings.get((prefix or stem).lower(), prefix or stem)
-            if not prefix or name not in loops:
-                what, todo = _PASSED_OVER[lacks]
-                problems.append(DataIssue(f"no_{lacks}", f"{name} has {what}", todo, file=label, loop=name))
-    if given is not None:
-        for group in sorted(set(tags.groups) - set(found)):
-            if not any(tags.meant(role, group) and set(tags.meant(role, group)) <= used for role in ("pv",)):
-                what = f"the lake holds the tags of {group}, which no settings name"
-                problems.append(DataIssue("no_settings", what, "add the loop to the settings", loop=group))
+    assignment = _Assignment(given, defaults)
+    found = assignment.of_tags(tags)
+    columns, shown = assignment.of_columns([file for file in files if not file.long])
+    assignment.report_passed_over([(tags, "", ""), *shown])
     having = sorted(set(found) | {name for file in columns.values() for name in file})
-    told = {problem.loop for problem in problems if problem.code in ("loop_tags", "no_pv")}
-    unnamed: dict[str, dict[str, str]] = {}  # another number is another loop
-    for problem in problems:
-        if problem.code == "no_settings":
-            unnamed.setdefault(_digits_in(problem.loop), {})[problem.loop.lower()] = problem.loop
-    for name in sorted({loop.name for loop in given or ()} - set(having) - told):
-        alike = unnamed.get(_digits_in(name), {})
-        near = alike.get(nearest(name, alike) or "")
-        what = "its settings are there, and none of its tags"
-        what += f"; those of {near} are, which no settings name" if near else ""
-        todo = "name it as its tags are, or its tags in the settings: columns.pv; or check the export"
-        problems.append(DataIssue("no_tags", what, todo, loop=name))
+    if given is not None:
+        assignment.report_unnamed(tags, found)
+        assignment.report_without_tags(having)
     place = {name: i for i, name in enumerate(having)}
 
     def numbered(chosen: Mapping[str, Mapping[str, str]]) -> dict[str, tuple[int, int]]:
@@ -613,7 +548,132 @@ def places(
 
     wide = {file: numbered(chosen) for file, chosen in columns.items()}
     long = {tag: at for name, at in numbered(found).items() for tag in spellings[name.lower()]}
-    return Places(tuple(loops[name] for name in having), long, wide), problems
+    return Places(tuple(assignment.loops[name] for name in having), long, wide), assignment.problems
+
+
+class _Assignment:
+    """Assigns the tags and columns of a lake to its loops.
+
+    - `given`: the loops of the settings; None for those that the names show.
+    - `defaults`: settings of these.
+
+    - `loops`: name to loop, those of the settings and those that were found.
+    - `problems`: data issues so far.
+    """
+
+    def __init__(self, given: Sequence[Loop] | None, defaults: Mapping[str, Any]) -> None:
+        self.loops = {loop.name: loop for loop in given or ()}
+        self.problems: list[DataIssue] = []
+        self._given = None if given is None else dict(self.loops)
+        self._defaults = defaults
+        self._settings = {name.lower(): name for name in self.loops}
+
+    def _shown(self, name: str) -> Loop:
+        """A loop that the names show."""
+        return Loop(**{**self._defaults, "name": name})
+
+    def _choose(
+        self, signals: SignalColumns, loop: Loop, group: str | None, label: str, *, long: bool
+    ) -> dict[str, str] | None:
+        """Role to tag or column of a loop; None where two fit one role, or one that is named is not there."""
+        kind = "tag" if long else "column"
+        try:
+            chosen = choose(signals, loop, group, label, tags=long, kind=kind)
+            return {role: name for role, name in chosen.items() if role in SIGNALS}
+        except InputError as error:  # its hint names options of glapp analyze
+            todo = f"name its {kind}s in the settings: columns.pv, columns.sp, columns.op"
+            self.problems.append(DataIssue("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
+            return None
+
+    def of_tags(self, tags: SignalColumns) -> dict[str, dict[str, str]]:
+        """Loop to role to tag."""
+        found: dict[str, dict[str, str]] = {}
+        if not tags.names:
+            return found
+        names = {name: self._shown(name) for name in tags.groups} if self._given is None else self._given
+        for name, loop in names.items():
+            # A lone loop in a lake is no reason to take its tags for those of a loop of another name.
+            group = tags.own_group(loop)
+            own = any(getattr(loop.columns, role) for role in ("pv", "sp", "op"))
+            if (group is not None or own) and (chosen := self._choose(tags, loop, group, "the lake", long=True)):
+                self.loops.setdefault(name, loop)
+                found[name] = chosen
+        return found
+
+    def of_columns(
+        self, files: Sequence[File]
+    ) -> tuple[dict[str, dict[str, dict[str, str]]], list[tuple[SignalColumns, str, str]]]:
+        """File to loop to role to column; and the columns of each file that has signals, with its name and stem."""
+        found: dict[str, dict[str, dict[str, str]]] = {}
+        shown: list[tuple[SignalColumns, str, str]] = []
+        beside: dict[str, dict[str, None]] = {}  # stem to the columns of all its files
+        for file in files:
+            beside.setdefault(file.stem, {}).update(dict.fromkeys(file.columns))
+        for file in files:
+            signals = SignalColumns(file.columns)
+            if not signals.groups:  # what it lacks may be in another file of its loop
+                signals = SignalColumns(beside[file.stem], file.column("time"))
+            if not signals.groups and not signals.passed_over:
+                self.problems.append(_no_signals(file))
+                continue
+            shown.append((signals, file.name, file.stem))
+            for name, group in self._loops_of(signals, file.stem).items():
+                if (loop := self._named(name, file)) is None:
+                    continue
+                if chosen := self._choose(signals, loop, group, file.name, long=False):
+                    mine = {role: column for role, column in chosen.items() if column in file.columns}
+                    found.setdefault(file.name, {})[loop.name] = mine
+        return found, shown
+
+    def _loops_of(self, signals: SignalColumns, stem: str) -> dict[str, str]:
+        """Name of each loop of a wide file, as it is written there, to its prefix."""
+        named = {} if self._given is None else {n: n for n in signals.passed_over if n.lower() in self._settings}
+        return (signals.loops(stem) if signals.groups else {}) | named
+
+    def _named(self, written: str, file: File) -> Loop | None:
+        """The loop of this name; None, with a data issue, where the settings do not name it."""
+        name = written if written in self.loops else self._settings.get(written.lower(), written)
+        if self._given is None:
+            return self.loops.setdefault(name, self._shown(name))
+        if name not in self.loops:
+            what = f"has signals of {name}, which no settings name"
+            self.problems.append(
+                DataIssue("no_settings", what, "add the loop to the settings", file=file.name, loop=name)
+            )
+        return self.loops.get(name)
+
+    def report_passed_over(self, shown: Iterable[tuple[SignalColumns, str, str]]) -> None:
+        """Report names with OP that are taken for no loop; `shown` as of `of_columns`."""
+        for signals, label, stem in shown:
+            for prefix, lacks in sorted(signals.passed_over.items()):
+                name = self._settings.get((prefix or stem).lower(), prefix or stem)
+                if not prefix or name not in self.loops:
+                    what, todo = _PASSED_OVER[lacks]
+                    self.problems.append(DataIssue(f"no_{lacks}", f"{name} has {what}", todo, file=label, loop=name))
+
+    def report_unnamed(self, tags: SignalColumns, found: Mapping[str, Mapping[str, str]]) -> None:
+        """Report tags of loops that no settings name; `found` as of `of_tags`."""
+        used = {tag for roles in found.values() for tag in roles.values()}
+        for group in sorted(set(tags.groups) - set(found)):
+            pv = set(tags.meant("pv", group))
+            if not pv or not pv <= used:
+                what = f"the lake holds the tags of {group}, which no settings name"
+                self.problems.append(DataIssue("no_settings", what, "add the loop to the settings", loop=group))
+
+    def report_without_tags(self, having: Iterable[str]) -> None:
+        """Report loops of the settings of which nothing was found; `having`: those with tags or columns."""
+        told = {problem.loop for problem in self.problems if problem.code in ("loop_tags", "no_pv")}
+        unnamed: dict[str, dict[str, str]] = {}  # another number is another loop
+        for problem in self.problems:
+            if problem.code == "no_settings":
+                unnamed.setdefault(_digits_in(problem.loop), {})[problem.loop.lower()] = problem.loop
+        for name in sorted(set(self._given or ()) - set(having) - told):
+            alike = unnamed.get(_digits_in(name), {})
+            near = alike.get(nearest(name, alike) or "")
+            what = "its settings are there, and none of its tags"
+            what += f"; those of {near} are, which no settings name" if near else ""
+            todo = "name it as its tags are, or its tags in the settings: columns.pv; or check the export"
+            self.problems.append(DataIssue("no_tags", what, todo, loop=name))
 
 
 def loop_of_path(name: str, files: Iterable[File], known: Places) -> str | None:

@@ -26,7 +26,7 @@ __all__ = ["AT_ONCE", "FORM", "Engine", "Plan", "Stage", "Unit", "plan_of"]
 AT_ONCE = 4_000_000
 """Most rows of a unit, as far as its files show it: some 0.5 GB of memory a process."""
 
-FORM = 5
+FORM = 6
 """Form of the pieces: with a later one all of them are made again."""
 
 
@@ -109,11 +109,22 @@ def plan_of(
         first = f"{problems[0].file}: {problems[0].what}" if problems else None
         raise InputError("holds no Parquet file that can be read", file=str(lake), hint=first)
     known, wrong = places(files, given, {})
+    problems = _without_zone_once(problems)
     checksum = digest(
         version("glapp"), FORM, [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]
     )
     units = _units(files, known)
     return Plan(lake, tuple(given or ()), known, tuple(units), tuple(files), (*problems, *wrong), fits, checksum)
+
+
+def _without_zone_once(problems: Sequence[DataIssue]) -> list[DataIssue]:
+    """The data issues, those of files without a zone as one: a lake has thousands of such files, or none."""
+    without = [one for one in problems if one.code == "no_zone"]
+    if len(without) < 2:
+        return [*problems]
+    first, *more = without
+    told = first._replace(what=f"{first.what}; so are those of {len(more)} other file{'s' * (len(more) > 1)}")
+    return [told, *(one for one in problems if one.code != "no_zone")]
 
 
 def _indexed(

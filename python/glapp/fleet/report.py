@@ -128,8 +128,10 @@ def lost_of(lost: Mapping[str, int]) -> str:
 
     Examples
     --------
-    >>> lost_of({"loops": 5, "files": 5, "rows": 7500, "left_out": 0})
+    >>> lost_of({"loops": 5, "files": 5, "rows": 7500, "left_out": 0, "not_understood": 0})
     '5 loops refused. 5 files could not be read in whole or in part (7500 rows, as far as is known).'
+    >>> lost_of({"loops": 0, "files": 0, "rows": 0, "left_out": 0, "not_understood": 48})
+    '48 files left out: no column names a signal of a loop.'
     """
     sentences = []
     if n := lost["loops"]:
@@ -137,8 +139,10 @@ def lost_of(lost: Mapping[str, int]) -> str:
     if n := lost["files"]:
         rows = f" ({words.count(lost['rows'], 'row')}, as far as is known)" if lost["rows"] else ""
         sentences.append(f"{words.count(n, 'file')} could not be read in whole or in part{rows}.")
+    if n := lost["not_understood"]:
+        sentences.append(f"{words.count(n, 'file')} left out: no column names a signal of a loop.")
     if n := lost["left_out"]:
-        sentences.append(f"{words.count(n, 'row')} left out for their time, tag, unit or value.")
+        sentences.append(f"{words.count(n, 'row')} left out for time, tag, unit or value.")
     return " ".join(sentences)
 
 

@@ -28,6 +28,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from ..checked import check_one_of
 from ..errors import InputError
 from ..folder_lock import FolderLock
 from ..loop import Loop
@@ -97,8 +98,7 @@ def analyze(
     lake, out = Path(lake), Path(out)
     if not 1 <= fits <= 64:
         raise InputError(f"is {fits}, must be 1 to 64", parameter="fits", value=fits, bound="1 to 64")
-    if engine not in ("local", "spark"):
-        raise InputError(f"is {engine!r}, must be 'local' or 'spark'", parameter="engine", value=engine)
+    check_one_of(engine, "engine", ("local", "spark"))
     names, wrong = files_of(lake)
     if out.resolve().is_relative_to(lake.resolve()) and not out.name.startswith(("_", ".")):
         hint = "name a folder outside the lake: what is in it would be read as part of the lake"
@@ -244,6 +244,7 @@ def _lost_counts(tables: Mapping[str, pa.Table]) -> dict[str, int]:
         "files": len({one.file for one in parts}),
         "rows": sum(one.rows for one in parts),
         "left_out": sum(one.rows for one in problems if one.code in LEFT_OUT),
+        "not_understood": sum(one.code == "schema" for one in problems),
     }
 
 

@@ -13,7 +13,7 @@ from ..loop import Loop
 from ..recording import Recording
 from . import apart, bounds
 from .cells import words
-from .columns import SignalColumns, described_one, each_with_columns, for_one
+from .columns import described_one, each_with_columns, for_one
 from .csv import PACKED, CsvSource, encoding_of
 from .each import all_or_none
 from .excel import sheets
@@ -25,7 +25,7 @@ from .meaning import is_long
 from .not_tables import check_beginning
 from .parquet import IpcSource, ParquetSource
 from .passes import Passes
-from .shape import shaped, tagged
+from .shape import shaped, signals_of, tagged
 from .source import Source
 from .structured import parsed, table_of
 from .tables import TableSource, to_table
@@ -248,7 +248,7 @@ def _recordings(
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults, only)
     source.tell_apart()
-    signals = SignalColumns(source.names, source.time)
+    signals = signals_of(source)
     passes = Passes(source)
 
     def make(loop: Loop, chosen: dict[str, str]) -> Recording:

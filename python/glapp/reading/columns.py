@@ -14,6 +14,7 @@ from .each import each
 from .kin import shared, tag_of
 from .meaning import understand, unnumbered
 from .names import WEAK
+from .values import holds_modes
 
 __all__ = ["LABELS", "SignalColumns", "choose", "described_one", "each_with_columns", "for_one"]
 
@@ -39,6 +40,7 @@ class SignalColumns:
 
     - `names`: in the order in which they appear; they may repeat.
     - `time`: name of the column that holds times, where its name does not say so.
+    - `first`: gives the first cells of a column, which tell a mode from a position where their names do not.
 
     - `names`: the same.
     - `groups`: loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. ""
@@ -52,14 +54,16 @@ class SignalColumns:
     ['FIC101', 'FIC102']
     """
 
-    def __init__(self, names: Iterable[str], time: str | None = None) -> None:
+    def __init__(
+        self, names: Iterable[str], time: str | None = None, first: Callable[[str], Iterable[str]] = lambda name: ()
+    ) -> None:
         self.names = list(names)
         self._meant: dict[tuple[str, str], list[str]] = {}
         self._times: list[str] = [] if time is None else [name for name in self.names if unnumbered(name) == time]
         self._folded: dict[str, list[str]] = {}
         self._loose: dict[str, dict[str | None, list[str]]] | None = None
         roles: dict[str, set[str]] = {}
-        for name, (role, loop) in zip(self.names, _signals(self.names), strict=True):
+        for name, (role, loop) in zip(self.names, _signals(self.names, first), strict=True):
             for written in {name, unnumbered(name)}:
                 self._folded.setdefault(written.strip().lower(), []).append(name)
             if role is None:
@@ -143,8 +147,8 @@ def _number(prefix: str) -> str | None:
     return digits[-1] if digits else None
 
 
-def _signals(names: Sequence[str]) -> list[tuple[str | None, str]]:
-    """Role and loop of each name, by what the others are."""
+def _signals(names: Sequence[str], first: Callable[[str], Iterable[str]]) -> list[tuple[str | None, str]]:
+    """Role and loop of each name, by what the others are; `first` as of `SignalColumns`."""
     meanings = [understand(name) for name in names]
     roles: dict[str, set[str]] = {}
     weak: dict[str, dict[str, list[int]]] = {}
@@ -155,24 +159,35 @@ def _signals(names: Sequence[str]) -> list[tuple[str | None, str]]:
             roles.setdefault(meaning.loop, set()).add(meaning.role)
     found = [(meaning.role, meaning.loop) for meaning in meanings]
     for loop, words in weak.items():
-        for role, same in _settled(words, roles.setdefault(loop, set())):
+        may_be = {word: _kind_of(WEAK[word], (first(names[i]) for i in at)) for word, at in words.items()}
+        for role, same in _settled(words, may_be, roles.setdefault(loop, set())):
             for i in same:
                 found[i] = role, loop
     others = shared(roles)
     return [(role, others.get((loop, role or ""), loop)) for role, loop in found]
 
 
-def _settled(words: Mapping[str, list[int]], have: set[str]) -> list[tuple[str, list[int]]]:
+def _kind_of(roles: Sequence[str], cells: Iterable[Iterable[str]]) -> Sequence[str]:
+    """The roles that agree with the cells of the columns: a mode has words, and any other signal has numbers."""
+    if "mode" not in roles:
+        return roles
+    words = any(map(holds_modes, cells))
+    return [role for role in roles if (role == "mode") == words]
+
+
+def _settled(
+    words: Mapping[str, list[int]], may_be: Mapping[str, Sequence[str]], have: set[str]
+) -> list[tuple[str, list[int]]]:
     """Roles of one loop's columns whose words depend on the others; `have` are those that are sure, and gets these.
 
-    A word that only one role is left for goes first; a lone X or CV is no loop.
+    A word that only one role is left for goes first; a lone X or CV is no loop. `may_be`: roles of each word.
     """
     settled: list[tuple[str, list[int]]] = []
     open_ = dict(words)
     if not have & {"sp", "pv", "op", "position"} and len(open_) < 3:
         return settled
     while open_:
-        left = {word: [role for role in WEAK[word] if role not in have] for word in open_}
+        left = {word: [role for role in may_be[word] if role not in have] for word in open_}
         sure = [word for word, roles in left.items() if len(roles) == 1]
         first = next((word for word, roles in left.items() if roles), None)
         if first is None:

@@ -5,7 +5,8 @@ in the last corner of a sheet asks for half a terabyte. So what is packed is loo
 how much it is, how long one cell, and how far apart the cells are. What the file says of itself (`<dimension>`, sizes
 in the directory of the zip) is not believed.
 
-Cells come with their types: dates are dates, and numbers have no decimal comma. A column of one type is an Arrow array
+Cells come with their types: dates are dates, and numbers have no decimal comma. A number is what its cell shows: 45
+where that is 45 %. A column of one type is an Arrow array
 of it; any other is text, as it is in a text file.
 """
 
@@ -24,8 +25,9 @@ import pyarrow as pa
 from ..errors import InputError
 from . import apart, bounds
 from .heads import begins_with_data, body_end, head_of, holds_data, no_rows
-from .meaning import understand
+from .meaning import is_long, understand
 from .not_tables import check_archive
+from .per_cent import PerCent, cells_in_per_cent
 from .source import Source
 
 __all__ = ["SheetSource", "sheets"]
@@ -61,12 +63,14 @@ def _sheets(path: str, label: str) -> list[Source]:
     try:
         _check(path, label)
         workbook = CalamineWorkbook.from_path(path)
+        in_per_cent = cells_in_per_cent(path)
         for name in [sheet.name for sheet in workbook.sheets_metadata if sheet.typ == SheetTypeEnum.WorkSheet]:
             sheet = workbook.get_sheet_by_name(name)
             if sheet.start is None:
                 continue
             rows, (first, left) = sheet.to_python(), sheet.start
             del sheet
+            _show_per_cent(rows, [(row - first, column - left) for row, column in in_per_cent.get(name, ())])
             try:
                 made.append(SheetSource(rows, first, left, label, name))
             except InputError as error:
@@ -79,6 +83,14 @@ def _sheets(path: str, label: str) -> list[Source]:
     if not readable:
         raise fault or InputError("has no sheet with a table", file=label)
     return readable
+
+
+def _show_per_cent(rows: Sequence[list[Any]], cells: Sequence[tuple[int, int]]) -> None:
+    """Put what it shows in the place of the number in each of these cells."""
+    for row, column in cells:  # one without a value may be beyond the last that has one
+        inside = 0 <= row < len(rows) and 0 <= column < len(rows[row])
+        if inside and type(share := rows[row][column]) in (int, float):
+            rows[row][column] = PerCent.of(share)
 
 
 def _check(path: str, label: str) -> None:
@@ -179,7 +191,7 @@ def _column_number(letters: bytes) -> int:
 
 
 def _has_signals(source: Source) -> bool:
-    return any(understand(name).role in ("pv", "op", "value") for name in source.names)
+    return is_long(source.names) or any(understand(name).role in ("pv", "op") for name in source.names)
 
 
 class SheetSource(Source):
@@ -224,6 +236,9 @@ class SheetSource(Source):
         self.names = [self.names[i] for i in kept]
         self.units = [self.units[i] for i in kept]
         self._numbers = [left + used[i] + 1 for i in kept]
+        for i, at in enumerate(kept):
+            if self.units[i] is None and any(isinstance(row[at], PerCent) for row in body):
+                self.units[i] = "%"
         self._columns = [_array([row[i] for row in body]) for i in kept]
         written = [column for column in self._columns if pa.types.is_string(column.type)]
         self.learn_digits(text for column in written for text in column.to_pylist())
@@ -285,7 +300,7 @@ def _whole(moment: datetime) -> datetime:
 def _array(cells: Sequence[Any]) -> pa.Array:
     """Cells of a column as an array of one type."""
     kinds = {type(cell) for cell in cells if cell != ""}
-    if kinds <= {int, float}:
+    if kinds <= {int, float, PerCent}:
         return pa.array([None if cell == "" else float(cell) for cell in cells], pa.float64())
     if kinds == {timedelta}:
         return pa.array([None if cell == "" else cell.total_seconds() for cell in cells], pa.float64())

@@ -61,7 +61,7 @@ def check_file(path: Path, label: str) -> None:
     if stat.S_ISREG(mode):
         return
     if stat.S_ISDIR(mode):
-        raise InputError("is a directory", file=label, hint="name the file in it")
+        raise InputError("is a directory", file=label, hint="name the files in it")
     kinds = ((stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
     what = next((kind for test, kind in kinds if test(mode)), "a device")
     hint = "a recording is read more than once: write it to a file, and name that"

@@ -35,7 +35,7 @@ from ..quality import Finding, newest_first, own_times
 from ..recording import BAD, MARKED, Batch, Recording, finished, without_value
 from .cells import CellFault, plain, words
 from .columns import LABELS, SignalColumns, each_with_columns
-from .meaning import understand
+from .meaning import SURE, understand
 from .names import UNIT_COLUMNS, folded
 from .rows import OrderedRows, Reader
 from .source import Source
@@ -97,11 +97,9 @@ class _Store:
         fits = [i for i, name in enumerate(names) if (name == named if named else understand(name).role == role)]
         if role == "time" and not fits and not named and self.source.time is not None:
             fits = [names.index(self.source.time)]
-        if len(fits) == 1:
-            return fits[0]
-        opc = [i for i in fits if folded(names[i]) == "opcquality"]
-        if role == "quality" and len(opc) == 1:  # beside the historian's own Quality and QualityDetail
-            return opc[0]
+        sure = [i for i in fits if folded(names[i]) == SURE.get(role)]
+        if len(fits) == 1 or len(sure) == 1:
+            return (sure or fits)[0]
         if fits:
             what = f"the columns {' and '.join(repr(names[i]) for i in fits)} could both be {role}"
             raise InputError(
@@ -135,6 +133,12 @@ class _Store:
                         seen[str(pair["tag"])].add(text)
         self.units = {tag: units.pop() for tag, units in seen.items() if len(units) == 1}
         return list(seen)
+
+    def first(self, tag: str) -> list[str]:
+        """Values of a tag among the first rows, as text."""
+        tags, values = self.source.head([i for role in ("tag", "value") if (i := self.at[role]) is not None])
+        pairs = zip(tags.to_pylist(), values.to_pylist(), strict=False)
+        return [str(value) for name, value in pairs if name == tag and value is not None]
 
     def tags(self, wanted: Iterable[str]) -> dict[str, _Tag]:
         """The samples of these tags; where several recordings ask at once, one reads for all and the others wait.
@@ -326,7 +330,7 @@ def long_recordings(
             store.readers[tag] = (role, reader)
         return LongRecording(store, loop, chosen)
 
-    signals, kind = SignalColumns(store.names()), "tag" if source.tags is None else "column"
+    signals, kind = SignalColumns(store.names(), first=store.first), "tag" if source.tags is None else "column"
     return each_with_columns(
         signals, loops, defaults, make, only=only, stem=stem, label=source.label, tags=True, kind=kind
     )

@@ -20,7 +20,7 @@ from functools import lru_cache
 
 from .names import CURRENT, LIMITS, SIGNALS, WEAK, WHOLE, folded
 
-__all__ = ["is_long", "numbered", "time_of", "understand", "unnumbered", "with_own_qualities"]
+__all__ = ["SURE", "is_long", "numbered", "time_of", "understand", "unnumbered", "with_own_qualities"]
 
 _JOINED = re.compile(r"(.*\d)(sp|sv|pv|op|mv|out|co|mode)", re.IGNORECASE)  # FIC101PV
 _TOKEN = re.compile(r"[^./_\-:\s|\\#,!]+")
@@ -30,6 +30,11 @@ _SEPARATORS = "./_-:|\\#,! \t"
 _FIELD = re.compile(r"\.[AF]_CV$", re.IGNORECASE)  # FIX.FIC101_PV.F_CV of iFIX and Proficy
 _HOST = re.compile(r"\.\w+@\w+")  # FIC101_PV.UNIT1@NET1 of Ovation
 _MOST_WORDS = 4  # "position de la vanne"
+SURE = {"quality": "opcquality", "value": "value"}
+"""Role to the name of the column that is taken where several have the role.
+
+Value is meant beside value_double, and OPCQuality beside the historian's own Quality and QualityDetail.
+"""
 _INSIDE = 6  # letters of a word that is a signal's in the middle of a name too
 
 

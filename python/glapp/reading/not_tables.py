@@ -12,7 +12,7 @@ from .csv import PACKED
 __all__ = ["ARCHIVES", "BEGINNINGS", "LOGIN", "TITLE", "check_archive", "check_beginning"]
 
 _SHOWN = "it shows the recording without its numbers: export them as CSV or .xlsx"
-_UNPACK = "unpack it, and name the file in it"
+_UNPACK = "unpack it, and take the file in it"
 _SAVE = "save its table as CSV or .xlsx"
 
 BEGINNINGS = (

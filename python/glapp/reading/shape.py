@@ -29,7 +29,7 @@ from .source import Source
 from .times import HALF, is_date, is_time_of_day, looks_like_stamp
 from .values import is_number
 
-__all__ = ["AloneSource", "shaped", "tagged"]
+__all__ = ["AloneSource", "shaped", "signals_of", "tagged"]
 
 _PV_EMPTY, _HELD_EMPTY = 0.25, 0.5
 """Share of rows without PV, without SP or OP, from which on signals have rows of their own."""
@@ -108,6 +108,11 @@ def _kind(texts: Sequence[str]) -> str:
         return "value"
     roles = {understand(text).role for text in texts if not is_number(text)}
     return "tag" if roles & {"sp", "pv", "op"} and not any(map(is_number, texts)) else ""
+
+
+def signals_of(source: Source) -> SignalColumns:
+    """The columns of a table with a column per signal."""
+    return SignalColumns(source.names, source.time, lambda name: _texts(source, source.places[name][0]))
 
 
 def _texts(source: Source, column: int) -> list[str]:
@@ -247,7 +252,7 @@ def _on_own_rows(source: Source, loops: Sequence[Loop]) -> bool:
     if named := [loop.columns for loop in loops if loop.columns.pv]:
         groups = [{role: name for role in _OWN if (name := getattr(columns, role))} for columns in named]
     else:
-        signals = SignalColumns(source.names, source.time)
+        signals = signals_of(source)
         meant = [{role: signals.meant(role, group) for role in _OWN} for group in signals.groups[:_GROUPS]]
         groups = [{role: names[0] for role, names in group.items() if len(names) == 1} for group in meant]
     for group in groups:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
@@ -92,23 +93,34 @@ class Source(ABC):
         return self.units[column] or understand(self.names[column]).unit
 
     def unit_in_cells(self, column: int) -> str | None:
-        """Unit behind the numbers of a column, as in 48.20 m³/h; None where the first cells have none or several."""
+        """Unit behind most numbers of a column, as in 48.20 m³/h; None where most of the first cells have none."""
         if self.typed:
             return None
         head = plain(self.head([column])[0])
         if not pa.types.is_string(head.type):
             return None
-        found = {unit_of(cell) for cell in head.to_pylist() if cell and cell.strip().lower() not in MISSING}
-        units = {None if one is None else one[1] for one in found}
-        return units.pop() if len(units) == 1 else None
+        cells = [cell for cell in head.to_pylist() if cell and cell.strip().lower() not in MISSING]
+        units = Counter(None if (found := unit_of(cell)) is None else found[1] for cell in cells)
+        return max(units, key=units.__getitem__, default=None)
 
     def learn_digits(self, cells: Iterable[str | None]) -> None:
         """Take the notation of numbers from cells of text.
 
         Raises InputError where some have a decimal comma and others a decimal point.
         """
-        texts = [cell.strip() for cell in cells if cell]
-        self.digits = digits_of([found[0] if (found := unit_of(text)) else text for text in texts], self.label)
+        try:
+            self.digits = digits_of([_number(cell) for cell in cells if cell], self.label)
+        except InputError as error:
+            raise self._placed(error) from None
+
+    def _placed(self, error: InputError) -> InputError:
+        """The error of a number, with the row and column in which it first is, where that is among the first rows."""
+        for i, name in enumerate(self.names):
+            for k, cell in enumerate(plain(self.head([i])[0]).to_pylist()):
+                if isinstance(cell, str) and _number(cell) == error.value:
+                    error.row, error.column = self.row_number(k), name
+                    return error
+        return error
 
     @abstractmethod
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
@@ -130,6 +142,12 @@ class Source(ABC):
     @abstractmethod
     def row_number(self, record: int) -> int:
         """Row number of a record as a person sees it in the file."""
+
+
+def _number(cell: str) -> str:
+    """A number without the unit behind it; any other text as it is."""
+    found = unit_of(cell)
+    return cell.strip() if found is None else found[0]
 
 
 class Head:

@@ -21,6 +21,7 @@ __all__ = [
     "Quality",
     "digits_of",
     "flags_of",
+    "holds_modes",
     "is_number",
     "limit_flag",
     "mode_flag",
@@ -34,6 +35,7 @@ _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(inf|infinity)$"
 _SYSTEM = r"^\[-\d+\]"
 """Beginning of PI's word for an error: [-11059] No Good Data For Calculation."""
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,'’\u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?) ?([^\s\d.,'’+-].*)")
+_ONE_UNIT = "export the column in one unit"
 _WHOLE = re.compile(r"\d+\.0*")
 _PLAIN = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -88,18 +90,17 @@ def digits_of(cells: Sequence[str], label: str) -> Digits:
     for digits in shown:
         grouped = re.compile(rf"{_thousands(digits.group, digits.decimal)}|{_grouped(digits.group)}")
         rest = [cell for cell in rest if not grouped.match(cell)]
-    comma = next((cell for digits, cell in shown.items() if digits.decimal == ","), None)
-    point = next((cell for digits, cell in shown.items() if digits.decimal == "."), None)
-    comma = comma or next((cell for cell in rest if _DECIMAL_COMMA.fullmatch(cell)), None)
-    point = point or next((cell for cell in rest if "." in cell and _PLAIN.fullmatch(cell)), None)
-    if comma is not None and point is not None:
-        raise InputError(
-            f"'{comma}' and others have a decimal comma, others a decimal point",
-            file=label,
-            value=comma,
-            hint="write all numbers alike",
-        )
-    return next(iter(shown), Digits("," if comma is not None else "." if point is not None else ""))
+    commas = [cell for digits, cell in shown.items() if digits.decimal == ","]
+    commas += [cell for cell in rest if _DECIMAL_COMMA.fullmatch(cell)]
+    points = [cell for digits, cell in shown.items() if digits.decimal == "."]
+    points += [cell for cell in rest if "." in cell and _PLAIN.fullmatch(cell)]
+    if commas and points:
+        fewer = min(("comma", commas), ("point", points), key=lambda kind: len(kind[1]))
+        mark, (odd, *_) = fewer
+        usual, other = (points[0], "point") if mark == "comma" else (commas[0], "comma")
+        what = f"'{odd}' has a decimal {mark}, and others, such as '{usual}', a decimal {other}"
+        raise InputError(what, file=label, value=odd, hint="write all numbers alike")
+    return next(iter(shown), Digits("," if commas else "." if points else ""))
 
 
 def unit_of(cell: str) -> tuple[str, str] | None:
@@ -132,6 +133,18 @@ def is_number(text: str) -> bool:
     return bool(
         _PLAIN.fullmatch(text) or re.match(_SPACED, text) or any(re.match(_thousands(*p), text) for p in _PARTED)
     )
+
+
+def holds_modes(cells: Iterable[str]) -> bool:
+    """Whether cells are modes of a controller, and no numbers of a signal: words, or both 0 and 1 and nothing else.
+
+    Examples
+    --------
+    >>> holds_modes(["Auto", "", "Hand"]), holds_modes(["0", "1.0"]), holds_modes(["0", "0"]), holds_modes(["44,5"])
+    (True, True, False, False)
+    """
+    known = {word for cell in cells if (word := text_of(cell)) not in names.MISSING}
+    return known == {"0", "1"} or bool(known and not any(map(is_number, known)))
 
 
 def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits()) -> NDArray[np.float64]:
@@ -187,6 +200,8 @@ def _parse(column: pa.Array, bad_words: frozenset[str], digits: Digits) -> pa.Ar
     if pc.min(good).as_py() is False:
         at = pc.index(good, False).as_py()
         value = written[at].as_py()
+        if (of := unit_of(value)) is not None:
+            raise CellFault(at, f"'{value}' is in {of[1]}, and others of its column are not", _ONE_UNIT, value)
         hint = "write bad values as empty, NaN or Bad, or name them in bad_values"
         raise CellFault(at, f"'{value}' is not a number", hint, value)
     return pc.cast(pc.utf8_ltrim(column, "+"), pa.float64())

@@ -132,10 +132,11 @@ def test_samples_too_far_apart_or_a_single_move_of_op_show_no_gap(name: str, rea
 
 
 @pytest.mark.verify
-def test_a_gap_that_the_noise_hides_gets_a_bound_and_no_width() -> None:
+def test_a_gap_below_the_noise_of_pv_has_both_limits() -> None:
+    """It got a bound alone, however often OP went through it: 198 times each way here."""
     f = simulated(d=0.05, noise=0.06, t_end=1000, load=[(40.0 * k, 0.3 * (k % 2)) for k in range(1, 25)])
-    assert f.verdict == "at_least" and f.high is None and "noise hides" in f.reason, f.reason
-    assert f.low is not None and 0.015 < f.low < 0.05
+    assert f.verdict == "backlash" and f.low is not None and f.high is not None, f.reason
+    assert f.low < 0.05 < f.high < 0.15, repr(f)
 
 
 def walk(rate: float, h: float, t_end: float, seed: int) -> Any:

@@ -1,6 +1,6 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs what a change is most likely to break, in every language
-# make verify runs all the rest: matrices, long properties, soaks, other makers' stacks, the gallery, the browser
+# make verify runs all the rest: matrices, long properties, soaks, other makers' stacks, Spark, the gallery, the browser
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a sixth of a second
 .PHONY: run test verify check quick setup lint lint-rust lint-python rust compiled rust-checked bare embedded interop spark reader page capi wheels site bench catalogue gallery plc fuzz lock audit clean
 .DELETE_ON_ERROR:

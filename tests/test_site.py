@@ -16,9 +16,13 @@ if CHROMIUM is None:
     pytest.skip("chromium is not installed", allow_module_level=True)
 sync_api = pytest.importorskip("playwright.sync_api")
 
+# `make verify` builds the site before these tests, unless npm is missing.
+pytestmark = [
+    pytest.mark.verify,
+    pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site"),
+]
 
-@pytest.mark.verify
-@pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site")
+
 def test_a_folder_is_read_and_searched_without_a_network() -> None:
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
@@ -43,8 +47,6 @@ def test_a_folder_is_read_and_searched_without_a_network() -> None:
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
-@pytest.mark.verify
-@pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site")
 def test_the_reference_has_every_public_function() -> None:
     for page, module in (("api", glapp), ("api-laboratory", tuning), ("api-laboratory", simulate)):
         text = (SITE / f"{page}.html").read_text(encoding="utf-8")
@@ -55,8 +57,6 @@ def test_the_reference_has_every_public_function() -> None:
         assert "::</p>" not in text and "=====" not in text
 
 
-@pytest.mark.verify
-@pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site")
 def test_the_reference_has_the_defaults_of_the_code() -> None:
     """Regression: it called `kind` "PI" where it is "PID", `relay` True, and every field of a `Scenario` required."""
     text = (SITE / "api-laboratory.html").read_text(encoding="utf-8")

@@ -51,8 +51,8 @@ thresholds! {
     HIGH_OFF: f64 = 1.1, "1";
     /// LR of no gap below which an OP that swings evenly may be a load's: loads without a gap have reached 347 (loads, driven loops; ADR 31).
     LR_IF_EVEN_SWING: f64 = 500.0, "−2·ln L";
-    /// LR of no gap where the recorded cycle is the loop's own, and from which on no bootstrap is made. Own cycles of a gap have 124 and more. Loads that make the same period and swing had at most 89 in part A,
-    /// and 223 to 285 in five loops of parts B and C (ADR 32).
+    /// LR of no gap where the recorded cycle is the loop's own, and from which on no bootstrap is made. Own cycles of a gap have 124 and
+    /// more. Loads that make the same period and swing had at most 89 in part A, and 223 to 285 in five loops of parts B and C (ADR 32).
     LR_IF_CLEAR: f64 = 100.0, "−2·ln L";
     /// Travel of PV with OP within the gap, part of |Kp| times OP's travel, below which PV moves against OP. Parts C, F, G and the records that
     /// the weights are learned from, OP swings, a ratio above 60 and a lower limit above [`NEAR_LOW`]: below it 18 gaps and 1 record

@@ -359,7 +359,7 @@ def test_the_table_fits_the_terminal(demo, columns):
     assert max(map(cell_len, printed.splitlines())) <= columns
     assert sum(line.split()[:1] == ["why"] for line in printed.splitlines()) == 5
     said = " ".join(out.split())
-    assert "LIC110 swings in a smooth wave" in said
+    assert "LIC110 oscillates as a sine wave" in said
     assert "\x1b" not in out
     for page in ("README.md", "docs/index.md"):
         [quoted] = re.findall(r"^```\n(PIC305 .*?)^```", (ROOT / page).read_text("utf-8"), re.DOTALL | re.MULTILINE)
@@ -1072,7 +1072,7 @@ def test_real_loops_with_nothing_but_their_files(run):
     k, ti = cycle["controller"]["k"], cycle["controller"]["ti"]
     assert k / ti == pytest.approx(0.012 / 34, rel=0.05) and 0.012 < k < 0.015 and 34 < ti < 43
     for name in ("LIC31102B_0824", "LIC31102B_0904", "LIC31102B_1127"):
-        assert loops[name]["crossings"] == "no_estimate" and "smooth wave" in loops[name]["reason"]
+        assert loops[name]["crossings"] == "no_estimate" and "sine wave" in loops[name]["reason"]
     assert loops["FIC10104_0224"]["crossings"] == "refused" and loops["FIC10104_0224"]["reason"]
     assert loops["LIC30102_0825"]["controller"]["k"] < 0
     assert "cascade_slave" in [finding["code"] for finding in loops["FIC40102B_0825"]["quality"]]

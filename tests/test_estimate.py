@@ -259,7 +259,7 @@ def test_stiction_is_found_with_nothing_but_the_file() -> None:
 def test_a_linear_oscillation_is_no_backlash(name: str) -> None:
     result = refinery(name)
     assert (result.verdict, result.d_hat) == ("no_estimate", None)
-    assert result.reason is not None and "smooth wave" in result.reason
+    assert result.reason is not None and "sine wave" in result.reason
 
 
 @pytest.mark.slow

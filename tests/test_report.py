@@ -832,11 +832,11 @@ def test_how_sure_it_is_is_what_the_benches_measured() -> None:
     text = " ".join(words.SURE)
     [records, *_] = re.findall(r"records of every kind, (\d+) in all", measured[measured.index("## Tables") :])
     assert f"On {records} simulated recordings" in words.SURE_OF_LIMITS
-    assert {round(percent(fit[2])), round(percent(fit[5]))} == {98, 100} and "98 to 100 of 100 such intervals" in text
+    assert {round(percent(fit[2])), round(percent(fit[5]))} == {96, 98} and "96 to 98 of 100 such intervals" in text
     assert (
         f"in {round(10 * percent(fit[6]))} of 1000" in text and f"in {round(10 * percent(thesis[6]))} of 1000" in text
     )
-    assert {round(percent(fit[k])) for k in (0, 3)} == {22, 24} and "22 to 24 in 100 got a width" in text
+    assert {round(percent(fit[k])) for k in (0, 3)} == {23, 26} and "23 to 26 in 100 got a width" in text
     low, high = sorted(round(percent(thesis[k])) for k in (1, 4))
     assert f"{low} to {high} % too wide" in text
     without, claims, with_gap = int(loads[0]), int(loads[1]) + int(loads[2]), int(loads[3])

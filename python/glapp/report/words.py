@@ -83,7 +83,7 @@ METHODS: dict[str, tuple[str, ...]] = {
 }
 
 #: What a 95 % limit is.
-SURE_OF_LIMITS = "On 1104 simulated recordings of known truth 98 to 100 of 100 such intervals held the true width."
+SURE_OF_LIMITS = "On 1104 simulated recordings of known truth 96 to 98 of 100 such intervals held the true width."
 
 #: How sure the answers are, counted on the benches of docs/truth.md.
 SURE: tuple[str, ...] = (
@@ -92,8 +92,8 @@ SURE: tuple[str, ...] = (
     "Where there was no gap, the fit saw one in 4 of 1000 of the first and in 6 of 1400 of the second. Zero crossings "
     "alone would have sent somebody to the valve in 304 of 1000 of the first; their width read 39 to 74 % too wide in "
     "the median.",
-    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 22 "
-    "to 24 in 100 got a width. Several recordings of one valve show more.",
+    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 23 "
+    "to 26 in 100 got a width. Several recordings of one valve show more.",
     "Evidence is strong where a model without a gap is worse by as much as the fit requires, very strong where by more "
     "than twice as much, and weak where by half as much or more.",
     "Before work is ordered, confirm with a step test in manual: small steps up, then small steps down, and note how "

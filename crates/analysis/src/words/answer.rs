@@ -60,7 +60,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "so sound": "The valve of {name} has no dead band wider than {high:op}.";
     "so none_seen": "{name} shows no dead band, but one of up to {high:about} would not show.";
     "so likely_sound": "The valve of {name} probably has no dead band wider than {percent:number}\u{a0}% of span.";
-    "so oscillation": "{name} swings in a smooth wave that its valve does not cause.";
+    "so oscillation": "{name} oscillates as a sine wave, and its valve is not the cause.";
     "so cannot_tell": "OP and PV of {name} do not show whether the valve has a dead band.";
     "so cannot_tell contradicts": "The valve position and PV of {name} contradict each other.";
     "so cannot_tell open": "The dead band of {name}, if it has one, is about {d:about}.";

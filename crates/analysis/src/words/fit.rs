@@ -51,7 +51,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "backlash": "dead band of {d:op}: ", evidence!(), often!();
     "backlash gap_and_more": "dead band of {d:op}: ", evidence!(), often!(),
         "; where the valve turns, PV strays from what a gap alone would do";
-    "stiction": "the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!(), often!();
+    "stiction": "the valve sticks and jumps by {jump:op}, without a gap: ", evidence!(), often!();
     "both": "dead band of {d:op}, and jumps of {jump:op}: ", evidence!(),
         ", and a gap without jumps less well (by {lr_no_jump:.0f})", often!();
     "at_least": "dead band of at least {low:op}: ", evidence!(), often!(),

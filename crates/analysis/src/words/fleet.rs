@@ -19,7 +19,7 @@ const HINDRANCES: &[(&str, &str)] = sentences! {
 };
 
 const HELPS: &[(&str, &str)] = sentences! {
-    "no_op": "Record OP beside PV: without it only a step test can judge the valve.";
+    "no_op": "Record OP as well as PV: without it only a step test can judge the valve.";
     "compression":
         "Switch compression and exception reporting off for these tags, or set their band to the last digit.";
     "sampling": "Record faster: five samples at least while PV answers OP.";

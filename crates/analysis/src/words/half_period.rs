@@ -30,7 +30,7 @@ const MEANINGS: &[(&str, &str)] = sentences! {
         "e_max is not below 2·Δy (5.2): the error is peaked or noisy, where a dead band gives a near-square shape";
     "uneven": "Δy differs too much from that of the half-period before it (5.4)";
     "sp_moved": "the setpoint moved by more than Δy (5.5)";
-    "too_small": "Δt is below the bound (5.1): the deviation is small beside what the estimate so far would give";
+    "too_small": "Δt is below the bound (5.1): the deviation is small compared with what the estimate so far would give";
 };
 
 const REMEDIES: &[(&str, &str)] = sentences! {
@@ -41,7 +41,7 @@ const REMEDIES: &[(&str, &str)] = sentences! {
     "saturated": "Record at a load where the valve is away from its limits.";
     "too_short":
         "Nothing to measure here. If it oscillates, check tuning and load. Only a step test can judge the valve.";
-    "not_square": "A smooth wave points to the tuning or to a load that oscillates rather than to the valve.";
+    "not_square": "A sine wave points to the tuning or to a load that oscillates rather than to the valve.";
     "uneven": "The load changes, or the two sides of the cycle differ. Record for longer, and while the load is calm.";
     "sp_moved": "Record at a fixed setpoint. For a cascade slave, put the master in manual while recording.";
     "too_small": "Mostly noise around the setpoint. A longer recording may hold clearer half-periods.";

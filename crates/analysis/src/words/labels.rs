@@ -14,8 +14,8 @@ pub(super) const TERM: Subject = Subject { name: "term", sentences: TERMS, varia
 const TERMS: &[(&str, &str)] = sentences! {
     "likelihood": "how much better a gap explains PV than none";
     "traversals": "how often OP crossed the gap";
-    "width": "how wide the gap is beside OP's moves";
-    "noise": "how far the gap moves PV beside its noise";
+    "width": "how wide the gap is compared with OP's range";
+    "noise": "how far the gap moves PV compared with its noise";
     "limit": "how closely the width is known";
     "plateau": "whether PV stands still while OP crosses the gap";
     "process": "how far a load undoes what the valve does";
@@ -48,11 +48,11 @@ const STRENGTHS: &[(&str, &str)] =
 /// Meaning of each verdict.
 const MEANINGS: &[(&str, &str)] = sentences! {
     "backlash": "OP and PV show a gap and its width. The valve does not follow OP until OP has crossed it.";
-    "stiction": "the valve sticks and then jumps. There is no gap beside it.";
+    "stiction": "the valve sticks and then jumps. It has no gap.";
     "both": "there is a gap, and the valve jumps when it breaks loose.";
     "at_least": "there is a gap, and only a lower limit of its width: OP did not move far enough.";
     "sound": "no gap wider than the limit that is given. A narrower one may be there.";
-    "oscillation": "the loop swings in a smooth wave, and its valve is not the cause. A gap beside it does not show.";
+    "oscillation": "the loop oscillates as a sine wave, and its valve is not the cause. A gap, if there is one, does not show.";
     "cannot_tell":
         "a valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean \
          that all is well.";

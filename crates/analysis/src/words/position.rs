@@ -32,7 +32,7 @@ macro_rules! told {
 
 const SENTENCES: &[(&str, &str)] = told! {
     "backlash", concat!("dead band of {d:op}: ", evidence!());
-    "stiction", concat!("the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!());
+    "stiction", concat!("the valve sticks and jumps by {jump:op}, without a gap: ", evidence!());
     "both", concat!("dead band of {d:op}, and jumps of {jump:op}: ", evidence!());
     "at_least", concat!("dead band of at least {low:op}: ", evidence!(), ", too seldom to tell how much wider it is");
     "sound", "no dead band wider than {high:op} (95 %): the position follows each turn of OP";

@@ -102,8 +102,10 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "span current": "OP stays between {low:.4g} and {high:.4g}, as a current of 4 to 20 mA does, and as a percentage \
          does where the valve is hardly open, so its unit is left open: write op_span = [4, 20] (--op-span 4 20) for \
          mA, op_span = [0, 100] (--op-span 0 100) for per cent";
-    "not_auto": "the loop is not in auto in {share:share} of the rows, which are not used: take a time in auto, or \
-         check which mode values mean auto";
+    "not_auto all": "no row is in auto: zero crossings need auto, the fit of OP and PV also reads rows in manual; if \
+         the loop was in auto, check which mode values mean auto";
+    "not_auto": "the loop is not in auto in {share:share} of the rows: zero crossings leave them out, the fit of OP and \
+         PV reads them too; if the loop was in auto, check which mode values mean auto";
     "at_limit": "OP is at its low limit in {at_low:share} and at its high limit in {at_high:share} of the rows, \
          which are not used: take a time in which the valve has room to move";
     "no_sp": "SP is not recorded: the gap is fitted from OP and PV, and a step test can be read; zero crossings, \
@@ -154,8 +156,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "output_dead_band": "OP rests in {rests:share} of the steps and otherwise jumps by at least {jump:.3g} \
          {op_unit}, so the controller has an output dead band, which adds to the valve's: write output_dead_band in \
          the settings";
-    "sinusoidal": "the error is a smooth wave of period {period_s:seconds}, which the tuning or a disturbance makes \
-         and no dead band; one beside it does not show: check the tuning, or look for a disturbance from elsewhere \
+    "sinusoidal": "the error is a sine wave of period {period_s:seconds}, as the tuning or a disturbance makes one and \
+         no dead band does; a dead band, if there is one, does not show: check the tuning, or look for a disturbance from elsewhere \
          ({spectral_share:share} of its power at one frequency, peak to mean {peak_to_mean:.2f} against 1.57; \
          half-periods of {half_s:seconds}, shorter than 5 Ti, {limit_s:seconds})";
     "kp_assumed": "Kp is not given and taken as 1.5 %/%, that is {kp:size} {pv_unit} per {op_unit}: it takes \
@@ -168,6 +170,7 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
     let one = match code {
         "time_assumed" => n.word("severity"),
         "gaps" => counts(n.number("count") == Some(1.0), "one"),
+        "not_auto" => counts(n.number("share") == Some(1.0), "all"),
         "own_times" => counts(n.number("rows") != n.number("pv_rows"), "joined"),
         "time_reversed" | "time_repeated" | "compressed_pv" | "span" => n.word("looks_like"),
         "not_a_number" => counts(n.number("rows") == n.number("of"), "all"),

@@ -128,7 +128,7 @@ fn how_probable_a_gap_is_ends_a_sentence_that_leaves_it_open() {
         likely.why[1..4],
         [
             "The probability of a dead band is 84\u{a0}%, of one wider than 1\u{a0}% of span 60\u{a0}%, if 25\u{a0}% of the plant's valves have one.",
-            "For a dead band: how much better a gap explains PV than none (odds × 4.06), how far the gap moves PV beside its \
+            "For a dead band: how much better a gap explains PV than none (odds × 4.06), how far the gap moves PV compared with its \
              noise (odds × 1.99).",
             "Against it: whether PV stands still while OP crosses the gap (odds × 0.497).",
         ]

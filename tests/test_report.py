@@ -27,7 +27,7 @@ from glapp.loop import Loop
 from glapp.quality import Finding
 from glapp.report import figures, html, words
 from glapp.report.figures import loop_figure, phase_figure
-from glapp.report.fit_figure import loop_figures, trend_figure
+from glapp.report.fit_figure import fit_figure, loop_figures, trend_figure
 from glapp.report.html import write_report
 from glapp.report.view import LoopView, bar
 from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings, Verdict, decide
@@ -814,6 +814,20 @@ def test_a_width_stands_in_op_units_and_in_percent_of_span(worn: Result, tmp_pat
     assert words.of_span(replace(worn, fit=Fit("backlash", "", "%", 2.0, 1.5, 3.0))) == "", "said already"
     [file] = write_report([milliamperes], tmp_path / "report.html")
     assert "5\xa0% of span (2.50\xa0to\xa07.50)" in "".join(parsed(file).text)
+
+
+def test_the_likelihood_of_a_sound_valve_fills_its_picture(worn: Result) -> None:
+    """Regression: the axis reached to the ratio that every move of OP asks for, 2600, and the line lay flat below 200."""
+    widths = np.linspace(0, 4, 21)
+    family = {"lags": 2, "integrating": False, "noise": "both", "delta_deviance": 0.0, "profile": (widths, 50 * widths)}
+    rows = np.arange(5.0)
+    drawn = {"t": rows, "pv": rows, "predicted": rows}
+    best = {"candidates": [family], "rise": 8.0, "range": 4.0, "signal": "PV", **drawn}
+    sound = Fit("sound", "", "%", 0.0, 0.0, 0.4, lr_no_gap=0.0, lr_needed=2648.5, best=best)
+    figure = fit_figure(replace(worn, fit=sound))
+    assert figure.layout.yaxis.range[1] == pytest.approx(1.3 * 50 * 2.4)
+    [shaded] = [shape for shape in figure.layout.shapes if shape.type == "rect"]
+    assert (shaded.x0, shaded.x1) == (0.0, 0.4)
 
 
 def test_how_sure_it_is_is_what_the_benches_measured() -> None:

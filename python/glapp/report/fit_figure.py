@@ -191,10 +191,11 @@ def fit_figure(result: Result) -> go.Figure:
             row=1,
             col=1,
         )
-    if f.low is not None and f.found:
+    if f.low is not None and (f.found or f.verdict == "sound"):
         high = f.high if f.high is not None else f.best["range"]
         figure.add_vrect(x0=f.low, x1=high, fillcolor=POINT, opacity=0.14, line_width=0, row=1, col=1)
-    top = float(max(np.quantile(f.best["candidates"][0]["profile"][1], 0.6), f.lr_needed or 0.0, 12.0))
+    needed = f.lr_needed if f.found and f.lr_needed is not None else 0.0  # of no width it is that of every move of OP
+    top = float(max(np.quantile(f.best["candidates"][0]["profile"][1], 0.6), needed, 12.0))
     figure.update_xaxes(
         title={"text": f"width of the gap [{unit}]", "standoff": 4}, range=[0, f.best["range"]], row=1, col=1
     )

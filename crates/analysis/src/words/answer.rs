@@ -68,7 +68,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
         "The dead band of {name}, if it has one, is about {d:about}, at most {high:about}.";
     "so cannot_tell open weak":
         "The dead band of {name}, if it has one, is about {d:about} ({low:number} to {high:number}).";
-    "so cannot_tell open up_to": "{name} may have a dead band of up to {high:about}, or none.";
+    "so cannot_tell open up_to": "{name} shows no dead band, but one of up to {high:about} is not ruled out.";
     "so cannot_tell misfit": "No model of the loop explains PV of {name}.";
     "so cannot_tell coarse": "{name} may have a dead band of about {d:about}, but it is recorded too seldom to tell.";
     "so cannot_tell windows_disagree":

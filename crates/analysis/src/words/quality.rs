@@ -106,8 +106,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
          the loop was in auto, check which mode values mean auto";
     "not_auto": "the loop is not in auto in {share:share} of the rows: zero crossings leave them out, the fit of OP and \
          PV reads them too; if the loop was in auto, check which mode values mean auto";
-    "at_limit": "OP is at its low limit in {at_low:share} and at its high limit in {at_high:share} of the rows, \
-         which are not used: take a time in which the valve has room to move";
+    "at_limit": "OP is at its low limit in {at_low:share} and at its high limit in {at_high:share} of the rows: zero \
+         crossings leave them out, the fit of OP and PV reads them too; take a time in which the valve has room to move";
     "no_sp": "SP is not recorded: the gap is fitted from OP and PV, and a step test can be read; zero crossings, \
          the controller's K and Ti and the width that a PLC would show need SP";
     "no_op": "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP";

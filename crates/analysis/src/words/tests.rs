@@ -208,7 +208,7 @@ fn what_cannot_be_told_says_what_is_probable() {
     let bound = texts_for(with(open.clone(), json!({"high": 5.0})));
     assert_eq!(bound.so, "The dead band of FIC1, if it has one, is about 4.0\u{a0}%, at most 5\u{a0}%.");
     let next_to_none = texts_for(with(open, json!({"high": 50.0})));
-    assert_eq!(next_to_none.so, "FIC1 may have a dead band of up to 50\u{a0}%, or none.");
+    assert_eq!(next_to_none.so, "FIC1 shows no dead band, but one of up to 50\u{a0}% is not ruled out.");
     let refused = json!({
         "verdict": "refused", "valve": "refused", "next": {"code": "correct"},
         "crossings": {"verdict": "refused", "reason": "OP stays at 20 % over the whole recording."},

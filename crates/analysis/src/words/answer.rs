@@ -10,7 +10,7 @@ pub(super) const SUBJECT: Subject = Subject { name: "answer", sentences: SENTENC
 const FEW: i64 = 3;
 
 /// Share of the upper limit below which a most likely width is next to none, and not called probable.
-const NEXT_TO_NONE: f64 = 0.1;
+pub(super) const NEXT_TO_NONE: f64 = 0.1;
 
 macro_rules! interval {
     () => {

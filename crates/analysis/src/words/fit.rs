@@ -1,6 +1,7 @@
 //! Texts on the valve by OP and PV: `fit.` and the verdict, worded by the reason; `unfit.` why nothing was fitted;
 //! `left_out.` why a recording does not count in the joint answer.
 
+use super::answer::NEXT_TO_NONE;
 use super::{Numbers, Subject, plain};
 
 pub(super) const SUBJECT: Subject = Subject { name: "fit", sentences: SENTENCES, variants };
@@ -101,6 +102,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "cannot_tell families_disagree": would!(), "other models of the loop explain the data nearly as well with a far \
          narrower one", longer!();
     "cannot_tell as_well": "a valve without a gap explains the data as well as one with {d:op}", longer!();
+    "cannot_tell as_well none": "a valve without a gap explains the data best, and one of up to {high:op} is not ruled out",
+        longer!();
     "cannot_tell as_well bound":
         "a valve without a gap explains the data as well as one with {d:op}; at most {high:.3g}",
         longer!();
@@ -136,7 +139,12 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
             let shared = if n.flag("shared") { "shared" } else { "" };
             let none_fits = n.number("lr_no_gap").is_some_and(|ratio| ratio < EXCLUDED);
             let open = if none_fits { "as_well" } else { "may_be" };
-            let bound = if n.has("high") { " bound" } else { "" };
+            let next_to_none = n.number("d").zip(n.number("high")).is_some_and(|(d, high)| d < NEXT_TO_NONE * high);
+            let bound = match n.has("high") {
+                true if none_fits && next_to_none => " none",
+                true => " bound",
+                false => "",
+            };
             let seldom = if n.has("enough") { "seldom" } else { "" };
             vec![
                 format!("{reason} {seldom}"),

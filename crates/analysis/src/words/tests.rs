@@ -220,6 +220,27 @@ fn what_cannot_be_told_says_what_is_probable() {
 }
 
 #[test]
+fn a_width_next_to_none_is_not_compared_with_none() {
+    let numbers = |d: f64| {
+        let all = [("d", d), ("high", 0.482), ("lr_no_gap", 0.5), ("lr_needed", 15.0)];
+        let mut all: BTreeMap<String, Value> = all.map(|(name, x)| (name.into(), Value::Number(x))).into();
+        all.insert("reason".into(), Value::Word("may_be_a_gap".into()));
+        text("fit.cannot_tell", &all, &Reader { op_unit: "%".into(), ..Reader::default() }).unwrap()
+    };
+    let longer = ". Record for longer, or while OP moves further";
+    assert_eq!(
+        numbers(0.0),
+        format!(
+            "a valve without a gap explains the data best, and one of up to 0.482\u{a0}%OP is not ruled out{longer}"
+        )
+    );
+    assert_eq!(
+        numbers(0.2),
+        format!("a valve without a gap explains the data as well as one with 0.200\u{a0}%OP; at most 0.482{longer}")
+    );
+}
+
+#[test]
 fn what_to_record_follows_from_why_it_cannot_be_told() {
     use serde_json::json;
     let open = |why: &str, more: serde_json::Value| {

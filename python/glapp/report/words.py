@@ -56,8 +56,8 @@ VALVES = _catalogue_of("valve")
 #: How soon something is to be done.
 URGENCIES = _catalogue_of("urgency")
 
-#: What each verdict means.
-MEANINGS = _catalogue_of("meaning")
+#: What each verdict means, and what is shown in its place.
+MEANINGS = {(VERDICTS | LIKELY)[code]: meaning for code, meaning in _catalogue_of("meaning").items()}
 
 #: What each method is and is not.
 METHODS: dict[str, tuple[str, ...]] = {
@@ -95,7 +95,7 @@ SURE: tuple[str, ...] = (
     "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 23 "
     "to 26 in 100 got a width. Several recordings of one valve show more.",
     "Evidence is strong where a model without a gap is worse by as much as the fit requires, very strong where by more "
-    "than twice as much, and weak where by half as much or more.",
+    "than twice as much. It is weak where by half as much or more, or where a gap is likely by all evidence together.",
     "Before work is ordered, confirm with a step test in manual: small steps up, then small steps down, and note how "
     "far OP travels before PV moves. Stiction and backlash look alike in most recordings.",
 )

@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
-from ..report.words import MEANINGS, count, number, sentence
+from ..report.words import MEANINGS, VERDICTS, count, number
 from ..service.options import NIGHT
 from .one_loop import OneLoop
 from .pages import described, heading, moment
@@ -65,7 +65,7 @@ class AnswerCard:
         if answer is None:
             so = status.get("why", "")
         else:  # an answer that an older version stored has no sentence of its own
-            so = answer.get("so") or sentence(MEANINGS.get(answer["verdict"], ""))
+            so = answer.get("so") or MEANINGS.get(VERDICTS.get(answer["verdict"], ""), "")
         self.so.set_text(so)
         progress = view.progress(name)
         self.todo.set_text(answer["next"]["text"] if answer is not None else view.todo(name))

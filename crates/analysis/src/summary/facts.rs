@@ -211,7 +211,7 @@ impl FitFacts {
         match self.verdict {
             verdict if verdict.found() && over > VERY => Evidence::VeryStrong,
             verdict if verdict.found() => Evidence::Strong,
-            FitVerdict::CannotTell if over * VERY > 1.0 => Evidence::Weak,
+            FitVerdict::CannotTell if over * VERY > 1.0 || self.judged().tells() => Evidence::Weak,
             _ => Evidence::None,
         }
     }

@@ -188,6 +188,13 @@ fn what_is_likely_has_its_width_and_asks_for_a_step_test() {
     let wide = likely(5.0, Some(6.0));
     assert_eq!((wide.verdict, wide.valve), (One::Fit(FitVerdict::CannotTell), Valve::Unknown));
     assert_eq!((wide.confidence, wide.cause), (Confidence::Likely, Some(Cause::DeadBand)));
+    let weak =
+        FitFacts { lr_no_gap: Some(16.0), lr_needed: Some(100.0), ..judged(FitConfidence::Likely, None, 3.0, None) };
+    assert_eq!(
+        of(Verdict::Refused, None, Some(weak)).evidence,
+        Some(Evidence::Weak),
+        "likely by all evidence together"
+    );
     assert_eq!((wide.width, wide.low, wide.high), (Some(5.0), Some(5.0), Some(6.0)));
     assert_eq!((wide.next.step, wide.urgency, wide.health), (Next::Confirm, Urgency::Medium, Health::Normal));
     assert_eq!((wide.compensable, wide.oscillates), (None, true), "nobody compensates what is only likely");

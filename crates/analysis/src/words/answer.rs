@@ -107,6 +107,7 @@ const SENTENCES: &[(&str, &str)] = sentences! {
     "likely_sound": "Likely sound";
     // The one width that a list shows, in OP units and in % of span.
     "headline": "{width:op}";
+    "headline unsure": "about {width:about}";
     "headline at_least": "> {low:op}";
     "headline sound": "< {high:op}";
     "headline limits": "{low:number} to {high:op}";
@@ -619,6 +620,7 @@ pub fn texts_of(facts: &AnswerFacts, reader: &Reader) -> Result<AnswerTexts, Tex
 fn headline(facts: &AnswerFacts, scale: f64, reader: &Reader) -> Result<String, TextError> {
     let code = match (facts.verdict.as_str(), facts.width, facts.low, facts.high) {
         (_, None, None, None) => return Ok(String::new()),
+        (_, Some(_), None, None) if facts.width_kind.as_deref() == Some("unsure") => "headline unsure",
         (_, _, None, None) => "headline",
         ("at_least", ..) | (_, Some(_), Some(_), None) => "headline at_least",
         ("sound", ..) => "headline sound",

@@ -45,19 +45,21 @@ const URGENCIES: &[(&str, &str)] = &[("high", "Now"), ("medium", "Next round"), 
 const STRENGTHS: &[(&str, &str)] =
     &[("none", "none"), ("weak", "weak"), ("strong", "strong"), ("very_strong", "very strong")];
 
-/// Meaning of each verdict.
+/// Meaning of each verdict, and of what is shown in its place.
 const MEANINGS: &[(&str, &str)] = sentences! {
     "backlash": "OP and PV show a gap and its width. The valve does not follow OP until OP has crossed it.";
-    "stiction": "the valve sticks and then jumps. It has no gap.";
-    "both": "there is a gap, and the valve jumps when it breaks loose.";
-    "at_least": "there is a gap, and only a lower limit of its width: OP did not move far enough.";
-    "sound": "no gap wider than the limit that is given. A narrower one may be there.";
-    "oscillation": "the loop oscillates as a sine wave, and its valve is not the cause. A gap, if there is one, does not show.";
+    "stiction": "The valve sticks and then jumps. It has no gap.";
+    "both": "There is a gap, and the valve jumps when it breaks loose.";
+    "at_least": "There is a gap, and only a lower limit of its width: OP did not move far enough.";
+    "likely": "There is probably a gap. A step test confirms it before work is planned.";
+    "likely_sound": "A gap wider than is acceptable is improbable.";
+    "sound": "No gap wider than the limit that is given. A narrower one may be there.";
+    "oscillation": "The loop oscillates as a sine wave, and its valve is not the cause. A gap, if there is one, does not show.";
     "cannot_tell":
-        "a valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean \
+        "A valve with a gap explains the data, and one without a gap does too; or no model does. It does not mean \
          that all is well.";
-    "estimate": "nothing was fitted. At least N detections of the zero crossings stand behind the width.";
-    "provisional": "nothing was fitted. Fewer than N detections stand behind the width, and it may still move.";
-    "no_estimate": "nothing was fitted, and no half-period could be measured.";
-    "refused": "data or settings do not allow an analysis. The reason is named.";
+    "estimate": "Nothing was fitted. At least N detections of the zero crossings stand behind the width.";
+    "provisional": "Nothing was fitted. Fewer than N detections stand behind the width, and it may still move.";
+    "no_estimate": "Nothing was fitted, and no half-period could be measured.";
+    "refused": "Data or settings do not allow an analysis. The reason is named.";
 };

@@ -198,6 +198,13 @@ fn an_answer_has_three_parts() {
 }
 
 #[test]
+fn a_list_does_not_show_an_uncertain_width_as_a_sure_one() {
+    use serde_json::json;
+    let none = json!({"low": null, "high": null, "confidence": "likely", "width_kind": "unsure"});
+    assert_eq!(texts_for(with(gap(), none)).headline, "about 4.0\u{a0}%");
+}
+
+#[test]
 fn what_cannot_be_told_says_what_is_probable() {
     use serde_json::json;
     let open = json!({

@@ -926,10 +926,24 @@ def reference() -> str:
     return (head + "".join(filled)).replace("{errors}", errors())
 
 
+# Pages of the documentation that each package has, and their names there.
+PAGES = {"plc.md": "plc.md", "plc-blocks.md": "blocks.md", "compensation.md": "compensation.md"}
+
+
+def offline(text: str) -> str:
+    """A page with links to the pages of the package and to pictures; of other links the words alone."""
+
+    def link(found: re.Match[str]) -> str:
+        page = PAGES.get(found[2].split("#")[0])
+        return f"[{found[1]}]({page})" if page else found[1]
+
+    return re.sub(r"(?<!!)\[([^\]]+)\]\(([^)]+)\)", link, text)
+
+
 def archive(path: Path, folders: list[Path], out: Path) -> None:
     """The files of some folders and what belongs to every package, the same bytes each time."""
     files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
-    files += [out / name for name in ("README.md", "LICENSE", "plc.md", "blocks.md")]
+    files += [out / name for name in ("README.md", "LICENSE", *PAGES.values())]
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
         for file in files:
             one = zipfile.ZipInfo(file.relative_to(out).as_posix(), (1980, 1, 1, 0, 0, 0))
@@ -944,10 +958,10 @@ def main(out: Path) -> None:
     out.mkdir(parents=True)
     shutil.copyfile(HERE / "packages" / "README.md", out / "README.md")
     shutil.copyfile(HERE.parent / "LICENSE", out / "LICENSE")
-    guide = (HERE.parent / "docs/plc.md").read_text(encoding="utf-8").replace("../plc/example/", "example/")
-    for name, text in (("plc.md", guide), ("blocks.md", reference())):
-        # Links lead to other pages of the documentation, which are not in the packages; pictures are.
-        (out / name).write_bytes(re.sub(r"(?<!!)\[([^\]]+)\]\([^)]+\)", r"\1", text).encode())
+    for page, name in PAGES.items():
+        source = HERE.parent / "docs" / page
+        text = reference() if name == "blocks.md" else source.read_text(encoding="utf-8")
+        (out / name).write_bytes(offline(text.replace("../plc/example/", "example/")).encode())
     libraries = {build: library(build) for build in BUILDS}
     for target, writer in TARGETS.items():
         for build, units in libraries.items():

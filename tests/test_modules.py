@@ -403,6 +403,42 @@ def test_after_compensation_the_detector_shows_what_is_left(inside: bool) -> Non
     assert 1.85 < loop[f"{name}.whole"] < 2.1
 
 
+def test_a_bad_setpoint_and_a_scan_without_time_leave_u_ff_in_force_as_the_table_of_safety_says() -> None:
+    """The page had it that a bad SP takes u_FF away in every module."""
+    pid = PidAdvanced(k=2.0, ti=2.0, tf=0.2, low=0, high=100, start=50.0, comp_size=1.0, comp_way=Way.ERROR)
+    valve = {"valve": Output()}
+    inside = Graph(
+        0.1, {"sp": Input(), "pv": Input(), "pid": pid, **valve}, ["sp -> pid.sp", "pv -> pid.pv", "pid -> valve"]
+    )
+    given = BacklashDetection(k=2.0, ti=2.0, op_low=0, op_high=100, comp_size=1.0, comp_way=Way.ERROR)
+    signals = {name: Input() for name in ("sp", "pv", "flags", "op")}
+    wires = [*(f"{name} -> pid.{name}" for name in signals), "pid -> valve"]
+    next_to_it = Graph(0.1, {**signals, "pid": given, **valve}, wires)
+    good = {"sp": 50.0, "pv": 49.0}
+    for loop, more in ((inside, {}), (next_to_it, {"op": 50.0})):
+        loop["pid.compensate"] = 1
+        for pv in [49.0] * 20 + [51.0] * 20 + [49.0] * 20:
+            loop.scan(sp=50.0, pv=pv, **more)
+        assert (loop["pid.standing"], loop["pid.u_ff"]) == (0.0, 0.5)
+        loop.scan(h=0.0, **good, **more)
+        assert (loop["pid.standing"], loop["pid.u_ff"]) == ((2.0, 0.0) if loop is inside else (0.0, 0.5))
+        for pv in [51.0] * 20 + [49.0] * 20:
+            loop.scan(sp=50.0, pv=pv, **more)
+        loop.scan(sp=math.nan, pv=49.0, **more)
+        assert loop["pid.standing"] == (0.0 if loop is inside else 3.0)
+        assert loop["pid.error"] == (Flag.BAD_SP if loop is inside else 0.0)
+
+
+@pytest.mark.parametrize(("mode", "some"), [(Mode.EXTERNAL, True), (Mode.AUTO, False)])
+def test_a_detection_next_to_a_pid_counts_where_the_pid_follows_its_setpoint(mode: Mode, some: bool) -> None:
+    """By an SP of its own, which the detection does not see, every half-period is not in automatic."""
+    loop = system_of_6_5(1, 0.2, inside=False)
+    loop["pid.mode"] = mode
+    loop.run(500, load=LOAD[:5000])
+    assert (loop["watch.detections"] > 0) == some
+    assert loop["watch.standing"] == 1.0
+
+
 @pytest.mark.parametrize(("size", "in_force"), [(4.0, (1.6, 2.1)), (1.0, (1.0, 1.0))])
 def test_the_online_estimate_lowers_a_size_that_is_too_large_and_never_raises_one(
     size: float, in_force: tuple[float, float]

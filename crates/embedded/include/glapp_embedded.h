@@ -91,7 +91,9 @@ typedef struct { uint64_t memory[64]; } glapp_pid_f64;
     int32_t glapp_compensation_defaults_##suffix(real k, real ti, real size, glapp_compensation_settings_##suffix *settings);        \
     int32_t glapp_compensation_begin_##suffix(glapp_compensation_##suffix *compensation,                                             \
                                               const glapp_compensation_settings_##suffix *settings);                                 \
-    /* e = SP - PV; u: OP without u_ff; d_hat: on-line estimate of the whole gap, NaN: none. Off while enable is 0; enable counts     \
+    /* e = SP - PV; u: OP without u_ff; d_hat: on-line estimate of the whole gap, NaN: none. The detector's width is the whole gap   \
+     * only while u_ff is 0, then what is left of it. So give the width of the sample before enable, or always NaN: one that was     \
+     * there and is NaN takes u_ff to 0 (standing 7). Off while enable is 0; enable counts                                           \
      * once it has been 0, so that compensation does not begin by itself after a power cut. u_ff is to be                             \
      * added to the output in the next scan. Gives the standing: 0 active, else why not (docs/catalogue.md, "standings"). */         \
     int32_t glapp_compensation_update_##suffix(glapp_compensation_##suffix *compensation, real h, real e, real u, real d_hat,        \

@@ -554,7 +554,7 @@ pub unsafe extern "C" fn glapp_text(
 
 /// Parses a text of JSON.
 fn json<'a, T: serde::Deserialize<'a>>(text: &'a str, name: &str) -> Result<T, CallError> {
-    serde_json::from_str(text).map_err(|error| CallError::new(BAD_TEXT, format!("{name}: {error}")))
+    serde_json::from_str(text).map_err(|error| CallError::refused(format!("{name}: {error}")))
 }
 
 /// Analyses a recording; the answer document is a text in JSON.

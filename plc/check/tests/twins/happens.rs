@@ -168,6 +168,35 @@ fn runs<R: Number>() {
             assert!((both.controller.get("Output").unwrap() - both.held).abs() < 0.1);
         }
     }
+    // Restart while a setting is refused: u_FF of before does not stay at another maker's feed-forward.
+    let mut foreign = Instance::new(R::library(), "GlappForeignDetection").unwrap();
+    let pins = [
+        ("Enable", 1.0),
+        ("H", 1.0),
+        ("Sp", 50.0),
+        ("Op", 50.0),
+        ("Settings.Detector.K", 1.0),
+        ("Settings.Detector.Ti", 20.0),
+        ("Settings.Compensates", 1.0),
+        ("Settings.Compensation.Way", 1.0),
+        ("Settings.Compensation.Size", 2.0),
+    ];
+    for (pin, value) in pins {
+        foreign.set(pin, value).unwrap();
+    }
+    for scan in 0..40 {
+        foreign.set("Pv", if (5..20).contains(&scan) { 51.0 } else { 49.0 }).unwrap();
+        foreign.set("Compensate", f64::from(u8::from(scan > 0))).unwrap();
+        foreign.call().unwrap();
+    }
+    assert_eq!(foreign.get("UFf").unwrap(), 1.0);
+    foreign.set("Settings.Detector.K", 0.0).unwrap();
+    for restart in [1.0, 0.0] {
+        foreign.set("Restart", restart).unwrap();
+        foreign.call().unwrap();
+        let told = ["UFf", "Compensating.Standing", "ErrorID"].map(|pin| foreign.get(pin).unwrap());
+        assert_eq!(told, [0.0, 1.0, 1.0]);
+    }
 }
 
 in_both!(lreal, real: runs);

@@ -17,15 +17,19 @@ impl Summary {
     /// The answer by the fit.
     pub(super) fn of_fit(facts: &Facts, fit: &FitFacts) -> Self {
         let judged = fit.judged();
-        let likely_sound = facts.judged(Some(0.0), fit.narrow_if_any()) == Some(Acceptable::Within);
-        let (low, high) = if likely_sound { (Some(0.0), fit.high) } else { fit.interval() };
+        let limit = facts.limit();
+        let improbable_above = limit.and_then(|limit| limit.width).filter(|width| fit.likely_sound(*width));
+        let likely_sound = improbable_above.is_some();
+        let (low, high) = match improbable_above {
+            Some(width) => (Some(0.0), Some(fit.high.map_or(width, |high| high.min(width)))),
+            None => fit.interval(),
+        };
         let width = match (judged.confidence, judged.width_kind) {
             _ if fit.verdict == FitVerdict::Oscillation => None,
             (FitConfidence::Found | FitConfidence::Likely, Some(WidthKind::Bound)) => low,
             (FitConfidence::Found | FitConfidence::Likely, _) => fit.d,
             _ => None,
         };
-        let limit = facts.limit();
         let acceptable = facts.judged(width.and(low), high);
         let open = facts.judged(low, high);
         let confidence = fit.confidence(likely_sound, open == Some(Acceptable::Within));

@@ -113,24 +113,36 @@ fn a_valve_is_sound_by_a_limit_and_else_none_is_seen() {
 }
 
 #[test]
-fn a_valve_is_probably_sound_where_all_that_stays_open_is_acceptable() {
-    let open = |why: &str, high, span| {
-        let fit = FitFacts { why: why.into(), ..fit(FitVerdict::CannotTell, 0.0, high) };
-        Summary::of(&Facts { fit: Some(fit), span, ..Facts::default() })
+fn a_valve_is_probably_sound_where_a_dead_band_that_matters_is_improbable() {
+    // A dead band is wider than 0.5 in half of all cases, and than 1 in one of a hundred.
+    let weighed = |p: f64| {
+        let log_bayes_factor = (p / (1.0 - p)).ln() - (USUAL_PRIOR / (1.0 - USUAL_PRIOR)).ln();
+        Some(Weighed { log_bayes_factor, terms: Terms::default(), wider: vec![(0.5, 0.5), (1.0, 0.01), (2.0, 0.0)] })
     };
-    let likely = open("may_be_a_gap", Some(0.9), Some(100.0));
+    let open = |why: &str, p, acceptable, span| {
+        let fit = FitFacts { why: why.into(), weighed: weighed(p), ..fit(FitVerdict::CannotTell, 0.0, Some(1.4)) };
+        Summary::of(&Facts { fit: Some(fit), span, acceptable, ..Facts::default() })
+    };
+    let likely = open("may_be_a_gap", 0.2, None, Some(100.0));
     assert_eq!((likely.confidence, likely.valve), (Confidence::LikelySound, Valve::Unknown));
-    assert_eq!((likely.low, likely.high, likely.width), (Some(0.0), Some(0.9), None));
+    assert_eq!((likely.low, likely.high, likely.width), (Some(0.0), Some(1.0), None));
     assert_eq!((likely.acceptable, likely.width_kind), (None, Some(WidthKind::Bound)));
     assert_eq!((likely.next.step, likely.urgency), (Next::Review, Urgency::None));
     assert_eq!((likely.compensable, likely.health), (None, Health::Normal));
+    let wider = open("may_be_a_gap", 0.2, Some(2.0), Some(100.0));
+    assert_eq!(
+        (wider.confidence, wider.high),
+        (Confidence::LikelySound, Some(1.4)),
+        "the limit of the fit is the lower one"
+    );
     for silent in [
-        open("may_be_a_gap", Some(1.1), Some(100.0)),
-        open("may_be_a_gap", Some(0.9), None),
-        open("may_be_a_gap", None, Some(100.0)),
+        open("may_be_a_gap", 0.2, Some(0.9), Some(100.0)),
+        open("may_be_a_gap", 0.2, None, None),
+        // All evidence makes a dead band more probable than usual, however narrow it may be.
+        open("may_be_a_gap", 0.26, None, Some(100.0)),
         // The limits are those of a rejected model, or a load that swings hides a wider one.
-        open("misfit", Some(0.9), Some(100.0)),
-        open("repeats", Some(0.9), Some(100.0)),
+        open("misfit", 0.2, None, Some(100.0)),
+        open("repeats", 0.2, None, Some(100.0)),
     ] {
         assert_eq!((silent.confidence, silent.next.step), (Confidence::CannotTell, Next::RecordMore));
     }

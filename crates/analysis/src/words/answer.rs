@@ -75,6 +75,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
         "{name} may have a dead band of about {d:about}, but parts of the recording disagree.";
     "so cannot_tell windows_silent":
         "{name} may have a dead band of about {d:about}, but too few parts of the recording prove it.";
+    "so cannot_tell cancelled":
+        "A load that undoes what the valve of {name} does hides whether it has a dead band.";
     "so cannot_tell outweighed":
         "{name} may have a dead band of about {d:about}, but other evidence speaks against one.";
     "so cannot_tell recordings_disagree":

@@ -73,8 +73,8 @@ const SENTENCES: &[(&str, &str)] = sentences! {
         "the recordings disagree {dispersion:.0f} times more than chance allows", serviced!();
     "cannot_tell still": would!(), "the valve would hardly move then, and a few steps of PV explain the data as \
          well. Record while OP moves further";
-    "cannot_tell cancelled": would!(), "a load that undoes what the valve does explains the data as well. Record while \
-         the setpoint moves, or make a step test";
+    "cannot_tell cancelled": "a load that undoes what the valve does hides whether it has a gap. Record while the setpoint \
+         moves, or make a step test";
     "cannot_tell once": would!(), "OP crosses it in one direction only, once", longer!();
     "cannot_tell repeats": would!(), "a disturbance with the period of this loop explains the data as well. Look \
          for what else swings there, or record while the setpoint moves, on calmer days, or with the valve's \

@@ -138,9 +138,15 @@ impl Evidence {
     /// Whether PV moves against OP while OP crosses the gap, where the ratio alone does not tell the gap from a load that swings. The load
     /// moves PV and the controller moves OP, to which the valve does not answer; a valve that answers takes PV along with OP.
     pub(super) fn opposed(&self) -> bool {
+        let open = (LR_IF_SELDOM..=self.needed()).contains(&self.lr_no_gap);
+        self.is_led_by_a_swing() && open && self.low_is_near() && self.veto().is_none()
+    }
+
+    /// Whether a load that swings moves PV against OP within the most likely width: what looks like an answer of the valve may be the
+    /// load's next swing, however narrow that width is.
+    fn is_led_by_a_swing(&self) -> bool {
         let against = self.plateau.ways.iter().all(|n| *n >= CYCLES) && self.plateau.within < OPPOSED;
-        let open = self.swings() && (LR_IF_SELDOM..=self.needed()).contains(&self.lr_no_gap);
-        against && open && self.low_is_near() && self.veto().is_none()
+        against && self.swings()
     }
 
     /// Whether the lower limit is no small part of the width.
@@ -201,10 +207,12 @@ impl Evidence {
         let silent = |why| Some((Confidence::CannotTell, why));
         match self.hidden {
             _ if high < self.lined_below => silent("lined"),
+            _ if self.is_led_by_a_swing() => silent("repeats"),
             _ if self.unsampled_below >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
-            _ if self.cancels > CANCELS || !self.lags_known() => silent("may_be_a_gap"),
+            _ if self.cancels > CANCELS => silent("cancelled"),
+            _ if !self.lags_known() => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
     }
@@ -281,7 +289,8 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
         let why = match () {
             _ if vague => e.veto().unwrap_or("may_be_a_gap"),
             _ if e.opposed() => "opposed",
-            _ if e.periodic_load => "repeats",
+            _ if e.periodic_load || e.is_led_by_a_swing() => "repeats",
+            _ if e.cancels > CANCELS => "cancelled",
             _ if e.even_swing => "swings",
             _ => "may_be_a_gap",
         };

@@ -39,6 +39,9 @@ thresholds! {
     /// gap, twins left out: with it 12 are found and 16 more are likely, with 0.7 10 and 18, and of 817 gaps 253 in place of 266 are found
     /// (ADR 32).
     PROBABLE: f64 = 0.5, "1";
+    /// Probability of a gap, where as many valves have one as usual, above which no valve is sound: all evidence must halve what is so
+    /// usually. A valve with a gap of 2.8 % that was called sound has 0.15; 4 of 124 rightly called so or *none seen* have more (ADR 38).
+    IMPROBABLE: f64 = 0.125, "1";
     /// Part of the most likely width that the lower limit must exceed for a gap to be told at a ratio below [`LR_EACH_CELL`]: a load that bends
     /// makes each swing of OP look like a gap of another width, and a gap has one (ADR 35). Also where the recorded cycle is the loop's own:
     /// driven loops had a lower limit of 0.37 of the width, gaps 0.71 and more.

@@ -52,9 +52,9 @@ impl Evidence {
 
 /// Judgement on the valve, and a code of the reason why it says no more.
 ///
-/// The [`rules`] say which gap may be found, and which valve shows none. All evidence, weighed, must then make a gap more probable than
-/// [`PROBABLE`]: what the rules find is *found*, what they call likely or leave open is *likely*. Where the record is plain it is enough for
-/// *likely* that the evidence speaks for a gap at all.
+/// The [`rules`] say which gap may be found, and which valve shows none. All evidence, weighed, must then make a gap less probable than
+/// [`IMPROBABLE`] for none, and more than [`PROBABLE`] for one: what the rules find is *found*, what they call likely or leave open is
+/// *likely*. Where the record is plain it is enough for *likely* that the evidence speaks for a gap at all.
 pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     let (by_rules, why) = rules(e);
     let p = e.usual_probability();
@@ -65,6 +65,8 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     };
     let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
     match by_rules {
+        // A gap that is a trifle to OP's range is none, however probable it is.
+        Confidence::NoneSeen if p > IMPROBABLE && e.lr_no_gap <= e.needed() => (silent, "may_be_a_gap"),
         Confidence::NoneSeen => (Judgement::without(by_rules, e.oscillates), why),
         Confidence::Found | Confidence::Likely if p >= PROBABLE => (gap(by_rules), why),
         Confidence::Found | Confidence::Likely if p >= USUAL_PRIOR && e.own_swing() => (gap(Confidence::Likely), why),
@@ -141,6 +143,28 @@ mod tests {
         assert_eq!(sound.limits(&judge(&sound).0, Some(1.1)), (0.0, Some(1.5)));
         let unsampled = Evidence { unsampled_below: 2.5, ..sound };
         assert_eq!((verdict(&unsampled), judge(&unsampled).1), (Verdict::CannotTell, "may_be_a_gap"));
+    }
+
+    #[test]
+    fn no_valve_is_sound_where_a_load_that_swings_moves_pv_against_op() {
+        let against = Plateau { ways: [CYCLES; 2], within: OPPOSED - 0.1 };
+        let none = Evidence { d: 0.1, lr_no_gap: 0.0, low: 0.0, even_swing: true, ..plain() };
+        assert_eq!(verdict(&none), Verdict::Sound);
+        let led = Evidence { plateau: against, ..none.clone() };
+        assert_eq!((verdict(&led), judge(&led).1), (Verdict::CannotTell, "repeats"));
+        // An upper limit that is too wide for a sound valve has the same reason, and no acceptable limit makes that valve likely sound.
+        assert_eq!(judge(&Evidence { high: Some(9.0), ..led.clone() }).1, "repeats");
+        assert_eq!(verdict(&Evidence { even_swing: false, ..led }), Verdict::Sound);
+    }
+
+    #[test]
+    fn no_valve_is_sound_where_a_gap_is_half_as_probable_as_usual() {
+        let none = Evidence { d: 0.1, lr_no_gap: 6.0, low: 0.0, ..plain() };
+        assert_eq!(verdict(&none), Verdict::Sound);
+        // A gap explains most of what OP explains of PV.
+        let doubtful = Evidence { lr_no_gap: 11.0, lr_no_answer: 16.0, cancels: 0.0, ..none };
+        assert!(doubtful.usual_probability() > IMPROBABLE, "{}", doubtful.usual_probability());
+        assert_eq!((rules(&doubtful).0, verdict(&doubtful)), (Confidence::NoneSeen, Verdict::CannotTell));
     }
 
     fn said(e: &Evidence) -> (Confidence, Option<WidthKind>) {

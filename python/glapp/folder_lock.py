@@ -45,7 +45,7 @@ class FolderLock:
             self._file.close()
             other = _holder_of(self._path)
             raise InputError(
-                "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
+                "is written by process {pid} on {host} since {since}".format_map(other),
                 file=str(folder),
                 hint="one process writes a data folder: stop that one, or name another folder",
             )
@@ -62,7 +62,7 @@ class FolderLock:
 
     @staticmethod
     def holder(folder: Path) -> dict[str, Any] | None:
-        """Holder of the lock: `pid`, `host`, `since`; None where nobody holds it."""
+        """Holder of the lock: `pid`, `host`, `since`, "?" where it has not said; None where nobody holds it."""
         path = folder / "lock"
         if not path.is_file():
             return None
@@ -76,12 +76,12 @@ _NOBODY = {"pid": "?", "host": "?", "since": "?"}
 
 
 def _holder_of(path: Path) -> dict[str, Any]:
-    """Text that the holder of a lock wrote into it."""
+    """Text that the holder of a lock wrote into it; one that has just taken it, or found the disk full, wrote none."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
+        found = None
+    return {**_NOBODY, **(found if isinstance(found, dict) else {})}
 
 
 if sys.platform == "win32":

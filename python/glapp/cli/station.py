@@ -106,7 +106,7 @@ def _demo(data: Path, loops: int | None, days: float | None, scan: float | None)
     holder = FolderLock.holder(data)
     if holder is not None:
         raise InputError(
-            f"is written by process {holder.get('pid')}: a demo needs a folder of its own",
+            f"is written by process {holder['pid']}: a demo needs a folder of its own",
             file=str(data),
             hint="without --demo the window shows what that service writes",
         )

@@ -116,7 +116,7 @@ def run(
     ] = 8107,
     certificate: Certificate = None,
     key: Key = None,
-    keep: Annotated[int, typer.Option(metavar="DAYS", help="How long signals are kept.")] = 30,
+    keep: Annotated[int, typer.Option(metavar="DAYS", help="Recorded days whose signals are kept.")] = 30,
     fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
     fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
     fit_longest: Annotated[float, typer.Option(metavar="S", help="Longest time of a fit; then it is stopped.")] = 600.0,

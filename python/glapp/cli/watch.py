@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..escape import one_line
 from ..service.trust import TRUST, trusted
 from .screen import CommandError, event_line, examples, key_values, moment, out, say_note, styled
-from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need
+from .serving import Certificate, Key, Names, PlantDays, PlantLoops, PlantScan, need
 
 if TYPE_CHECKING:
     from ..service.security import Security
@@ -88,7 +88,8 @@ def _server_option(text: str, metavar: str, low: int | None = None, high: int | 
 @watch.command(
     epilog=examples(
         "glapp watch loops.toml --data plant",
-        "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate service.pem --key service.key",
+        "glapp watch loops.toml --data plant --host 0.0.0.0 --name plant.example "
+        "--certificate service.pem --key service.key",
         "glapp watch --demo",
         "glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42",
         "glapp watch --demo --opcua-port 4841",
@@ -116,6 +117,7 @@ def run(
     ] = 8107,
     certificate: Certificate = None,
     key: Key = None,
+    name: Names = None,
     keep: Annotated[int, typer.Option(metavar="DAYS", help="Recorded days whose signals are kept.")] = 30,
     fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
     fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
@@ -161,7 +163,7 @@ def run(
         fit_longest=fit_longest,
         wait=wait,
     )
-    address = {"host": host, "port": port, "certificate": certificate, "key": key}
+    address = {"host": host, "port": port, "certificate": certificate, "key": key, "names": name or ()}
     watched = SimulatedPlant(loops, days, scan, repair) if settings is None else settings
     try:
         with suppress(KeyboardInterrupt):

@@ -396,7 +396,6 @@ def test_log_in_and_disable_while_strangers_hold_connections_for_two_minutes(tar
         assert times and math.inf not in times, what
 
 
-@pytest.mark.slow
 def test_a_certificate_that_ends_is_told_and_the_url_has_its_name(
     certificate: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -411,6 +410,7 @@ def test_a_certificate_that_ends_is_told_and_the_url_has_its_name(
         ApiServer(FastAPI(), "0.0.0.0", 0, tmp_path / "no.pem", key)
 
 
+@pytest.mark.slow
 def test_tls_that_is_never_agreed_on_shuts_nobody_out(certificate: tuple[Path, Path]) -> None:
     own, key = certificate
 

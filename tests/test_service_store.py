@@ -1,6 +1,7 @@
 """Storage of the service: nothing lost, nothing twice, whatever happens to the process, the file or the disk."""
 
 import asyncio
+import errno
 import multiprocessing
 import os
 import random
@@ -209,6 +210,18 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file/data: cannot be written: Not a directory; name a folder"):
         FolderLock(tmp_path / "file" / "data")
+
+
+def test_a_full_disk_under_the_lock_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: `glapp watch` and `glapp fleet` did not name the folder, and said nothing of room."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched, pytest.raises(InputError, match="No space left on device; make room"):
+        patched.setattr(os, "write", full)
+        FolderLock(tmp_path)
+    FolderLock(tmp_path).release()
 
 
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:

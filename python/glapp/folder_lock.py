@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -39,8 +40,7 @@ class FolderLock:
             folder.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("a+", encoding="utf-8")
         except OSError as error:
-            hint = "name a folder that this account may write"
-            raise InputError(f"cannot be written: {error.strerror or error}", file=str(folder), hint=hint) from None
+            raise _not_written(folder, error) from None
         if not _locked(self._file.fileno()):
             self._file.close()
             other = _holder_of(self._path)
@@ -51,9 +51,12 @@ class FolderLock:
             )
         since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
         found = {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
-        self._file.truncate(0)
-        self._file.write(json.dumps(found))
-        self._file.flush()
+        try:
+            os.truncate(self._file.fileno(), 0)
+            os.write(self._file.fileno(), json.dumps(found).encode())  # a buffer would be flushed once more at the end
+        except OSError as error:
+            self._file.close()
+            raise _not_written(folder, error) from None
 
     def release(self) -> None:
         """Give it back."""
@@ -70,6 +73,13 @@ class FolderLock:
             if _locked(file.fileno()):
                 return None
         return _holder_of(path)
+
+
+def _not_written(folder: Path, error: OSError) -> InputError:
+    """Message where the lock cannot be written."""
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    hint = "make room, then start it again" if full else "name a folder that this account may write"
+    return InputError(f"cannot be written: {error.strerror or error}", file=str(folder), hint=hint)
 
 
 _NOBODY = {"pid": "?", "host": "?", "since": "?"}

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import stat
 import subprocess
 import sys
@@ -234,3 +235,21 @@ def test_summer_time_beyond_2037(tmp_path):
     zone = ZoneInfo("Europe/Stockholm")
     begin, end = (np.datetime64(x).item().replace(tzinfo=zone) for x in ("2038-01-01T12:00:00", "2040-07-01T12:00:00"))
     assert batch.t[1] == end.timestamp() - begin.timestamp()
+
+
+def test_a_file_that_cannot_be_written_is_named_and_not_standard_output(tmp_path: Path) -> None:
+    """Regression: `glapp watch login` on a home that is not ours said that standard output cannot be written."""
+    (tmp_path / "state").write_text("no folder")
+    code = (
+        "import sys, glapp.cli; sys.modules['glapp.cli.watch']._token_of = lambda *_: 'token'; "
+        "sys.argv = ['glapp', 'watch', 'login', 'eve']; sys.modules['glapp.cli'].main()"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        timeout=120,
+    )
+    assert ended.returncode == 1 and "Traceback" not in ended.stderr
+    assert re.match(r"error: .*state.*: cannot be read or written: ", ended.stderr), ended.stderr

@@ -20,7 +20,7 @@ from service import BEGIN, Clock, fed, loops, values
 
 from glapp.errors import InputError
 from glapp.service import api as of_api
-from glapp.service.api import ApiServer, _Api, app_of
+from glapp.service.api import ApiServer, _Api, app_of, hosts_of
 from glapp.service.monitor import Monitor
 from glapp.service.signal import Signal, Value
 from glapp.service.store import Reader, Store, backup, restore
@@ -232,6 +232,14 @@ def test_what_is_asked_wrongly_is_refused(client: TestClient) -> None:
 def test_a_request_to_another_name_is_refused(client: TestClient) -> None:
     """A page elsewhere may have its own name stand for this computer."""
     assert client.get("/status", headers={**header(client, "eve"), "Host": "evil.example"}).status_code == 400
+
+
+def test_a_name_that_others_ask_by_is_taken(monitor: Monitor) -> None:
+    """Regression: at 0.0.0.0 the API answered nobody but this computer, since no other name could be given."""
+    app = app_of(monitor, Users(monitor.store, CHEAP), hosts=hosts_of("0.0.0.0", ["plant.example"]))
+    with TestClient(app, base_url="https://plant.example:8107") as client:
+        assert client.get("/status").status_code == 401
+        assert client.get("/status", headers={"Host": "evil.example"}).status_code == 400
 
 
 def test_login(client: TestClient, monitor: Monitor) -> None:
@@ -523,6 +531,9 @@ def test_the_api_is_on_this_computer_unless_there_is_tls(monitor: Monitor) -> No
         ApiServer(app, "127.0.0.1", 0, certificate=Path("x.pem"))
     with pytest.raises(InputError, match=r"x.pem: cannot be used"):
         ApiServer(app, "127.0.0.1", 0, certificate=Path("x.pem"), key=Path("x.key"))
+    inner = ApiServer(app, "::1", 0)
+    assert inner.url == f"http://[::1]:{inner.port}"  # regression: it was no URL
+    inner._socket.close()
     api = ApiServer(app, "127.0.0.1", 0)
     with pytest.raises(InputError, match="cannot be listened at"):
         ApiServer(app, "127.0.0.1", api.port)

@@ -88,9 +88,30 @@ def test_status(folder: Path) -> None:
     store.close()
 
 
-def test_events_and_commands(folder: Path) -> None:
-    assert "eve (engineer) change FIC0: {'kp': 2.0}" in glapp("events", "--data", folder, "--commands")
+def test_the_compensation_of_a_service_that_is_gone_is_not_known(folder: Path) -> None:
+    """Regression: `status` went on showing it as active, with its last u_FF."""
     store = Store(folder)
+    shown = store.shown()
+    assert shown is not None
+    at, body = shown
+    body["loops"]["FIC0"]["compensation"] = {"standing": "active", "enabled": True, "u_ff": 0.5}
+    store.show(at, json.dumps(body))
+    assert "active, u_FF 0.5" in glapp("status", "--data", folder)
+    store.close()
+    text = glapp("status", "--data", folder)
+    assert "not known" in text and "active" not in text and "u_FF" not in text
+
+
+def test_events_and_commands(folder: Path) -> None:
+    store = Store(folder)
+    store.command(BEGIN, "eve", "engineer", "fit", "FIC0", None, None)
+    store.command(BEGIN, "eve", "engineer", "remove_user", None, {"user": "anna"}, None)
+    shown = glapp("events", "--data", folder, "--commands").splitlines()
+    assert [line.split("eve (engineer) ")[1] for line in shown] == [
+        "change FIC0: kp 2 → 3",  # regression: it was {'kp': 2.0} → {'kp': 3.0}
+        "fit FIC0",
+        "remove_user: anna",
+    ]
     store.tell([service.Event(BEGIN, "FIC0", "late", "with \x1b[31m colour")])
     store.close()
     assert "\x1b" not in glapp("events", "--data", folder, "--loop", "FIC0")

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import logging
 import math
+import re
 import socket
 import ssl
 from collections.abc import AsyncIterator
@@ -12,10 +13,12 @@ from typing import Any
 
 import httpx
 import pytest
+from fastapi import FastAPI
 from starlette.middleware.base import BaseHTTPMiddleware
 from station_window import Window
 from test_station import certificate
 
+from glapp.errors import InputError
 from glapp.service.api import ApiServer
 from glapp.service.listener import Listener, ListenerLimits, _Connection, logged_in
 
@@ -391,6 +394,20 @@ def test_log_in_and_disable_while_strangers_hold_connections_for_two_minutes(tar
 
     for what, times in measured(120.0, 300, target).items():
         assert times and math.inf not in times, what
+
+
+def test_a_certificate_that_ends_is_told_and_the_url_has_its_name(
+    certificate: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """Regression: an expired certificate was served without a word, at https://0.0.0.0."""
+    own, key = certificate  # of one day
+    api = ApiServer(FastAPI(), "0.0.0.0", 0, own, key, names=["plant.example", "10.0.0.5"])
+    api._socket.close()
+    assert api.url == f"https://plant.example:{api.port}"
+    assert re.search(r"own\.pem expires on \S+, in 0 d: put a new one there, and start again", api.expiring() or "")
+    (tmp_path / "no.pem").write_bytes(own.read_bytes()[:100])
+    with pytest.raises(InputError, match=r"no\.pem: cannot be used"):
+        ApiServer(FastAPI(), "0.0.0.0", 0, tmp_path / "no.pem", key)
 
 
 @pytest.mark.slow

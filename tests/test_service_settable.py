@@ -125,8 +125,8 @@ def test_no_release_is_longer_than_10_ti_and_300_s(client: TestClient) -> None:
             1e9,
             "comp_release: is 1000000000 s, must be > 0 and ≤ 50 s; give a value within these bounds",
         ),
-        ("comp_limit", 1e9, "comp_limit: is 1000000000 OP unit, must be from 1.2 to 10 OP unit"),
-        ("comp_rate", 1e6, "comp_rate: is 1000000 OP unit/s, must be > 0 and ≤ 2 OP unit/s"),
+        ("comp_limit", 1e9, "comp_limit: is 1000000000 %, must be from 1.2 to 10 %"),
+        ("comp_rate", 1e6, "comp_rate: is 1000000 %/s, must be > 0 and ≤ 2 %/s"),
     ):
         reply = client.post("/loops/FIC0/parameters", json={"values": {name: value}})
         assert reply.status_code == 409 and words in reply.json()["detail"], reply.text
@@ -220,7 +220,7 @@ def test_nodes_in_a_loops_toml_have_limits_that_are_numbers() -> None:
             with pytest.raises(InputError, match=name):
                 Tags(**{**nodes, "u_ff_limit": 1.0, "u_ff_rate": 1.0, name: wrong})
     loop = Loop(name="F", controller={"k": 0.5, "ti": 5.0}, op_span=(0, 100))
-    with pytest.raises(InputError, match=r"u_ff_limit: is 1000000000 OP unit, must be > 0 and ≤ 100"):
+    with pytest.raises(InputError, match=r"u_ff_limit: is 1000000000 %, must be > 0 and ≤ 100"):
         Compensator(loop, 1.0, {}, 1e9, 1.0)
     with pytest.raises(InputError, match=r"u_ff_rate"):
         Compensator(loop, 1.0, {}, 1.0, 1e9)

@@ -1,6 +1,7 @@
 """Storage of the service: nothing lost, nothing twice, whatever happens to the process, the file or the disk."""
 
 import asyncio
+import errno
 import multiprocessing
 import os
 import random
@@ -211,6 +212,18 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         FolderLock(tmp_path / "file" / "data")
 
 
+def test_a_full_disk_under_the_lock_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: `glapp watch` and `glapp fleet` did not name the folder, and said nothing of room."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched, pytest.raises(InputError, match="No space left on device; make room"):
+        patched.setattr(os, "write", full)
+        FolderLock(tmp_path)
+    FolderLock(tmp_path).release()
+
+
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     child = context.Process(target=_hold, args=(tmp_path,))
@@ -222,6 +235,14 @@ def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     child.kill()
     child.join()
     assert FolderLock.holder(tmp_path) is None
+
+
+def test_a_holder_that_has_not_said_who_it_is(tmp_path: Path) -> None:
+    """Regression: `glapp watch status` ended with a KeyError where it looked just after a service had begun."""
+    lock = FolderLock(tmp_path)
+    (tmp_path / "lock").write_text("")
+    assert FolderLock.holder(tmp_path) == {"pid": "?", "host": "?", "since": "?"}
+    lock.release()
 
 
 def _hold(folder: Path) -> None:
@@ -370,6 +391,29 @@ def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     assert len(times) == len(set(times)) == 298
 
 
+def test_a_backup_never_takes_the_place_of_the_database_itself(tmp_path: Path) -> None:
+    """Regression: the file under a running service was replaced, and what it wrote from then on was in no file."""
+    store = Store(tmp_path)
+    with pytest.raises(InputError, match=r"glapp\.db: belongs to the database of .* give the copy another name"):
+        backup(tmp_path, tmp_path / "glapp.db")
+    with pytest.raises(InputError, match="belongs to the database"):
+        backup(tmp_path / ".." / tmp_path.name, tmp_path / "glapp.db-wal")
+    backup(tmp_path, tmp_path / "copy.db")
+    store.put_user("eve", "viewer", "-", BEGIN)
+    store.close()
+    with Reader(tmp_path) as reader:
+        assert [user["name"] for user in reader.users()] == ["eve"]
+
+
+def test_two_restores_within_a_second_keep_both_databases(tmp_path: Path) -> None:
+    """Regression: the second was put aside under the name of the first, and overwrote it."""
+    folder, copy = tmp_path / "data", tmp_path / "copy.db"
+    Store(folder).close()
+    backup(folder, copy)
+    asides = [restore(folder, copy, BEGIN) for _ in range(3)]
+    assert len({*asides}) == 3 and all(one is not None and one.is_file() for one in asides)
+
+
 def test_a_restore_that_is_killed_leaves_a_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
     store = Store(folder)
@@ -501,8 +545,27 @@ def test_days_become_files_that_analyze_reads(tmp_path: Path) -> None:
     assert [len(one.beginning(10**6)) for one in recordings] == [150, 148]
     signals.close_days(begin + 87_000.0)
     assert not [*(tmp_path / "signals" / "open").glob("*.parquet")]
-    assert signals.forget(begin + 3 * 86_400.0, 2) == [first.parent.name]
+    assert signals.forget(2) == []
+    assert signals.forget(1) == [first.parent.name]
     assert len(signals.days("FIC0")) == 1
+
+
+def test_a_clock_that_is_years_ahead_takes_no_signals(tmp_path: Path) -> None:
+    """Regression: an hour with the clock in 2046 took all recordings."""
+    clock = Clock()
+    monitor = service.monitor(tmp_path, loops(), clock)
+    fed(monitor, clock, values("FIC0", 50))
+    asyncio.run(monitor.save())
+
+    async def an_hour() -> None:
+        tidying = asyncio.create_task(monitor.journal.tidy())
+        while not any(event.kind == "signals_closed" for event in monitor.journal._events):
+            await asyncio.sleep(0.01)
+        tidying.cancel()
+
+    clock.now += 20 * 365 * 86_400.0
+    asyncio.run(an_hour())
+    assert [*(tmp_path / "signals").glob("*/FIC0.parquet")] and len(SignalStore(tmp_path).days("FIC0")) == 1
 
 
 def test_parts_of_a_day_that_was_put_together_before_are_added_once(tmp_path: Path) -> None:

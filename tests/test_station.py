@@ -3,6 +3,7 @@
 import asyncio
 import json
 import math
+import re
 import ssl
 import subprocess
 import sys
@@ -878,9 +879,12 @@ def test_with_a_certificate_it_speaks_tls_and_nothing_else(
     own, key = certificate
     code = "from glapp.cli import main; main()"
     words = ["--data", str(tmp_path / "data"), "--port", "0", "--certificate", str(own), "--key", str(key)]
-    process = subprocess.Popen([sys.executable, "-c", code, "station", *words], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "station", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
-        assert process.stdout is not None
+        assert process.stdout is not None and process.stderr is not None
+        assert re.match(r"note: .*own\.pem expires on \S+, in 0 d: put a new one there", process.stderr.readline())
         url = process.stdout.readline().removeprefix("The window is at ").strip().rstrip(".")
         assert url.startswith("https://127.0.0.1:")
         with httpx.Client(verify=ssl.create_default_context(cafile=str(own)), timeout=60.0) as client:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -39,21 +40,23 @@ class FolderLock:
             folder.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("a+", encoding="utf-8")
         except OSError as error:
-            hint = "name a folder that this account may write"
-            raise InputError(f"cannot be written: {error.strerror or error}", file=str(folder), hint=hint) from None
+            raise _not_written(folder, error) from None
         if not _locked(self._file.fileno()):
             self._file.close()
             other = _holder_of(self._path)
             raise InputError(
-                "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
+                "is written by process {pid} on {host} since {since}".format_map(other),
                 file=str(folder),
                 hint="one process writes a data folder: stop that one, or name another folder",
             )
         since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
         found = {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
-        self._file.truncate(0)
-        self._file.write(json.dumps(found))
-        self._file.flush()
+        try:
+            os.truncate(self._file.fileno(), 0)
+            os.write(self._file.fileno(), json.dumps(found).encode())  # a buffer would be flushed once more at the end
+        except OSError as error:
+            self._file.close()
+            raise _not_written(folder, error) from None
 
     def release(self) -> None:
         """Give it back."""
@@ -62,7 +65,7 @@ class FolderLock:
 
     @staticmethod
     def holder(folder: Path) -> dict[str, Any] | None:
-        """Holder of the lock: `pid`, `host`, `since`; None where nobody holds it."""
+        """Holder of the lock: `pid`, `host`, `since`, "?" where it has not said; None where nobody holds it."""
         path = folder / "lock"
         if not path.is_file():
             return None
@@ -72,16 +75,23 @@ class FolderLock:
         return _holder_of(path)
 
 
+def _not_written(folder: Path, error: OSError) -> InputError:
+    """Message where the lock cannot be written."""
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    hint = "make room, then start it again" if full else "name a folder that this account may write"
+    return InputError(f"cannot be written: {error.strerror or error}", file=str(folder), hint=hint)
+
+
 _NOBODY = {"pid": "?", "host": "?", "since": "?"}
 
 
 def _holder_of(path: Path) -> dict[str, Any]:
-    """Text that the holder of a lock wrote into it."""
+    """Text that the holder of a lock wrote into it; one that has just taken it, or found the disk full, wrote none."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
+        found = None
+    return {**_NOBODY, **(found if isinstance(found, dict) else {})}
 
 
 if sys.platform == "win32":

@@ -143,8 +143,11 @@ def main() -> None:
         _silence()
     except OSError as error:
         code = 1
-        _silence()
-        say_error(f"standard output cannot be written: {error.strerror}")
+        if error.filename is None:
+            _silence()
+            say_error(f"standard output cannot be written: {error.strerror}")
+        else:
+            say_error(f"{error.filename}: cannot be read or written: {error.strerror}")
     sys.exit(code)
 
 

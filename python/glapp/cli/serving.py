@@ -15,7 +15,17 @@ import typer
 from ..errors import InputError
 from .screen import out
 
-__all__ = ["Certificate", "Key", "PlantDays", "PlantLoops", "PlantScan", "need", "say_first_login", "until_stopped"]
+__all__ = [
+    "Certificate",
+    "Key",
+    "Names",
+    "PlantDays",
+    "PlantLoops",
+    "PlantScan",
+    "need",
+    "say_first_login",
+    "until_stopped",
+]
 
 PlantLoops = Annotated[
     int | None, typer.Option(metavar="N", help="Simulate a new plant, without history, with this number of loops.")
@@ -29,6 +39,10 @@ Certificate = Annotated[
     Path | None, typer.Option(metavar="PEM", help="Certificate for TLS; needed on other addresses than 127.0.0.1.")
 ]
 Key = Annotated[Path | None, typer.Option(metavar="PEM", help="Key of the certificate.")]
+Names = Annotated[
+    list[str] | None,
+    typer.Option("--name", metavar="NAME", help="Host name by which other computers ask; may be repeated."),
+]
 
 
 def need(command: str, extra: str, *names: str) -> None:

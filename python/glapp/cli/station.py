@@ -17,8 +17,8 @@ import typer
 
 from ..errors import InputError
 from ..service.trust import TRUST
-from .screen import CommandError, out
-from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, say_first_login, until_stopped
+from .screen import CommandError, out, say_note
+from .serving import Certificate, Key, Names, PlantDays, PlantLoops, PlantScan, need, say_first_login, until_stopped
 
 __all__ = ["station"]
 
@@ -41,10 +41,7 @@ def station(
     ] = 8108,
     certificate: Certificate = None,
     key: Key = None,
-    name: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Further host name that browsers use; may be repeated."),
-    ] = None,
+    name: Names = None,
     api_url: Annotated[
         str | None, typer.Option(metavar="URL", help="Address of the service's API, where the folder does not have it.")
     ] = None,
@@ -58,33 +55,34 @@ def station(
     Everybody logs in with the name and password that the service knows. Details: docs/station.md.
     """
     need("station", "station", "nicegui", "httpx", "fastapi", "uvicorn")
-    given = {"host": host, "port": port, "certificate": certificate, "key": key}
-    hosts = ("127.0.0.1", "localhost", "[::1]", host, *(name or ()))
+    given = {"host": host, "port": port, "certificate": certificate, "key": key, "names": name or ()}
     beside = _demo(data, loops, days, scan) if demo else contextlib.nullcontext()
     known = data / "first-login.txt" if demo and host in ("127.0.0.1", "localhost", "::1") else None
     with suppress(KeyboardInterrupt), beside:
-        asyncio.run(_serve(data, given, hosts, api_url, trust, known))
+        asyncio.run(_serve(data, given, api_url, trust, known))
 
 
 async def _serve(
     data: Path,
     given: dict[str, Any],
-    hosts: tuple[str, ...],
     url: str | None,
     trust: Path | None,
     known: Path | None,
 ) -> None:
     """Run the window, until stopped."""
-    from ..service.api import ApiServer
+    from ..service.api import ApiServer, hosts_of
     from ..station.app import app_of
     from ..station.client import ApiClient
     from ..station.pages import Station
     from ..station.view import View
 
     made = Station(View(data), ApiClient(data, url, trust))
+    hosts = hosts_of(given["host"], given["names"])
     app = app_of(made, hosts, secure=given["certificate"] is not None, first_login=known)
     opened = ApiServer(app, **given)
     out.print(f"The window is at {opened.url}.", soft_wrap=True)
+    if (text := opened.expiring()) is not None:
+        say_note(text)
     if not (data / "glapp.db").exists():
         out.print(
             f"No service has written to {data} yet, so there is nothing to show. glapp station --demo has six "
@@ -106,7 +104,7 @@ def _demo(data: Path, loops: int | None, days: float | None, scan: float | None)
     holder = FolderLock.holder(data)
     if holder is not None:
         raise InputError(
-            f"is written by process {holder.get('pid')}: a demo needs a folder of its own",
+            f"is written by process {holder['pid']}: a demo needs a folder of its own",
             file=str(data),
             hint="without --demo the window shows what that service writes",
         )

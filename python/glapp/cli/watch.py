@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..escape import one_line
 from ..service.trust import TRUST, trusted
 from .screen import CommandError, event_line, examples, key_values, moment, out, say_note, styled
-from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need
+from .serving import Certificate, Key, Names, PlantDays, PlantLoops, PlantScan, need
 
 if TYPE_CHECKING:
     from ..service.security import Security
@@ -88,7 +88,8 @@ def _server_option(text: str, metavar: str, low: int | None = None, high: int | 
 @watch.command(
     epilog=examples(
         "glapp watch loops.toml --data plant",
-        "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate service.pem --key service.key",
+        "glapp watch loops.toml --data plant --host 0.0.0.0 --name plant.example "
+        "--certificate service.pem --key service.key",
         "glapp watch --demo",
         "glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42",
         "glapp watch --demo --opcua-port 4841",
@@ -116,7 +117,8 @@ def run(
     ] = 8107,
     certificate: Certificate = None,
     key: Key = None,
-    keep: Annotated[int, typer.Option(metavar="DAYS", help="How long signals are kept.")] = 30,
+    name: Names = None,
+    keep: Annotated[int, typer.Option(metavar="DAYS", help="Recorded days whose signals are kept.")] = 30,
     fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
     fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
     fit_longest: Annotated[float, typer.Option(metavar="S", help="Longest time of a fit; then it is stopped.")] = 600.0,
@@ -161,7 +163,7 @@ def run(
         fit_longest=fit_longest,
         wait=wait,
     )
-    address = {"host": host, "port": port, "certificate": certificate, "key": key}
+    address = {"host": host, "port": port, "certificate": certificate, "key": key, "names": name or ()}
     watched = SimulatedPlant(loops, days, scan, repair) if settings is None else settings
     try:
         with suppress(KeyboardInterrupt):
@@ -215,12 +217,12 @@ def status(
     for name in ("loop", "seen", "gap (95 %)", "valve", "estimate", "detections", "compensation"):
         table.add_column(name)
     for name, loop in body["loops"].items():
-        table.add_row(*(styled(one_line(cell)) for cell in (name, *_cells(loop, at))))
+        table.add_row(*(styled(one_line(cell)) for cell in (name, *_cells(loop, at, gone=holder is None))))
     out.print(table)
 
 
-def _cells(loop: dict[str, Any], now: float) -> tuple[str, ...]:
-    """Cells of a loop in the table of states."""
+def _cells(loop: dict[str, Any], now: float, *, gone: bool) -> tuple[str, ...]:
+    """Cells of a loop in the table of states; where the service is gone, a compensation that was on is not known."""
     answer, unit = loop["answer"], loop["unit"]
     seen = "never" if loop["seen"] is None else f"{_age(now - loop['seen'])} before"
     if loop["good"] is False:
@@ -234,8 +236,8 @@ def _cells(loop: dict[str, Any], now: float) -> tuple[str, ...]:
     compensation = ""
     if "compensation" in loop:
         made = loop["compensation"]
-        compensation = made["standing"] if made["enabled"] else "off"
-        if made["u_ff"]:
+        compensation = "off" if not made["enabled"] else "not known" if gone else made["standing"]
+        if made["u_ff"] and not gone:
             compensation += f", u_FF {made['u_ff']:.3g}"
     detections = f"{loop['accepted']} of {loop['half_periods']}"
     return seen, gap, "" if answer is None else answer["verdict"], estimate, detections, compensation
@@ -252,15 +254,16 @@ def events(
 ) -> None:
     """Show the events, the newest last."""
     from ..service.store import Reader
+    from ..station.parameters import command_text
 
     with Reader(data) as reader:
         found = reader.commands(loop, most) if commands else reader.events(loop, most)
     for row in reversed(found):
         if commands:
             place = f" {row['loop']}" if row["loop"] else ""
-            what = f"{row['before']} → {row['after']}" if row["refused"] is None else f"refused: {row['refused']}"
-            text = f"{moment(row['time'])} {row['person']} ({row['role']}) {row['command']}{place}: {what}"
-            out.print(styled(one_line(text)), soft_wrap=True)
+            what = command_text(row)
+            text = f"{moment(row['time'])} {row['person']} ({row['role']}) {row['command']}{place}"
+            out.print(styled(one_line(f"{text}: {what}" if what else text)), soft_wrap=True)
         else:
             out.print(event_line(row["time"], row["kind"], row["loop"], row["text"]), soft_wrap=True)
 

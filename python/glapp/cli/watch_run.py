@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -13,7 +14,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..reading.settings import parse_settings, read_settings
 from ..service import demonstration
-from ..service.api import ApiServer, app_of
+from ..service.api import ApiServer, app_of, hosts_of
 from ..service.connection import Connection, check_tags, read_connection
 from ..service.monitor import Monitor
 from ..service.opcua import OpcUa
@@ -105,19 +106,27 @@ async def serve(
         )
         if plant is not None and catches_up:
             plant.follow = monitor.feedforward.caught_up
-        app = app_of(monitor, Users(store), hosts=("127.0.0.1", "localhost", "[::1]", address["host"]))
+        app = app_of(monitor, Users(store), hosts=hosts_of(address["host"], address["names"]))
         api = ApiServer(app, **address)
         source = OpcUa(connection, loops, since=monitor.ingest.since())
         write_file(data / "api-url", api.url)  # whole or not at all: other programs wait for it
         text = f"Watching {len(loops)} loops at {connection.url}; data in {data}, API at {api.url}."
         out.print(text, soft_wrap=True)
         say_first_login(data)
-        tasks = [monitor.run(source), api.open(), *app.state.proof.work()]
+        tasks = [monitor.run(source), api.open(), _tell_certificate(monitor, api), *app.state.proof.work()]
         if answer_server is not None:
             answers = await stack.enter_async_context(AnswerServer(monitor.status, **answer_server))
             out.print(f"Answers and DeviceHealth at {answers.url}, read-only.", soft_wrap=True)
             tasks.append(answers.run())
         await until_stopped(*tasks)
+
+
+async def _tell_certificate(monitor: Monitor, api: ApiServer) -> None:
+    """Report once a day a certificate of the API that has expired, or soon will."""
+    while True:
+        if (text := api.expiring()) is not None:
+            monitor.tell(Event(time.time(), None, "certificate", text))
+        await asyncio.sleep(86_400.0)
 
 
 def _say(event: Event) -> None:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Annotated, Any, ParamSpec, TypeVar
 
 import numpy as np
+from cryptography import x509
 from fastapi import Depends, FastAPI, HTTPException, Query, Request, Response
 from fastapi import Path as InPath
 from fastapi.exceptions import RequestValidationError
@@ -37,9 +38,10 @@ from .monitor import Monitor
 from .proof import Proof, routes
 from .signal import Event
 from .store import StoreFull
+from .trust import expiry
 from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, station_key
 
-__all__ = ["ApiServer", "app_of", "loopback"]
+__all__ = ["ApiServer", "app_of", "hosts_of", "loopback"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -604,6 +606,7 @@ class ApiServer:
     - `port`: 0: any that is free.
     - `certificate`, `key`: for TLS; needed for any address that is not this computer's own.
     - `limits`: how many connections and requests are taken, and how long they may be waited for.
+    - `names`: host names that it is asked by; `url` has the first where `host` is every address of this computer.
 
     Raises InputError for an address of the network without TLS.
     """
@@ -616,7 +619,9 @@ class ApiServer:
         certificate: Path | None = None,
         key: Path | None = None,
         limits: ListenerLimits | None = None,
+        names: Sequence[str] = (),
     ) -> None:
+        self._certificate: tuple[Path, x509.Certificate] | None = None
         if (certificate is None) != (key is None):
             raise InputError("certificate and key are given together", parameter="certificate")
         if certificate is None and not loopback(host):
@@ -629,7 +634,8 @@ class ApiServer:
         if certificate is not None:
             try:
                 ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
-            except (OSError, ssl.SSLError) as error:
+                self._certificate = certificate, x509.load_pem_x509_certificates(certificate.read_bytes())[0]
+            except (OSError, ssl.SSLError, ValueError) as error:
                 raise InputError(f"cannot be used: {error}", file=str(certificate)) from None
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
@@ -638,8 +644,13 @@ class ApiServer:
             what = f"{host}:{port} cannot be listened at: {error.strerror or error}"
             raise InputError(what, parameter="host and port", value=port, hint="give another --port") from None
         self.port: int = self._socket.getsockname()[1]
-        self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
+        named = names[0] if names and host.strip("[]") in ("0.0.0.0", "::") else host
+        self.url = f"{'http' if certificate is None else 'https'}://{_in_url(named)}:{self.port}"
         self._server = Listener(app, limits, ssl_certfile=certificate, ssl_keyfile=key)
+
+    def expiring(self) -> str | None:
+        """Sentence on a certificate that has expired, or soon will; else None."""
+        return None if self._certificate is None else expiry(*self._certificate, "put a new one there, and start again")
 
     async def open(self) -> None:
         """Serve until cancelled."""
@@ -654,6 +665,23 @@ class ApiServer:
 
 def _name_and_role(person: Person) -> tuple[str, str]:
     return person.name, person.role.name.lower()
+
+
+def hosts_of(host: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Names that requests may be addressed to.
+
+    - `host`: the address that is listened at.
+    - `names`: other names of this computer.
+
+    >>> hosts_of("2001:db8::5", ["plant.example"])
+    ('127.0.0.1', 'localhost', '[::1]', '[2001:db8::5]', 'plant.example')
+    """
+    return ("127.0.0.1", "localhost", "[::1]", _in_url(host), *names)
+
+
+def _in_url(host: str) -> str:
+    """An address as it stands in a URL: of IPv6 in brackets."""
+    return f"[{host.strip('[]')}]" if ":" in host else host
 
 
 def loopback(host: str) -> bool:

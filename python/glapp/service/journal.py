@@ -195,7 +195,7 @@ class Journal:
             now = self._clock()
             try:
                 closed = await asyncio.to_thread(self.signals.close_days, now - 3600.0)
-                gone = await asyncio.to_thread(self.signals.forget, now, self._options.keep)
+                gone = await asyncio.to_thread(self.signals.forget, self._options.keep)
                 await asyncio.to_thread(self.store.forget, now - self._options.keep * 86400.0)
                 for what, days in (("closed", [str(day) for day in closed]), ("forgotten", gone)):
                     if days:

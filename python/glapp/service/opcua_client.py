@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,9 @@ from ..errors import InputError
 from .connection import Connection
 from .opcua_values import LostError, reason
 from .security import uri_of
+from .trust import SOON, expiry
 
 __all__ = ["DENIALS", "client_of", "connect", "disconnect", "expiring"]
-
-_SOON = timedelta(days=30)
-"""Before a certificate expires it is reported for so long."""
 
 DENIALS = {
     ua.StatusCodes.BadUserAccessDenied,
@@ -112,7 +110,7 @@ async def _why(connection: Connection) -> str | None:
     return expired or f"the server may not trust our certificate {connection.certificate}: its administrator has to"
 
 
-async def expiring(connection: Connection, within: timedelta = _SOON) -> list[str]:
+async def expiring(connection: Connection, within: timedelta = SOON) -> list[str]:
     """Each certificate of a connection that is not valid now, or will not be soon, and what to do; else nothing.
 
     - `connection`: with the files.
@@ -121,21 +119,13 @@ async def expiring(connection: Connection, within: timedelta = _SOON) -> list[st
     The other side may refuse ours. The server's is the one that was carried here, and is taken whatever its dates are:
     a plant is not lost sight of for a date.
     """
-    texts, now = [], datetime.now(UTC)
+    texts = []
     for path, renew in (
         (connection.certificate, "make a new one, which the server's administrator has to trust"),
         (connection.server_certificate, "get a new one from the server's administrator"),
     ):
-        if path is None:
-            continue
-        found = await _certificate(path)
-        begin, end = found.not_valid_before_utc, found.not_valid_after_utc
-        if now < begin:
-            texts.append(f"{path} is valid from {begin:%Y-%m-%d} on: check the clock of this computer")
-        elif now + within > end:
-            days = (end - now).days
-            when = f"has expired on {end:%Y-%m-%d}" if now > end else f"expires on {end:%Y-%m-%d}, in {days} d"
-            texts.append(f"{path} {when}: {renew}")
+        if path is not None and (text := expiry(path, await _certificate(path), renew, within)) is not None:
+            texts.append(text)
     return texts
 
 

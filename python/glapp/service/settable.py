@@ -102,18 +102,27 @@ def usual_of(most: tuple[float, float]) -> dict[str, float]:
 def of_plant(loop: Loop) -> tuple[Bound, Bound]:
     """The bounds of `u_ff_limit` and `u_ff_rate` in a loops.toml: OP's range, and ten times that in a second."""
     low, high = loop.op_range() or (0.0, _GREATEST)
-    limit = Bound("OP unit", 0.0, high - low, zero=False)
-    return limit, limit._replace(unit="OP unit/s", high=10.0 * limit.high)
+    limit = Bound(loop.op_label, 0.0, high - low, zero=False)
+    return limit, limit._replace(unit=f"{loop.op_label}/s", high=10.0 * limit.high)
 
 
 def bounds_of(loop: Loop, settings: Mapping[str, Any], most: tuple[float, float] | None) -> dict[str, Bound]:
-    """The bounds of all that may be set of a loop, by what else is set.
+    """The bounds of all that may be set of a loop, by what else is set, in the units of the loop.
 
     - `loop`: with what is set of its detector.
     - `settings`: what is set of its compensation; what is None or not there is as by default.
     - `most`: the greatest |u_FF| and rate that the plant takes [OP unit, OP unit per s]; None: it cannot be
       compensated.
     """
+    units = (("OP unit", loop.op_label), ("PV unit", loop.pv_unit or "PV unit"))
+    found = _bounds(loop, settings, most)
+    for word, unit in units:
+        found = {name: bound._replace(unit=bound.unit.replace(word, unit)) for name, bound in found.items()}
+    return found
+
+
+def _bounds(loop: Loop, settings: Mapping[str, Any], most: tuple[float, float] | None) -> dict[str, Bound]:
+    """The bounds as `bounds_of` gives them, with the words of the core for units."""
     gain = Bound("OP unit/PV unit", -_GREATEST, _GREATEST, zero=False)
     found = {
         "k": gain,

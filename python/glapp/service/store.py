@@ -784,23 +784,32 @@ def _configure(db: sqlite3.Connection) -> None:
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too
     db.execute("PRAGMA foreign_keys = ON")
-    db.execute("PRAGMA auto_vacuum = INCREMENTAL")
+
+
+def _aside(path: Path, why: str, now: float) -> Path:
+    """A free name next to a database that is set aside, with why and when."""
+    stamp = time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime(now))
+    found, number = path.with_name(f"{path.name}.{why}-{stamp}"), 1
+    while found.exists():
+        number += 1
+        found = path.with_name(f"{path.name}.{why}-{stamp}-{number}")
+    return found
 
 
 def _set_aside(path: Path, now: float) -> Path:
     """Move a damaged database away, under a name with its time."""
-    stamp = time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime(now))
-    aside = path.with_name(f"{path.name}.damaged-{stamp}")
-    number = 1
-    while aside.exists():
-        number += 1
-        aside = path.with_name(f"{path.name}.damaged-{stamp}-{number}")
+    aside = _aside(path, "damaged", now)
     path.rename(aside)
+    _move_beside(path, aside)
+    return aside
+
+
+def _move_beside(path: Path, aside: Path) -> None:
+    """Move SQLite's own files of a database that was set aside after it."""
     for ending in ("-wal", "-shm"):
         beside = path.with_name(path.name + ending)
         if beside.exists():
             beside.rename(aside.with_name(aside.name + ending))
-    return aside
 
 
 def backup(folder: Path, file: Path) -> None:
@@ -812,8 +821,11 @@ def backup(folder: Path, file: Path) -> None:
     - `folder`: the data folder.
     - `file`: the copy; one that is there is replaced.
 
-    Raises InputError where there is no database, or the file cannot be written.
+    Raises InputError where there is no database, the file is one of the database's own, or it cannot be written.
     """
+    if file.parent.resolve() == folder.resolve() and file.name in (NAME, f"{NAME}-wal", f"{NAME}-shm"):
+        hint = "give the copy another name, best in another folder"
+        raise InputError(f"belongs to the database of {folder}, which a copy would destroy", file=str(file), hint=hint)
     part = file.with_name(f".{file.name}.part")
     with Reader(folder) as reader:
         try:
@@ -868,8 +880,7 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
         shutil.copyfile(file, part)
         aside = None
         if path.exists():
-            stamp = time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime(time.time() if now is None else now))
-            aside = path.with_name(f"{NAME}.replaced-{stamp}")
+            aside = _aside(path, "replaced", time.time() if now is None else now)
             old = sqlite3.connect(path)
             try:
                 old.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -881,10 +892,7 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
                 os.link(path, aside)  # a kill from here on leaves one of the two under the database's name
             except OSError:
                 path.rename(aside)  # a file system without links
-            for ending in ("-wal", "-shm"):
-                beside = path.with_name(path.name + ending)
-                if beside.exists():
-                    beside.rename(aside.with_name(aside.name + ending))
+            _move_beside(path, aside)
         part.replace(path)
         return aside
     finally:

@@ -70,8 +70,10 @@ class CompensationPage:
             settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
             shown = (seen, settings, made, status["answer"], status["estimate"])
             if shown != self._shown:
-                self._shown = shown
+                again, self._shown = bool(self._shown), shown
                 await self._fill_body(seen, status, settings)
+                if again:
+                    self.body.client.run_javascript(f"glapp.refocus({self.body.id})")
             if made is not None:
                 await self._show_log()
 

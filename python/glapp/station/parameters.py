@@ -9,7 +9,7 @@ from typing import Any
 from ..report.words import number
 from ..service.settable import DETECTOR, SETTINGS, SHARE, Bound
 
-__all__ = ["FIRST", "GROUPS", "NO_LIMIT", "PARAMETERS", "Parameter", "allowed", "changed", "field"]
+__all__ = ["FIRST", "GROUPS", "NO_LIMIT", "PARAMETERS", "Parameter", "allowed", "changed", "command_text", "field"]
 
 NOBODY_REACHES = 1e9
 """A bound that only keeps arithmetic finite."""
@@ -127,18 +127,24 @@ def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[
 
 
 def command_text(command: Mapping[str, Any]) -> str:
-    """A command on parameters in a line: the values before and after.
+    """A command in a line: whose account it is about, and the values before and after.
 
     >>> command_text({"before": {"kp": 2.0}, "after": {"kp": 3.0}, "refused": None})
     'kp 2 → 3'
+    >>> command_text({"before": {"user": "anna", "role": None}, "after": {"user": "anna", "role": "viewer"}, \
+"refused": None})
+    'anna: role – → viewer'
+    >>> command_text({"before": {"user": "anna"}, "after": None, "refused": None})
+    'anna'
     """
     if command["refused"] is not None:
         return f"refused: {command['refused']}"
     before, after = command["before"], command["after"]
-    if not isinstance(before, dict) or not isinstance(after, dict):
+    if not isinstance(before, dict):
         return ""
-    names = [name for name in after if before.get(name) != after[name]]
-    return ", ".join(f"{name} {_short(before.get(name))} → {_short(after[name])}" for name in names)
+    names = [name for name in after or () if before.get(name) != after[name]]
+    changes = ", ".join(f"{name} {_short(before.get(name))} → {_short(after[name])}" for name in names)
+    return ": ".join(part for part in (before.get("user", ""), changes) if part)
 
 
 def _short(value: Any) -> str:

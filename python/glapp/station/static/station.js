@@ -123,6 +123,14 @@ window.glapp = {
     setTimeout(() => next?.focus());
     return true;
   },
+  // Where a part with the focus was built anew, it goes on to the first button there that can be pressed.
+  refocus(id) {
+    setTimeout(() => {
+      const at = document.activeElement;
+      if (at !== document.body && !at.matches(".q-dialog__inner")) return;
+      document.getElementById(`c${id}`)?.querySelector("button:not([disabled])")?.focus();
+    });
+  },
   // Light or dark as the person's system is, until the person chooses.
   follow(dark, chosen) {
     if (chosen) return;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -94,11 +95,12 @@ a{color:#1d5b9c}nav a{margin-right:.8rem;white-space:nowrap}"""
 def as_html(shown: Sequence[Shown]) -> str:
     """The gallery as one page; it needs the pictures next to it and nothing else."""
     say = html.escape
+    about = re.sub("`(.+?)`", r"<code>\1</code>", say(ABOUT))
     links = " ".join(f'<a href="#{one.anchor}">{say(one.number)}</a>' for one in shown)
     parts = [
         '<!doctype html><html lang="en"><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width,initial-scale=1">',
-        f"{GENERATOR}<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{say(ABOUT)}</p><nav>{links}</nav>",
+        f"{GENERATOR}<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{about}</p><nav>{links}</nav>",
     ]
     if differs := _differs(shown):
         parts.append(f"<h2>{DIFFERS}</h2><ul>")

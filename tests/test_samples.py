@@ -103,7 +103,7 @@ def test_a_masked_or_infinite_value_is_none() -> None:
         batch = next(Samples(LOOP, {"t": [0.0, 1.0, 2.0], "pv": pv}).batches())
         assert batch.flags is not None and batch.flags.tolist() == [0, 2, 0] and np.isnan(batch.pv[1])
     dates = np.array(["2026-03-01T12:00:00", "1970-01-01", "2026-03-01T12:00:02"], "datetime64[s]")
-    for t in (dates, dates - dates[0], np.array([0, -9999, 2]), np.array([0.0, np.inf, 2.0])):
+    for t in (dates, dates.astype(object), dates - dates[0], np.array([0, -9999, 2]), np.array([0.0, np.inf, 2.0])):
         given = t if t.dtype == float else np.ma.masked_array(t, mask=mask)
         batch = next(Samples(LOOP, {"t": given, "pv": [1.0, 1.5, 2.0]}).batches())
         assert np.array_equal(batch.t, [0.0, np.nan, 2.0], equal_nan=True)

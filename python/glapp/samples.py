@@ -132,9 +132,9 @@ def _times(t: Any) -> NDArray[Any]:
     """Times as an array, of which none is known where one is masked."""
     if not isinstance(t, np.ma.MaskedArray):
         return np.asarray(t)
-    if t.dtype.kind in "mM":
-        return np.asarray(t.filled(np.array("NaT", t.dtype)))
-    return np.asarray(t.astype(object).filled(None) if t.dtype == object else column(t))
+    values: Any = np.array(np.ma.getdata(t), np.float64 if t.dtype.kind in "iu" else t.dtype)
+    values[np.ma.getmaskarray(t)] = None  # NaN or NaT in numbers and dates
+    return np.asarray(values)
 
 
 def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:

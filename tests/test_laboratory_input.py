@@ -18,6 +18,14 @@ P2 = plant.PLANTS["P2"]
 LOOP = tuning.open_loop("P2", (0.775, 2.05))
 T = np.linspace(0, 30, 301)
 
+
+def gap() -> modules.Graph:
+    """A gap alone; a run of 10¹⁸ scans ended Python for want of memory."""
+    return modules.Graph(
+        0.1, {"x": modules.Input(), "gap": modules.Backlash(1.0), "y": modules.Output()}, ["x -> gap -> y"]
+    )
+
+
 NUMBERS: list[tuple[Callable[..., Any], dict[str, Any], str]] = [
     (nonlinear.n_backlash, {"a": 1.0, "d": 1.0}, "a d"),
     (nonlinear.n_relay, {"a": 1.0, "level": 1.0}, "a level"),
@@ -114,12 +122,34 @@ def test_what_is_no_number_is_refused_by_name(
             lambda: simulate.Scenario(plant="P2", controller=(0.5, 2.0), load=[{"kind": "wlak", "rate": 0.1}]),
             "load.0.kind: is 'wlak', must be one of 'steps', 'ramp', 'sine', 'walk'",
         ),
-        (lambda: modules.Graph("0.1 s", {}, []), "must be real number, not str"),
+        (lambda: modules.Graph("0.1 s", {}, []), "^h: is '0.1 s', must be a number"),
+        (lambda: modules.Graph(0.1, {}, "sp -> pid.sp"), "^wires: is 'sp -> pid.sp', must be a list of wires"),
+        (lambda: gap().scan(x="wide"), "^x.value: is 'wide', must be a number"),
+        (lambda: gap().scan(h="1 s"), "^h: is '1 s', must be a number"),
+        (lambda: gap().__setitem__("gap.d", [1.0, 2.0]), r"^gap.d: is \[1.0, 2.0\], must be a number"),
+        (lambda: gap().run(1, x="wide"), "^x: is not numbers: could not convert"),
+        (lambda: gap().run(1, x=2.0), "^x: is no array, must have one value a scan"),
+        (lambda: gap().run(1e18), r"^t: is 1e\+18, must be 0 to 1e\+07 s, which is 10⁸ scans"),
     ],
 )
 def test_other_wrong_input_is_refused_in_one_line(call: Callable[[], Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         call()
+
+
+@pytest.mark.parametrize("model", [tuning.Fotd(1.0, t=2.0, l=1.0), tuning.Integrating(0.5, l=1.0)])
+def test_a_model_is_a_process_everywhere(model: Any) -> None:
+    """docs/tuning.md says so; half of the laboratory refused one."""
+    assert tuning.ultimate(model) == tuning.ultimate(model.plant)
+    assert tuning.character(model) == tuning.character(model.plant)
+    assert nonlinear.over_compensation(model, 2.0, 1.0) == nonlinear.over_compensation(model.plant, 2.0, 1.0)
+    assert simulate.Scenario(plant=model, controller=(0.1, 20.0)).plant == model.plant
+    assert tuning.relay_experiment(model).ku == tuning.relay_experiment(model.plant).ku
+
+
+def test_a_masked_value_is_a_bad_one_for_a_graph() -> None:
+    values = np.ma.masked_array([1.0, 5.0, 2.0], mask=[False, True, False])
+    assert np.isnan(gap().run(0.3, x=values, record=["x"])["x"]).tolist() == [False, True, False]
 
 
 def test_a_loop_whose_phase_never_reaches_a_quarter_turn_keeps_clear_of_every_gap() -> None:

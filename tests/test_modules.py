@@ -615,7 +615,7 @@ def test_names_values_and_columns_that_are_wrong_are_refused() -> None:
         loop["pid.Ki"]
     with pytest.raises(InputError, match=r"sp: 3 values for 2 scans"):
         loop.run(2 * H, sp=np.zeros(3))
-    with pytest.raises(InputError, match=r"must be 0 s or greater"):
+    with pytest.raises(InputError, match=r"t: is -1, must be 0 to 5e\+06 s, which is 10⁸ scans"):
         loop.run(-1.0)
     with pytest.raises(InputError, match=r"ki = 0: must be other than 0"):
         Pid.parallel(kp=1.0, ki=0.0)

@@ -3,6 +3,7 @@
 from datetime import datetime
 
 import numpy as np
+import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pyarrow.csv as pacsv
@@ -131,6 +132,55 @@ def test_wrong_tables_are_one_line(data, line):
         list(recording_from(data).batches())
     assert str(caught.value).startswith(line)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_durations_are_times_since_the_beginning(unit):
+    """A TimedeltaIndex of pandas was refused: "holds duration[us], not times"."""
+    t = (np.arange(3) * 1500).astype("timedelta64[ms]") + np.timedelta64(45000, "D")  # no day number of Excel
+    table = pa.table(
+        {"Timestamp": pa.array(t).cast(pa.duration(unit), safe=False), "SP": [1.0, 2, 3], "PV": [1.0, 2, 3]}
+    )
+    recording = recording_from(table)
+    got = joined(recording.batches())
+    whole = [0, 1.5, 3] if unit != "s" else [0, 1, 3]
+    assert recording.t0 is None and recording.found == []
+    np.testing.assert_allclose(got["t"] - 45000 * 86400.0, whole, atol=1e-5)
+    frame = pd.DataFrame({"SP": [1.0, 2, 3], "PV": [1.0, 2, 3]}, index=pd.to_timedelta([0, 1, 2], unit="s"))
+    assert joined(recording_from(frame).batches())["t"].tolist() == [0, 1, 2]
+    with pytest.raises(InputError, match=r"^memory, row 2, column t: the time is empty"):
+        list(recording_from({"t": pa.array([0, None], pa.duration("s")), "PV": [1, 2], "OP": [1, 2]}).batches())
+
+
+def test_a_masked_value_of_a_table_is_none():
+    """The number under the mask was read as a value."""
+    pv = np.ma.masked_array([1.0, -9999.0, 2.0], mask=[False, True, False])
+    structured = np.ma.masked_array(
+        np.array([(0, 1.0, 1), (1, -9999.0, 1), (2, 2.0, 1)], [("t", float), ("PV", float), ("SP", float)]),
+        mask=[(0, 0, 0), (0, 1, 0), (0, 0, 0)],
+    )
+    for data in ({"t": [0, 1, 2], "SP": [1, 1, 1], "PV": pv}, structured):
+        assert joined(recording_from(data).batches())["flags"].tolist() == [0, BAD, 0]
+
+
+def test_a_data_frame_with_words_among_numbers():
+    """As a sheet with Bad in it becomes one; it was refused in words of Arrow, and the same CSV was read."""
+    data = {"t": [0, 1, 2, 3], "SP": [1.0, 1, 1, 1], "PV": [1.5, "Bad", 2.5, None], "OP": [1, 2, 3, 4]}
+    got = joined(recording_from(pd.DataFrame(data)).batches())
+    assert got["flags"].tolist() == [0, BAD, 0, BAD] and got["pv"][[0, 2]].tolist() == [1.5, 2.5]
+    with pytest.raises(InputError, match=r"^memory, row 2, column PV: 'x' is not a number"):
+        list(recording_from(pd.DataFrame(data | {"PV": [1.5, "x", 2.5, 3]})).batches())
+
+
+def test_who_has_a_table_in_memory_is_told_what_to_write_in_python():
+    """Options of the command line and keys of loops.toml were named to who works in a notebook."""
+    loop = r'name (it|them): loop = glapp.Loop\(name="loop", columns={"'
+    with pytest.raises(InputError, match=loop + r'time": "NAME"}\); or say how far rows are apart: sample_time='):
+        recording_from({"PV": [1, 2], "OP": [1, 2]})
+    with pytest.raises(InputError, match=loop + r'pv": "NAME", "op": "NAME"}\)'):
+        recording_from({"t": [0, 1], "a": [1, 2], "b": [1, 2]})
+    with pytest.raises(InputError, match=r'name the right one: loop = glapp.Loop\(name="loop", columns={"op": "OP"}'):
+        recording_from({"t": [0, 1], "PV": [1, 2], "OP": [1, 2], "MV": [1, 2]})
 
 
 def test_a_loop_is_chosen_by_its_name():

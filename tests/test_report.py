@@ -903,10 +903,13 @@ def browsed(page: Path, *options: str) -> str:
 
 @pytest.mark.verify
 @needs_chromium
-def test_a_narrow_page_is_not_wider_than_its_window_and_no_legend_lies_on_an_axis(
+def test_a_narrow_page_is_not_wider_than_its_window_and_no_legend_lies_on_an_axis_or_under_buttons(
     run: list[Result], worn: Result, tmp_path: Path
 ) -> None:
-    """Regression: one reason a row lay on the dates, and the parallelogram's axis was named in its numbers."""
+    """Regression: one reason a row lay on the dates, and the parallelogram's axis was named in its numbers.
+
+    The buttons of the pictures lay on the names of their curves.
+    """
     long = replace(fitted(worn), name="PLANT/UNIT_07/AREA-B/FIC10101.LONGNAME_WITHOUT_END", quality=[FINDING])
     [file] = write_report([*run[1:4], long], tmp_path / "report.html")
     text = file.read_text(encoding="utf-8").replace("<details", "<details open")
@@ -925,6 +928,11 @@ def test_a_narrow_page_is_not_wider_than_its_window_and_no_legend_lies_on_an_axi
             const at = (part) => plot.querySelector(part).getBoundingClientRect();
             const [legend, title, number] = [".legend", ".xtitle", ".xtick text"].map(at);
             return Math.round(Math.min(legend.top - title.bottom, title.top - number.bottom));
+          }),
+          ...[...page.querySelectorAll(".plot[data-drawn] .modebar-group")].map((buttons) => {
+            const legend = buttons.closest(".plot").querySelector(".legend")?.getBoundingClientRect();
+            const at = buttons.getBoundingClientRect();
+            return legend && legend.top < at.bottom && at.top < legend.bottom && at.left < legend.right ? -1 : 0;
           })].join(" ");
       }, 1500);
     """

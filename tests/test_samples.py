@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import polars as pl
+import pyarrow as pa
 import pytest
 from filtered import filtered
 
@@ -75,10 +77,40 @@ def test_times_of_pandas_with_a_zone_and_of_python(worn: Simulation) -> None:
     n = 50
     zoned = pd.date_range("2026-03-29 01:30", periods=n, freq="10min", tz="Europe/Stockholm")  # summer time begins
     own = [datetime(2026, 3, 1, tzinfo=UTC) + timedelta(seconds=600 * k) for k in range(n)]
-    for t in (zoned, pd.Series(zoned), own, [None, *own[1:]], zoned.tz_convert(None), zoned - zoned[0]):
+    since = [timedelta(seconds=600 * k) for k in range(n)]
+    for t in (zoned, pd.Series(zoned), own, [None, *own[1:]], zoned.tz_convert(None), zoned - zoned[0], since):
         made = next(Samples(LOOP, {"t": t, "pv": worn.pv[:n]}).batches())
         assert np.nanmax(np.abs(np.diff(made.t) - 600)) < 1e-6
-    assert Samples(LOOP, {"t": zoned, "pv": worn.pv[:n]}).t0 == datetime(2026, 3, 29, 0, 30)
+
+
+def test_times_with_a_zone_keep_it() -> None:
+    """Arrays began at the hour of UTC, which the report calls local time; a table of the same times did not."""
+    zoned = pd.date_range("2026-03-01 12:00", periods=3, freq="s", tz="Europe/Stockholm")
+    missing = pd.Series([pd.NaT, *zoned[1:]])
+    for t in (zoned, pd.Series(zoned), missing, list(zoned.to_pydatetime()), pl.Series(zoned), pa.array(zoned)):
+        made = Samples(LOOP, {"t": t, "pv": [1.0, 2.0, 3.0]})
+        assert made.zone == "Europe/Stockholm" and f"{made.t0:%H:%M %z}" == "12:00 +0100", type(t)
+    offset = [datetime(2026, 3, 1, 12, second, tzinfo=timezone(timedelta(hours=1))) for second in (0, 1)]
+    made = Samples(LOOP, {"t": offset, "pv": [1.0, 2.0]})
+    assert (made.zone, made.t0) == ("UTC", offset[0])
+
+
+def test_a_masked_or_infinite_value_is_none() -> None:
+    """The number under a mask was read as a value, and so was an infinite one, after which no gap was found."""
+    mask = [False, True, False]
+    masked = np.ma.masked_array([1.0, -9999.0, 2.0], mask=mask)
+    for pv in (masked, masked.astype(int), [1.0, np.inf, 2.0], [1.0, -np.inf, 2.0]):
+        batch = next(Samples(LOOP, {"t": [0.0, 1.0, 2.0], "pv": pv}).batches())
+        assert batch.flags is not None and batch.flags.tolist() == [0, 2, 0] and np.isnan(batch.pv[1])
+    dates = np.array(["2026-03-01T12:00:00", "1970-01-01", "2026-03-01T12:00:02"], "datetime64[s]")
+    for t in (dates, dates.astype(object), dates - dates[0], np.array([0, -9999, 2]), np.array([0.0, np.inf, 2.0])):
+        given = t if t.dtype == float else np.ma.masked_array(t, mask=mask)
+        batch = next(Samples(LOOP, {"t": given, "pv": [1.0, 1.5, 2.0]}).batches())
+        assert np.array_equal(batch.t, [0.0, np.nan, 2.0], equal_nan=True)
+    stream = [glapp.Estimator(LOOP, h=1.0) for _ in range(2)]
+    stream[0].update_many(t=np.arange(3.0), sp=np.zeros(3), pv=masked)
+    stream[1].update_many(t=np.arange(3.0), sp=np.zeros(3), pv=masked.filled(np.nan))
+    assert stream[0].save() == stream[1].save()
 
 
 def test_what_is_no_result_or_loop_is_one_line() -> None:
@@ -112,7 +144,9 @@ def test_rows_without_pv_are_bad_and_an_sp_that_is_not_recorded_is_not_missing()
             {"t": [3, 2, 1], "pv": [1, 2, 3]},
             "t: runs backwards in 2 of 2 steps: the newest sample comes first; reverse",
         ),
-        ({"t": [0, 1], "pv": [1, 2], "flags": [0, 16]}, "flags: is no sum of 1 (not in automatic), 2 (bad)"),
+        ({"t": [0, 1], "pv": [1, 2], "flags": [0, 16]}, "flags: is 16, must be a sum of 1 (not in automatic)"),
+        ({"t": [timedelta(0), 1], "pv": [1, 2]}, "t: is not times: 1 among durations; give seconds"),
+        ({"t": np.array(["30000-01-01", "30000-01-02"], "M8[D]"), "pv": [1, 2]}, "t: begins at 30000-01-01, beyond"),
         ({"t": np.full(2, "NaT", "datetime64[s]"), "pv": [1, 2]}, "t: holds no time"),
         ({"t": [datetime(2026, 3, 1), datetime(2026, 3, 1, tzinfo=UTC)], "pv": [1, 2]}, "t: holds times with a zone"),
         ({"t": [datetime(2026, 3, 1), 7], "pv": [1, 2]}, "t: is not times"),

@@ -104,6 +104,7 @@ def test_html_page_stands_alone(shown: dict[str, Shown], tmp_path: Path) -> None
     links = re.findall(r'(?:src|href)="([^"]*)"', page)
     targets = {one.picture for one in shown.values()} | {f"#{one.anchor}" for one in shown.values()}
     assert set(links) == targets
+    assert "<code>glapp thesis 5.1</code>" in page and "`" not in page
     one = shown["5.1"]
     save(one.draw(), tmp_path / one.picture)
     assert (tmp_path / one.picture).read_bytes().startswith(b"\x89PNG")

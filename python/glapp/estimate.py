@@ -64,7 +64,8 @@ def estimate(
         From `glapp.recording_from` or `glapp.open_recordings`; its `loop` must have a controller; or, in its place:
     t, sp, pv, op, flags : array[n]
         Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit];
-        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN, infinite
+        or masked is a bad value.
     loop : Loop
         Settings that go with samples.
     progress : callable, optional
@@ -138,7 +139,8 @@ def analyze(  # type: ignore[misc]  # the overloads leave the names of its optio
         With a file or a table, names of its columns where the guess is wrong; `position=""` leaves a measured
         position out. Alone, samples: time [s] or datetime64; setpoint and process value [PV unit], controller output
         [OP unit], the valve's measured position [%];
-        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN, infinite
+        or masked is a bad value.
     loop : Loop
         Settings that go with samples.
     trust : bool
@@ -412,7 +414,8 @@ def identify(
         From `glapp.recording_from` or `glapp.open_recordings`; or, in its place:
     t, sp, pv, op, flags : array[n]
         Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit];
-        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN, infinite
+        or masked is a bad value.
     loop : Loop
         Settings that go with samples.
 
@@ -543,7 +546,7 @@ class Estimator:
         Parameters
         ----------
         t, sp, pv, op : float[n]
-            Time [s], signals; NaN is a bad value.
+            Time [s], signals; NaN or masked is a bad value.
         flags : uint8[n], optional
             Sum of 1 not in automatic, 2 bad quality, 4 at the lower, 8 at the upper limit.
         """

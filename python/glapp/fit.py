@@ -281,7 +281,8 @@ def fit(
         are of one valve: they get one answer, with the width that they share. Or, in its place:
     t, sp, pv, op, position, flags : array[n]
         Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit], position
-        of the valve [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+        of the valve [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN, infinite
+        or masked is a bad value.
     loop : Loop
         Settings that go with samples.
     progress : callable, optional

@@ -43,12 +43,14 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _glapp
+from .arrays import column
 from .checked import check_number
 from .errors import InputError
 from .plant import Plant as _Plant
@@ -86,6 +88,7 @@ __all__ = [
 ]
 
 _MOST = float(np.finfo(np.float64).max)
+_MOST_SCANS = 10**8  # of a run, as of a simulation
 
 
 class Mode(enum.IntEnum):
@@ -952,8 +955,11 @@ class Graph:
         for name, module in modules.items():
             if not isinstance(module, Module):
                 raise InputError(f"is {module!r}, must be a module", parameter=name, value=module, bound="a module")
+        if isinstance(wires, str):
+            bound = "a list of wires: ['sp -> pid.sp', …]"
+            raise InputError(f"is {wires!r}, must be {bound}", parameter="wires", value=wires, bound=bound)
         with _input_errors():
-            self._graph = _glapp.Graph(h, list(modules.items()), list(wires))
+            self._graph = _glapp.Graph(_number("h", h), list(modules.items()), list(wires))
 
     @property
     def h(self) -> float:
@@ -978,7 +984,7 @@ class Graph:
         """
         for name, value in inputs.items():
             self[f"{name}.value"] = value
-        self._graph.scan(self.h if h is None else h)
+        self._graph.scan(self.h if h is None else _number("h", h))
 
     def run(
         self, t: float, *, record: Sequence[str] = (), **inputs: npt.ArrayLike
@@ -992,20 +998,25 @@ class Graph:
         record : sequence of str
             What to record: `"gap"` for a module's output, `"pid.error"` for a variable.
         **inputs : array
-            A value a scan for each `Input` that changes.
+            A value a scan for each `Input` that changes; not a number, or masked, for a bad one.
 
         Returns
         -------
         dict of array
             A value a scan for each that is recorded, and `"t"`, the time [s].
+
+        Raises
+        ------
+        InputError
+            For more than 10⁸ scans, a name that is not there, or values that are no numbers, or not one a scan.
         """
-        t = check_number(t, "t", lambda x: x >= 0, "0 s or greater")
+        most = _MOST_SCANS * self.h
+        t = check_number(t, "t", lambda x: 0 <= x <= most, f"0 to {most:g} s, which is 10⁸ scans")
         n = math.floor(t / self.h + 1e-9)
         begin = self._graph.scans
+        values = [(name, _numbers(name, x)) for name, x in inputs.items()]
         with _input_errors():
-            columns = self._graph.record(
-                n, [(name, np.ascontiguousarray(x, np.float64)) for name, x in inputs.items()], list(record)
-            )
+            columns = self._graph.record(n, values, list(record))
         t_of_scans: npt.NDArray[np.float64] = np.arange(begin, begin + n).astype(np.float64) * self.h
         return {"t": t_of_scans, **dict(zip(record, columns, strict=True))}
 
@@ -1114,12 +1125,34 @@ class Graph:
             return self._graph.get(path)
 
     def __setitem__(self, path: str, value: float | None) -> None:
+        number = None if value is None else _number(path, value)
         with _input_errors():
-            self._graph.set(path, value)
+            self._graph.set(path, number)
 
     def __iter__(self) -> Iterator[str]:
         """All names that can be read."""
         return iter(self._graph.names())
+
+
+def _number(name: str, value: Any) -> float:
+    """A number, not a number for a bad value included."""
+    if isinstance(value, Real | np.ndarray):
+        try:
+            return float(value)
+        except (TypeError, ValueError):  # an array of several
+            pass
+    raise InputError(f"is {value!r}, must be a number", parameter=name, value=value, bound="a number")
+
+
+def _numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """The values of an input, one a scan."""
+    try:
+        found: npt.NDArray[np.float64] = column(values)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"is not numbers: {error}", parameter=name, value=values) from None
+    if found.ndim != 1 or np.ndim(values) != 1:
+        raise InputError("is no array, must have one value a scan", parameter=name, value=values)
+    return found
 
 
 @contextmanager

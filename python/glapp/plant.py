@@ -148,11 +148,12 @@ class Plant:
 
         Parameters
         ----------
-        process : Plant, str, (num, den), (num, den, dead_time), mapping, list of these, or a transfer function object
+        process : Plant, str, (num, den), (num, den, dead_time), mapping, list of these, model, or transfer function
             A name of the test batch, "P1" to "P8"; coefficients; a mapping with the keys num, den and dead_time, as
-            TOML has it; a list of names, mappings and plants, which is their series; or any linear system of
-            python-control or `scipy.signal` with one input and one output in continuous time: a transfer function, a
-            state space, zeros, poles and gain (these have no dead time: write ``Plant.of(tf).delayed(L)``).
+            TOML has it; a list of names, mappings and plants, which is their series; a model whose `plant` is one, as
+            `glapp.tuning.Fotd`; or any linear system of python-control or `scipy.signal` with one input and one output
+            in continuous time: a transfer function, a state space, zeros, poles and gain (these have no dead time:
+            write ``Plant.of(tf).delayed(L)``).
 
         Raises
         ------
@@ -177,6 +178,8 @@ class Plant:
         """
         if isinstance(process, cls):
             return process
+        if isinstance(model := getattr(process, "plant", None), cls):
+            return model
         if isinstance(process, str) and process in PLANTS:
             return PLANTS[process]
         if isinstance(process, Mapping):

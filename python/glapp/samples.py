@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import column
 from .errors import InputError
 from .loop import Loop
 from .recording import BAD, Batch, Recording, finished, without_value
@@ -25,7 +27,7 @@ class Samples(Recording):
 
     - `loop`: settings.
     - `signals`: `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in
-      seconds, or as datetime64, timedelta64 or datetime.
+      seconds, or as datetime64, timedelta64, datetime or timedelta.
 
     Raises InputError where they are not of one length, hold fewer than two samples, or no PV.
     """
@@ -34,8 +36,10 @@ class Samples(Recording):
         self.name, self.loop, self.source = loop.name, loop, "memory"
         self.columns = {_LABELS[name]: name for name in signals}
         self.units: dict[str, str] = {}
+        t, self.t0 = _seconds(times := _times(signals["t"]))
         self.zone: str | None = None
-        t, self.t0 = _seconds(np.asarray(signals["t"]))
+        if self.t0 is not None and (zone := _zone(signals["t"], times)) is not None:
+            self.zone, self.t0 = str(zone), self.t0.replace(tzinfo=UTC).astimezone(zone)
         values = {name: _floats(name, x) for name, x in signals.items() if name not in ("t", "flags")}
         flags = _flags(signals["flags"]) if "flags" in signals else None
         sizes = {name: x.size for name, x in values.items()} | ({} if flags is None else {"flags": flags.size})
@@ -124,10 +128,21 @@ def _opened(data: Any, loop: Loop | None, given: dict[str, Any]) -> Recording:
     return found[0]
 
 
+def _times(t: Any) -> NDArray[Any]:
+    """Times as an array, of which none is known where one is masked."""
+    if not isinstance(t, np.ma.MaskedArray):
+        return np.asarray(t)
+    values: Any = np.array(np.ma.getdata(t), np.float64 if t.dtype.kind in "iu" else t.dtype)
+    values[np.ma.getmaskarray(t)] = None  # NaN or NaT in numbers and dates
+    return np.asarray(values)
+
+
 def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:
     """Seconds, and the time of the first sample where it is a date."""
     if t.dtype == object and any(isinstance(x, datetime) for x in t.flat):
         t = _dates(t)
+    elif t.dtype == object and any(isinstance(x, timedelta) for x in t.flat):
+        t = _durations(t)
     if t.dtype.kind == "m":
         return np.ascontiguousarray(t / np.timedelta64(1, "ns") / 1e9, dtype=np.float64), None
     if t.dtype.kind != "M":
@@ -136,7 +151,9 @@ def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:
     if not known.size:
         raise InputError("holds no time", parameter="t")
     seconds = (t - known[0]) / np.timedelta64(1, "ns") / 1e9
-    first: datetime = known[0].astype("datetime64[us]").item()
+    first: Any = known[0].astype("datetime64[us]").item()
+    if not isinstance(first, datetime):
+        raise InputError(f"begins at {known[0]}, beyond the years 1 to 9999", parameter="t", value=str(known[0]))
     return np.ascontiguousarray(seconds, dtype=np.float64), first
 
 
@@ -157,29 +174,49 @@ def _dates(t: NDArray[Any]) -> NDArray[np.datetime64]:
     return dates
 
 
-_TIMES = "give seconds, datetime64 or datetime"
+def _zone(given: Any, times: NDArray[Any]) -> tzinfo | None:
+    """Zone of dates, of Polars and Arrow that of the column; UTC where it is an offset, None where there is none."""
+    kinds = (getattr(given, "dtype", None), "time_zone"), (getattr(given, "type", None), "tz")
+    of_column = next((zone for kind, name in kinds if (zone := getattr(kind, name, None)) is not None), None)
+    of_each = (
+        (x.tzinfo for x in times.flat if isinstance(x, datetime) and x == x) if times.dtype == object else iter(())
+    )
+    zone = of_column or next(of_each, None)
+    if zone is None:
+        return None
+    try:
+        return ZoneInfo(str(zone))
+    except (ValueError, LookupError, OSError):  # ZoneInfo raises each of them for a name that is no zone's
+        return UTC
+
+
+def _durations(t: NDArray[Any]) -> NDArray[np.timedelta64]:
+    """Times since a beginning that Python or pandas holds one by one."""
+    if wrong := [x for x in t.flat if not (x is None or x != x or isinstance(x, timedelta))]:
+        raise InputError(f"is not times: {wrong[0]!r} among durations", parameter="t", hint=_TIMES)
+    return np.array([None if x is None or x != x else x for x in t.flat], "timedelta64[us]").reshape(t.shape)
+
+
+_TIMES = "give seconds, datetime64, timedelta64, datetime or timedelta"
 
 
 def _floats(name: str, x: ArrayLike) -> NDArray[np.float64]:
     if np.iscomplexobj(x):
         raise InputError("holds complex numbers, must be real", parameter=name)
     try:
-        values = np.ascontiguousarray(x, dtype=np.float64)
+        values: NDArray[np.float64] = column(x)
     except (TypeError, ValueError) as error:
         hint = _TIMES if name == "t" else None
         raise InputError(f"is not numbers: {error}", parameter=name, hint=hint) from None
     if values.ndim != 1 or np.ndim(x) != 1:
         raise InputError(f"has {np.ndim(x)} dimensions, must have one", parameter=name)
-    return values
+    finite = np.isfinite(values)  # an infinite value is none, as in a file
+    return values if finite.all() else np.where(finite, values, np.nan)
 
 
 def _flags(x: ArrayLike) -> NDArray[np.uint8]:
     values = _floats("flags", x)
     if wrong := values[~np.isin(values, np.arange(16))].tolist():
-        raise InputError(
-            "is no sum of 1 (not in automatic), 2 (bad), 4 (OP at its low limit), 8 (at its high limit)",
-            parameter="flags",
-            value=wrong[0],
-            bound="0..15",
-        )
+        bound = "a sum of 1 (not in automatic), 2 (bad), 4 (OP at its low limit), 8 (at its high limit)"
+        raise InputError(f"is {wrong[0]:g}, must be {bound}", parameter="flags", value=wrong[0], bound=bound)
     return values.astype(np.uint8)

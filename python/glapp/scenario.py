@@ -709,7 +709,9 @@ def read_scenario(path: str | Path) -> Scenario:
     path = Path(path)
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=str(path)) from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(str(error), file=str(path)) from None
     for part in (table, table.get("outer", {})):
         for signal in ("setpoint", "load", "noise"):

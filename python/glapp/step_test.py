@@ -197,7 +197,8 @@ def step_test(
         slopes instead of levels.  Or, in its place:
     t, pv, op, position, flags : array[n]
         Samples: time [s] or datetime64; process value [PV unit], controller output [OP unit], the valve's measured
-        position [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit.  NaN is a bad value.
+        position [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN, infinite
+        or masked is a bad value.
     loop : Loop
         Settings that go with samples.
     manual : bool

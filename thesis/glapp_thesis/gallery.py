@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -93,29 +94,34 @@ a{color:#1d5b9c}nav a{margin-right:.8rem;white-space:nowrap}"""
 
 def as_html(shown: Sequence[Shown]) -> str:
     """The gallery as one page; it needs the pictures next to it and nothing else."""
-    say = html.escape
-    links = " ".join(f'<a href="#{one.anchor}">{say(one.number)}</a>' for one in shown)
+    links = " ".join(f'<a href="#{one.anchor}">{_said(one.number)}</a>' for one in shown)
     parts = [
         '<!doctype html><html lang="en"><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width,initial-scale=1">',
-        f"{GENERATOR}<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{say(ABOUT)}</p><nav>{links}</nav>",
+        f"{GENERATOR}<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{_said(ABOUT)}</p><nav>{links}</nav>",
     ]
     if differs := _differs(shown):
         parts.append(f"<h2>{DIFFERS}</h2><ul>")
         parts += [
-            f'<li>{say(sentence)} ({say(section)}). Here <a href="#{one.anchor}">{say(one.name)}</a>: {say(here)}'
+            f"<li>{_said(sentence)} ({_said(section)}). "
+            f'Here <a href="#{one.anchor}">{_said(one.name)}</a>: {_said(here)}'
             for one, section, sentence, here, _ in differs
         ]
         parts.append("</ul>")
     for one in shown:
-        parts.append(f'<h2 id="{one.anchor}">{say(one.name)}: {say(one.title)}</h2>')
-        parts.append(f'<img src="{one.picture}" alt="{say(one.sentence)}"><p>{say(one.sentence)}')
-        parts.append(f"(Section {say(one.section)})</p><table><tr><th><th>thesis<th>glapp<th>unit")
-        parts += ["<tr>" + "".join(f"<td>{say(cell)}" for cell in cells) for cells in _rows(one.numbers)]
+        parts.append(f'<h2 id="{one.anchor}">{_said(one.name)}: {_said(one.title)}</h2>')
+        parts.append(f'<img src="{one.picture}" alt="{html.escape(one.sentence)}"><p>{_said(one.sentence)}')
+        parts.append(f"(Section {_said(one.section)})</p><table><tr><th><th>thesis<th>glapp<th>unit")
+        parts += ["<tr>" + "".join(f"<td>{_said(cell)}" for cell in cells) for cells in _rows(one.numbers)]
         parts.append("</table>")
         if one.difference:
-            parts.append(f"<p><em>Difference:</em> {say(one.difference)}</p>")
+            parts.append(f"<p><em>Difference:</em> {_said(one.difference)}</p>")
     return "\n".join(parts) + "\n"
+
+
+def _said(text: str) -> str:
+    """Text of Markdown as HTML: names of the code stand in back quotes there."""
+    return re.sub("`(.+?)`", r"<code>\1</code>", html.escape(text))
 
 
 def _differs(shown: Sequence[Shown]) -> list[tuple[Shown, str, str, str, str]]:

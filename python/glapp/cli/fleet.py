@@ -65,7 +65,7 @@ def make_demo(
     days: Annotated[int, typer.Option(metavar="N", help="Days of history, 1 to 3660.")] = 30,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of the simulated mill.")] = 1,
 ) -> None:
-    """Write a lake of simulated loops to try the fleet on, with bad data of every kind and the truth beside it."""
+    """Write a lake of simulated loops to try the fleet on, with bad data of every kind and the truth about it."""
     from ..fleet import make_demo
 
     with _bar() as bar:

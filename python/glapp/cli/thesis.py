@@ -31,7 +31,7 @@ def thesis(
     ),
     markdown: Annotated[bool, typer.Option("--markdown", help="Write README.md instead of index.html.")] = False,
 ) -> None:
-    """Compute the figures of the thesis anew, and show its numbers beside ours."""
+    """Compute the figures of the thesis anew, and show its numbers next to ours."""
     try:
         from glapp_thesis import FIGURES, find, gallery, style
     except ModuleNotFoundError as error:

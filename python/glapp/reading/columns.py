@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from typing import Any, Literal
@@ -14,9 +15,10 @@ from .each import each
 from .kin import shared, tag_of
 from .meaning import understand, unnumbered
 from .names import WEAK
+from .source import MEMORY
 from .values import holds_modes
 
-__all__ = ["LABELS", "SignalColumns", "choose", "described_one", "each_with_columns", "for_one"]
+__all__ = ["LABELS", "SignalColumns", "choose", "described_one", "each_with_columns", "for_one", "naming"]
 
 _DIGITS = re.compile(r"\d+")
 LABELS = {
@@ -379,11 +381,9 @@ def _missing(
     what = f"no {kind} for {' and '.join(LABELS[role] for role in shown)} among those left: {_listed(unused)}"
     if not shown:
         what = f"the names of the {kind}s show no loop: {_listed(unused)}"
-    named = " ".join(f"--{role} {name if name == 'NAME' else repr(name)}" for role, name in asked.items())
-    keys = ", ".join(f'{role} = "{name}"' for role, name in asked.items())
     return InputError(
         f"{what}{also}",
-        hint=f"name {'it' if len(asked) == 1 else 'them'}: {named}, or in loops.toml columns = {{ {keys} }}",
+        hint=f"name {'it' if len(asked) == 1 else 'them'}: {naming(asked, label)}",
         asks="columns",
         **place,
     )
@@ -436,12 +436,32 @@ def _guess(
 def _several(fits: Sequence[str], role: str, label: str, kind: str) -> InputError:
     """Message where several columns could be one signal."""
     option = f": --{role} '{fits[0]}', or" if role in ("time", "sp", "pv", "op", "mode", "quality") else ""
+    hint = f'name the right one{option} in loops.toml: columns = {{ {role} = "{fits[0]}" }}'
+    if label == MEMORY:
+        hint = f"name the right one: {naming({role: fits[0]}, label)}"
     return InputError(
         f"the {kind}s {' and '.join(map(repr, fits))} could {'both' if len(fits) == 2 else 'all'} be {LABELS[role]}",
         file=label,
-        hint=f'name the right one{option} in loops.toml: columns = {{ {role} = "{fits[0]}" }}',
+        hint=hint,
         asks="columns",
     )
+
+
+def naming(columns: Mapping[str, str], label: str) -> str:
+    """What names columns: options or a loops.toml; of a table in memory its loop.
+
+    Examples
+    --------
+    >>> naming({"pv": "NAME"}, "plant.csv")
+    '--pv NAME, or in loops.toml columns = { pv = "NAME" }'
+    >>> naming({"pv": "NAME"}, "memory")
+    'loop = glapp.Loop(name="loop", columns={"pv": "NAME"})'
+    """
+    if label == MEMORY:
+        return f'loop = glapp.Loop(name="loop", columns={json.dumps(dict(columns), ensure_ascii=False)})'
+    named = " ".join(f"--{role} {name if name == 'NAME' else repr(name)}" for role, name in columns.items())
+    keys = ", ".join(f'{role} = "{name}"' for role, name in columns.items())
+    return f"{named}, or in loops.toml columns = {{ {keys} }}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..errors import InputError
-from .source import Source
+from .source import MEMORY, Source
 
 __all__ = ["TableSource", "to_table"]
 
@@ -34,7 +34,12 @@ def to_table(data: Any) -> pa.Table:
         if isinstance(data, pa.Table):
             return data
         if hasattr(data, "__arrow_c_stream__") or hasattr(data, "__arrow_c_array__"):
-            table = pa.table(data)
+            try:
+                table = pa.table(data)
+            except pa.ArrowException:
+                if not hasattr(data, "select_dtypes"):  # no data frame of pandas
+                    raise
+                table = pa.table(data.apply(_one_kind))
             if _INDEX in table.column_names:
                 table = table.rename_columns(["time" if n == _INDEX else n for n in table.column_names])
             return table
@@ -47,10 +52,10 @@ def to_table(data: Any) -> pa.Table:
         if isinstance(data, Mapping):
             return pa.table({str(name): _array(column) for name, column in data.items()})
     except (pa.ArrowException, TypeError, ValueError) as error:
-        raise InputError(f"cannot be read as a table: {error}", file="memory") from None
+        raise InputError(f"cannot be read as a table: {error}", file=MEMORY) from None
     raise InputError(
         f"a {type(data).__name__} is not a table with named columns",
-        file="memory",
+        file=MEMORY,
         hint="give a pandas, Polars or Arrow table, or a dict such as {'t': ..., 'SP': ..., 'PV': ..., 'OP': ...}",
     )
 
@@ -61,13 +66,26 @@ def _array(column: Any) -> pa.Array | pa.ChunkedArray:
         return column
     if hasattr(column, "__arrow_c_stream__"):
         return pa.chunked_array(column)
-    return pa.array(np.ascontiguousarray(column) if isinstance(column, np.ndarray) else column)
+    if isinstance(column, np.ndarray):
+        mask = np.ma.getmaskarray(column) if isinstance(column, np.ma.MaskedArray) else None
+        return pa.array(np.ascontiguousarray(column), mask=mask)
+    return pa.array(column)
+
+
+def _one_kind(column: Any) -> Any:
+    """A column of pandas that holds words among numbers, such as Bad, as text: Arrow has no type for both."""
+    if column.dtype == object:
+        try:
+            pa.array(column, from_pandas=True)
+        except pa.ArrowException:
+            return column.map(str, na_action="ignore")
+    return column
 
 
 class TableSource(Source):
     """A table in memory; rows are counted from 1, or by the lines of the file that it was read from."""
 
-    def __init__(self, table: pa.Table, label: str = "memory", lines: Sequence[int] | None = None) -> None:
+    def __init__(self, table: pa.Table, label: str = MEMORY, lines: Sequence[int] | None = None) -> None:
         self.label = label
         self.names = list(table.column_names)
         self.units = [None] * len(self.names)

@@ -230,6 +230,10 @@ class Clock:
         elif pa.types.is_integer(head.type) or pa.types.is_floating(head.type) or pa.types.is_decimal(head.type):
             values = head.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             self._numbers(values, str(head[0].as_py()), head.slice(0, 1))
+        elif pa.types.is_duration(head.type):
+            self._numeric, self._per_second = True, 0
+            self._seconds = 1.0 / _PER_SECOND[head.type.unit]
+            self.arrow_type = head.type
         else:
             raise CellFault(0, f"holds {head.type}, not times")
 
@@ -469,6 +473,8 @@ def _cast(column: pa.Array, kind: pa.DataType) -> pa.Array | None:
 
 def _finite(column: pa.Array) -> NDArray[np.float64]:
     """Times as numbers; an error at the first that is none."""
+    if pa.types.is_duration(column.type):
+        column = column.cast(pa.int64())
     x: NDArray[np.float64] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
     finite = np.isfinite(x)
     if not finite.all():

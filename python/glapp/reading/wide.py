@@ -16,11 +16,11 @@ from ..loop import Loop
 from ..quality import Finding, newest_first, setting_unused
 from ..recording import MARKED, Batch, Recording, finished, without_value
 from .cells import CellFault, plain
-from .columns import LABELS
+from .columns import LABELS, naming
 from .names import SAME_UNITS, UNITS, folded
 from .passes import Passes
 from .rows import OrderedRows, Reader
-from .source import Source, ahead
+from .source import MEMORY, Source, ahead
 
 __all__ = ["WideRecording", "check_one_unit", "unused_settings", "with_units"]
 
@@ -106,12 +106,14 @@ class WideRecording(Recording):
         if (at := self._at.get("time")) is not None:
             clock = self._ordered.read_clock(at, loop.time_format, loop.time_zone, once=passes.clock_from_last)
         elif loop.sample_time is None:
+            apart = "--sample-time SECONDS, or sample_time in loops.toml"
+            if source.label == MEMORY:
+                apart = "sample_time=SECONDS in its place"
             raise InputError(
                 f"no time column among: {', '.join(source.names[:20])}",
                 file=source.label,
                 loop=loop.name,
-                hint='name it: --time NAME, or in loops.toml columns = { time = "NAME" }; or say how far rows are '
-                "apart: --sample-time SECONDS, or sample_time in loops.toml",
+                hint=f"name it: {naming({'time': 'NAME'}, source.label)}; or say how far rows are apart: {apart}",
                 asks="columns",
             )
         self._sparse = self._is_sparse(source)

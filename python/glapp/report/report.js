@@ -30,7 +30,8 @@
       layout.width = Math.min(PAPER, plot.clientWidth);
       if (plot.closest(".believed")) layout.height = low(plot);
     }
-    if (!printing && plot.clientWidth < NARROW) {
+    const narrow = !printing && plot.clientWidth < NARROW;
+    if (narrow) {
       const names = data.filter(({ legend }) => legend === "legend2").length;
       // A row holds one name of the half-periods in place of three, and two of the parallelogram's three names.
       const more = plot.dataset.name === "gap" ? 28 : 20 * (names - Math.ceil(names / 3));
@@ -38,7 +39,8 @@
       layout.margin.b += more;
       plot.style.height = `${layout.height}px`;
     }
-    Plotly.react(plot, data, layout, config);
+    // On a narrow page the buttons would lie on the legend.
+    Plotly.react(plot, data, layout, narrow ? { ...config, displayModeBar: false } : config);
     plot.dataset.drawn = "";
   }
 

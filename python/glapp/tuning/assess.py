@@ -14,8 +14,6 @@ from ..controller import Controller, Ideal
 from ..errors import InputError
 from ..notebook import table
 from ..plant import Plant
-from .fotd import Fotd
-from .integrating import Integrating
 from .process import Array, Process, root
 
 
@@ -102,7 +100,7 @@ def open_loop(plant: Process, controller: Sequence[float] | Tuning, tf: float = 
     >>> open_loop(Plant([1], [2, 1]), (3, 2))
     Plant(num=(6.0, 3.0), den=(4.0, 2.0, 0.0), dead_time=0.0)
     """
-    plant = plant_of(plant)
+    plant = Plant.of(plant)
     k, ti, td, _ = ideal_of(controller)
     tf = check_number(tf, "tf", lambda x: x >= 0, "0 s or greater")
     lag = [tf * tf, 2 * tf, 1.0] if tf else [1.0]
@@ -154,7 +152,7 @@ def assess(
     Traceback (most recent call last):
     glapp.errors.InputError: controller: as given makes the closed loop unstable
     """
-    plant, ideal = plant_of(plant), ideal_of(controller)
+    plant, ideal = Plant.of(plant), ideal_of(controller)
     loop = open_loop(plant, ideal, tf)
     if np.any(plant.poles.real[plant.poles != 0] >= 0):
         raise InputError("has poles in the right half plane", parameter="plant", value=plant, bound="stable")
@@ -242,11 +240,6 @@ def iae_of(plant: Plant, loop: Plant, ki: float, w_ms: float) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         area = np.where(crossed, (a * a + b * b) / (a + b), a + b)
     return float(0.5 * h * area.sum())
-
-
-def plant_of(process: Process) -> Plant:
-    """The process itself, also of a model."""
-    return process.plant if isinstance(process, Fotd | Integrating) else Plant.of(process)
 
 
 def ideal_of(controller: Sequence[float] | Tuning) -> Ideal:

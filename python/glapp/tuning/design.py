@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import InputError
-from .assess import Tuning, assess, closed_loop_stable, iae_of, open_loop, plant_of
+from ..plant import Plant
+from .assess import Tuning, assess, closed_loop_stable, iae_of, open_loop
 from .circles import circles_of, coarse_frequencies, gains_at_the_limit
 from .migo import migo
 from .process import Array, Kind, Process, sign_of, stable
@@ -40,7 +41,7 @@ def design(plant: Process, kind: Kind = "PID", *, ms: float = 1.4, mt: float = 1
     >>> f"{t.ms:.2f} {t.mt:.2f}, Tf = {t.tf / t.controller.ti:.1f} Ti"
     '1.40 1.00, Tf = 0.1 Ti'
     """
-    plant = stable(plant_of(plant))
+    plant = stable(Plant.of(plant))
     circles, bound = circles_of(None, ms, mt)
     sign = sign_of(plant)
     start = migo(plant, kind, ms=ms, mt=mt).controller

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..checked import check_number
 from ..errors import InputError
 from ..plant import Plant
-from .assess import Tuning, assess, plant_of
+from .assess import Tuning, assess
 from .circles import Circles, circles_of, coarse_frequencies, first_touch
 from .process import Array, Kind, Process, kind_of, sign_of, stable
 
@@ -82,7 +82,7 @@ def migo(
         if small is not None and large is not None:
             raise InputError("is given twice", parameter=name, value=large)
     ms, mt = Ms if ms is None else ms, Mt if mt is None else mt
-    plant = stable(plant_of(plant))
+    plant = stable(Plant.of(plant))
     circles, bound = circles_of(m, ms, mt)
     sign, tf = sign_of(plant), check_number(tf, "tf", lambda x: x >= 0, "0 s or greater")
     k, ki, kd = _greatest_ki(_filtered(plant, tf) * sign, circles, kind_of(kind) == "PID")

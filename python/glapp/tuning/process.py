@@ -18,7 +18,7 @@ Kind = Literal["PI", "PID"]
 Array = npt.NDArray[np.float64]
 
 Process = Any
-"""Process that `Plant.of` accepts, or an `Fotd` or `Integrating` model."""
+"""Process that `Plant.of` accepts."""
 
 
 def stable(plant: Plant) -> Plant:

@@ -10,7 +10,7 @@ from .. import _glapp
 from ..checked import check_number, check_one_of
 from ..errors import InputError
 from ..plant import Plant
-from .assess import Tuning, assess, plant_of
+from .assess import Tuning, assess
 from .fotd import Fotd, fotd, tangent
 from .half_rule import half_rule
 from .integrating import Integrating, integrating
@@ -45,7 +45,7 @@ def ziegler_nichols_step(
     >>> f"{t.rule}: K {t.controller.k:.2f}, Ti {t.controller.ti:.2f} s, but Ms {t.ms:.1f}"
     'Ziegler-Nichols step (textbook) PI: K 2.82, Ti 4.28 s, but Ms 20.4'
     """
-    plant = plant_of(process)
+    plant = Plant.of(process)
     rule = f"Ziegler-Nichols step ({_table(table)}) {kind_of(kind)}"
     a, l = _tangent(process)  # noqa: E741
     return _tuned(rule, _ZN, plant, _glapp.ziegler_nichols_step, a, l, kind == "PID", _TABLES[table])
@@ -55,7 +55,7 @@ def _tangent(process: Process) -> tuple[float, float]:
     """The steepest tangent's intersections with the axes, a and L."""
     if isinstance(process, Fotd):
         return process.kp_process * process.l / process.t if process.t > 0 else math.inf, process.l
-    plant = plant_of(process)
+    plant = Plant.of(process)
     if plant.integrators == 1:
         model = integrating(plant)
         return model.kv * model.l, model.l
@@ -81,7 +81,7 @@ def ziegler_nichols_frequency(
     >>> round(t.controller.k, 6), round(t.controller.ti / math.pi, 6)
     (1.6, 1.6)
     """
-    plant = plant_of(process)
+    plant = Plant.of(process)
     ku, tu = ultimate(plant)
     rule = f"Ziegler-Nichols frequency ({_table(table)}) {kind_of(kind)}"
     return _tuned(rule, _ZN, plant, _glapp.ziegler_nichols_frequency, ku, tu, kind == "PID", _TABLES[table])
@@ -162,7 +162,7 @@ def amigo_frequency(process: Process, kind: Kind = "PID") -> Tuning:
     >>> [round(x, 3) for x in amigo_frequency("P2").controller[:3]]
     [1.198, 2.513, 0.927]
     """
-    plant = plant_of(process)
+    plant = Plant.of(process)
     ku, tu = ultimate(plant)
     kappa = 0.0 if plant.gain is None else 1 / (plant.gain * ku) if plant.gain else math.inf
     return _tuned(f"AMIGO frequency {kind_of(kind)}", _APC, plant, _glapp.amigo_frequency, ku, tu, kappa, kind == "PID")
@@ -184,7 +184,7 @@ def point_placement(process: Process) -> Tuning:
     >>> [round(x, 3) for x in t.controller[:3]], round(t.ms, 2)
     ([1.414, 7.127, 1.14], 1.43)
     """
-    plant = plant_of(process)
+    plant = Plant.of(process)
     ku, tu = ultimate(plant)
     source = "Åström & Hägglund, Automatica 20 (1984); Ti = 6.25Td: thesis 7.5"
     return _tuned("point placement PID", source, plant, _glapp.point_placement, ku, tu)

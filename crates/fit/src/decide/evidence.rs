@@ -55,8 +55,9 @@ pub struct Evidence {
     pub(crate) at_once: bool,
     /// Width below which PV's noise hides the effect of a gap.
     pub(crate) noisy_below: f64,
-    /// Whether PV strays from the model where d matters, as where the valve turns.
-    pub(crate) misfit_at_turns: bool,
+    /// Trust in the model where d matters, as where the valve turns: 1 where PV strays from it no further than elsewhere.
+    #[serde(default = "full")]
+    pub(crate) trust: f64,
     /// Whether a slip jump shows, and whether it may be all of the width.
     pub(crate) slips: bool,
     pub(crate) slips_wholly: bool,
@@ -93,6 +94,11 @@ pub struct Evidence {
     pub(crate) dispersion: f64,
     /// Windows of one recording in which a gap shows, of those in `agree`; None where that does not matter.
     pub(crate) shows: Option<usize>,
+}
+
+/// Trust where none was stored.
+fn full() -> f64 {
+    1.0
 }
 
 impl Evidence {
@@ -212,7 +218,7 @@ impl Evidence {
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
             _ if self.cancels > CANCELS => silent("cancelled"),
-            _ if !self.lags_known() => silent("may_be_a_gap"),
+            _ if !self.lags_known() || self.trust < TRUST_IF_SOUND => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
     }
@@ -307,7 +313,7 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
         _ if e.high.is_none() => "no_upper_limit",
         _ if e.slips && e.slips_wholly => "jumps",
         _ if e.slips => "jumps_in_a_gap",
-        _ if e.misfit_at_turns => "gap_and_more",
+        _ if e.trust < MISFIT_AT_TURNS => "gap_and_more",
         _ => "gap",
     };
     (Confidence::Found, why)

@@ -55,9 +55,10 @@ pub struct Evidence {
     pub(crate) at_once: bool,
     /// Width below which PV's noise hides the effect of a gap.
     pub(crate) noisy_below: f64,
-    /// Trust in the model where d matters, as where the valve turns: 1 where PV strays from it no further than elsewhere.
+    /// How far the model is to be believed where d matters, as where the valve turns: 1 where PV strays from it no further than elsewhere.
+    /// See [`information_ratio`](crate::search::profile::information_ratio).
     #[serde(default = "full")]
-    pub(crate) trust: f64,
+    pub(crate) information_ratio: f64,
     /// Whether a slip jump shows, and whether it may be all of the width.
     pub(crate) slips: bool,
     pub(crate) slips_wholly: bool,
@@ -96,7 +97,7 @@ pub struct Evidence {
     pub(crate) shows: Option<usize>,
 }
 
-/// Trust where none was stored.
+/// Information ratio where none was stored.
 fn full() -> f64 {
     1.0
 }
@@ -218,7 +219,7 @@ impl Evidence {
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < CYCLES_IF_CLEAR) => silent("may_be_a_gap"),
             _ if self.cancels > CANCELS => silent("cancelled"),
-            _ if !self.lags_known() || self.trust < TRUST_IF_SOUND => silent("may_be_a_gap"),
+            _ if !self.lags_known() || self.information_ratio < INFORMATION_RATIO_IF_SOUND => silent("may_be_a_gap"),
             None => Some((Confidence::NoneSeen, "no_gap")),
         }
     }
@@ -313,7 +314,7 @@ fn rules_together(e: &Evidence) -> (Confidence, &'static str) {
         _ if e.high.is_none() => "no_upper_limit",
         _ if e.slips && e.slips_wholly => "jumps",
         _ if e.slips => "jumps_in_a_gap",
-        _ if e.trust < MISFIT_AT_TURNS => "gap_and_more",
+        _ if e.information_ratio < MISFIT_AT_TURNS => "gap_and_more",
         _ => "gap",
     };
     (Confidence::Found, why)

@@ -23,7 +23,7 @@ pub(super) fn pooled(records: &[(&Evidence, f64)]) -> Evidence {
         coarse: most(|e| e.coarse),
         at_once: most(|e| e.at_once),
         noisy_below: width(|e| e.noisy_below),
-        trust: median(|e| e.trust),
+        information_ratio: median(|e| e.information_ratio),
         slips_wholly: most(|e| e.slips_wholly),
         periodic_load: most(|e| e.periodic_load),
         even_swing: most(|e| e.even_swing),

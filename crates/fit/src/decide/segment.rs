@@ -165,7 +165,7 @@ impl View<'_> {
             range: record.range,
             slips: best.slips(),
             slips_wholly: limits.slips_wholly,
-            trust: best.information_ratio,
+            information_ratio: best.information_ratio,
             dissent: dissent || !limits.certain,
             periodic_load: no_gap.periodic_load,
             even_swing: no_gap.lr < LR_IF_EVEN_SWING && !self.explained() && even(),

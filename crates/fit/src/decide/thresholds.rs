@@ -100,7 +100,7 @@ thresholds! {
     MISFIT_AT_TURNS: f64 = 0.5, "1";
     /// The same below which no valve is sound: a load that OP answers may look like the valve's answer to OP, but not where OP turns. Of
     /// five valves that stand still and were called sound four have less, and 47 of 191 rightly called so or *none seen* (ADR 38).
-    TRUST_IF_SOUND: f64 = 0.95, "1";
+    INFORMATION_RATIO_IF_SOUND: f64 = 0.95, "1";
     /// Families no further behind the best than this, and [`AS_GOOD`], are believed: a gap must show in all of them, and the
     /// interval holds all of theirs. Simulations and real loops.
     BELIEVED: f64 = 6.0, "−2·ln L";

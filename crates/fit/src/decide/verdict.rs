@@ -101,7 +101,7 @@ mod tests {
             coarse: false,
             at_once: false,
             noisy_below: 0.0,
-            trust: 1.0,
+            information_ratio: 1.0,
             slips: false,
             slips_wholly: false,
             periodic_load: false,
@@ -159,9 +159,10 @@ mod tests {
 
     #[test]
     fn no_valve_is_sound_where_pv_strays_from_the_model_at_its_turns() {
-        let none = Evidence { d: 0.1, lr_no_gap: 0.0, low: 0.0, trust: TRUST_IF_SOUND, ..plain() };
+        let none =
+            Evidence { d: 0.1, lr_no_gap: 0.0, low: 0.0, information_ratio: INFORMATION_RATIO_IF_SOUND, ..plain() };
         assert_eq!(verdict(&none), Verdict::Sound);
-        let strays = Evidence { trust: TRUST_IF_SOUND - 0.01, ..none };
+        let strays = Evidence { information_ratio: INFORMATION_RATIO_IF_SOUND - 0.01, ..none };
         assert_eq!((verdict(&strays), judge(&strays).1), (Verdict::CannotTell, "may_be_a_gap"));
     }
 

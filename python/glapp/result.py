@@ -331,8 +331,8 @@ class Answer:
     width_percent_span : float or None
         The same [% of OP span], None where the span is not known.
     low, high, low_percent_span, high_percent_span : float or None
-        Narrowest and widest gap that the data does not exclude [`Result.unit`, % of OP span]; both None where nothing
-        is excluded.
+        Narrowest and widest gap that the data does not exclude [`Result.unit`, % of OP span]; where the valve is
+        likely sound, at most what is acceptable. Both None where nothing is excluded.
     evidence : "none", "weak", "strong", "very_strong" or None
         How strongly the recording speaks for a gap; None without a fit.
     p_gap, p_beyond : float or None

@@ -71,8 +71,9 @@ def test_progress_follows_the_windows(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_without_a_gap_none_is_claimed(seed: int) -> None:
     f = simulated(d=0.0, seed=seed, **LOADS)
-    assert f.verdict == "sound", f.reason
-    assert f.high is not None and f.high < 0.01
+    assert f.high is not None and f.high < 0.01 and f.best is not None
+    # Where PV strays from the model at its turns, a load that OP answers may look like an answer of the valve.
+    assert f.verdict == ("sound" if f.best["information_ratio"] >= 0.95 else "cannot_tell"), f.reason
 
 
 @pytest.mark.slow
@@ -230,8 +231,8 @@ def test_a_setpoint_that_moves_tells_an_even_swing_from_a_load_that_swings(name:
 @pytest.mark.parametrize("name", ["triangle slow/none/707", "random ramps/none/201", "slow ramps/none/705"])
 def test_a_load_along_lines_leaves_a_valve_sound(name: str) -> None:
     f = glapp.fit(confusing(name).recording(1500))
-    assert f.verdict == "sound" and f.high is not None and f.high < 0.3, f.reason
-    assert f.best is not None and f.best["load_steps"] >= 4
+    assert f.high is not None and f.high < 0.3 and f.best is not None and f.best["load_steps"] >= 4, f.reason
+    assert f.verdict == ("sound" if f.best["information_ratio"] >= 0.95 else "cannot_tell"), f.reason
 
 
 @pytest.mark.slow

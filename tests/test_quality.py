@@ -230,7 +230,8 @@ def test_shares_of_manual_limits_and_quality() -> None:
             flags[:rows] = bit
             found = look(t, sp, pv, op, flags)[code]
             assert found.severity == severity
-            assert (f"{rows // 10}\u00a0%" if rows > 5 else "0.5\u00a0%") in found.text
+            share = "no row is in auto" if (code, rows) == ("not_auto", 1000) else f"{rows / 10:g}\u00a0%"
+            assert share in found.text
 
 
 def test_times() -> None:

@@ -21,6 +21,11 @@ from glapp.result import Result
 from glapp.score import Label, Outcome, Scored, calibrated, counted, judged, read_labels, share
 
 
+TERMS = ("likelihood", "traversals", "width", "limit", "noise", "plateau", "process", "rules")
+AGAINST = {"log_bayes_factor": -1.0, "terms": dict.fromkeys(TERMS, 0.0), "wider": [(0.2, 0.5), (0.5, 0.03), (1.0, 0.0)]}
+"""Evidence against a gap, and that one is narrower than 1 % of span."""
+
+
 def answered(verdict: str, d: float = 2.0, low: float = 1.8, high: float | None = 2.2, **more: Any) -> Result:
     """The answer to a fit that says so, of a loop whose OP has a span of 100 %."""
     error = InputError("is not read", file="FIC101.csv")
@@ -48,14 +53,14 @@ def label(found: str, width: float | None = None, **more: Any) -> Label:
         ("gap", 0.4, answered("sound", 0.0, 0.0, 0.5), "right"),
         ("gap", 0.6, answered("sound", 0.0, 0.0, 0.5), "wrong"),
         ("gap", None, answered("cannot_tell"), "silent"),
-        ("gap", None, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap"), "wrong"),
-        ("gap", 0.9, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap"), "right"),
-        ("gap", 1.1, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap"), "wrong"),
+        ("gap", None, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap", weighed=AGAINST), "wrong"),
+        ("gap", 0.9, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap", weighed=AGAINST), "right"),
+        ("gap", 1.1, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap", weighed=AGAINST), "wrong"),
         ("sound", None, answered("sound", 0.0, 0.0, 0.5), "right"),
         ("sound", None, answered("backlash"), "wrong"),
         ("sound", None, answered("backlash", 0.5, 0.4, 0.6), "right"),
         ("sound", None, answered("cannot_tell"), "silent"),
-        ("sound", None, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap"), "right"),
+        ("sound", None, answered("cannot_tell", 0.2, 0.0, 0.5, why="may_be_a_gap", weighed=AGAINST), "right"),
         ("other", None, answered("backlash"), "wrong"),
     ],
 )

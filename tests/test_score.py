@@ -20,7 +20,6 @@ from glapp.fit import Fit
 from glapp.result import Result
 from glapp.score import Label, Outcome, Scored, calibrated, counted, judged, read_labels, share
 
-
 TERMS = ("likelihood", "traversals", "width", "limit", "noise", "plateau", "process", "rules")
 AGAINST = {"log_bayes_factor": -1.0, "terms": dict.fromkeys(TERMS, 0.0), "wider": [(0.2, 0.5), (0.5, 0.03), (1.0, 0.0)]}
 """Evidence against a gap, and that one is narrower than 1 % of span."""

@@ -151,7 +151,7 @@ impl Evidence {
 
     /// Whether a load that swings moves PV against OP within the most likely width: what looks like an answer of the valve may be the
     /// load's next swing, however narrow that width is.
-    fn is_led_by_a_swing(&self) -> bool {
+    pub(super) fn is_led_by_a_swing(&self) -> bool {
         let against = self.plateau.ways.iter().all(|n| *n >= CYCLES) && self.plateau.within < OPPOSED;
         against && self.swings()
     }

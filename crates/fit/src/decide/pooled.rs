@@ -1,6 +1,7 @@
 //! Evidence of several records of one valve, as far as it does not depend on the width that they share.
 
 use crate::decide::evidence::Evidence;
+use crate::decide::witness::plateau::Plateau;
 
 /// The evidence that most records have, or the middle of theirs.
 ///
@@ -16,7 +17,7 @@ pub(super) fn pooled(records: &[(&Evidence, f64)]) -> Evidence {
     let width = |of: fn(&Evidence) -> f64| middle(records.iter().map(|(e, size)| of(e) * size).collect());
     let all = records.iter().map(|(e, _)| *e);
     let clearest = all.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).expect("there are records");
-    Evidence {
+    let mut all = Evidence {
         autocorrelation: mean(|e| e.autocorrelation),
         lr_no_answer: mean(|e| e.lr_no_answer),
         immobile: most(|e| e.immobile),
@@ -36,7 +37,12 @@ pub(super) fn pooled(records: &[(&Evidence, f64)]) -> Evidence {
         cancels: median(|e| e.cancels),
         lag_up_to: median(|e| e.lag_up_to),
         ..clearest.clone()
+    };
+    // That PV moves against OP in one record says nothing of a load that swings in the others.
+    if all.is_led_by_a_swing() && !most(Evidence::is_led_by_a_swing) {
+        all.plateau = Plateau::default();
     }
+    all
 }
 
 /// The upper one of the two middle values where their number is even.

@@ -68,12 +68,12 @@ def test_progress_follows_the_windows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_without_a_gap_none_is_claimed(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "verdict"), [(1, "sound"), (2, "sound"), (3, "cannot_tell")])
+def test_without_a_gap_none_is_claimed(seed: int, verdict: str) -> None:
+    """In the third PV strays from the model at its turns, as where a load that OP answers looks like the valve."""
     f = simulated(d=0.0, seed=seed, **LOADS)
-    assert f.high is not None and f.high < 0.01 and f.best is not None
-    # Where PV strays from the model at its turns, a load that OP answers may look like an answer of the valve.
-    assert f.verdict == ("sound" if f.best["information_ratio"] >= 0.95 else "cannot_tell"), f.reason
+    assert f.verdict == verdict, f.reason
+    assert f.high is not None and f.high < 0.01
 
 
 @pytest.mark.slow
@@ -228,11 +228,18 @@ def test_a_setpoint_that_moves_tells_an_even_swing_from_a_load_that_swings(name:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["triangle slow/none/707", "random ramps/none/201", "slow ramps/none/705"])
-def test_a_load_along_lines_leaves_a_valve_sound(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "verdict"),
+    [
+        ("triangle slow/none/707", "cannot_tell"),  # PV strays from the model at its turns
+        ("random ramps/none/201", "sound"),
+        ("slow ramps/none/705", "sound"),
+    ],
+)
+def test_a_load_along_lines_leaves_a_valve_sound(name: str, verdict: str) -> None:
     f = glapp.fit(confusing(name).recording(1500))
-    assert f.high is not None and f.high < 0.3 and f.best is not None and f.best["load_steps"] >= 4, f.reason
-    assert f.verdict == ("sound" if f.best["information_ratio"] >= 0.95 else "cannot_tell"), f.reason
+    assert f.verdict == verdict and f.high is not None and f.high < 0.3, f.reason
+    assert f.best is not None and f.best["load_steps"] >= 4
 
 
 @pytest.mark.slow

@@ -16,9 +16,9 @@ if CHROMIUM is None:
     pytest.skip("chromium is not installed", allow_module_level=True)
 sync_api = pytest.importorskip("playwright.sync_api")
 
-# `make verify` builds the site before these tests, unless npm is missing.
 pytestmark = [
     pytest.mark.verify,
+    # `make verify` builds the site before these tests; without npm, which it needs, it says so and builds none.
     pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site"),
 ]
 

@@ -22,6 +22,7 @@ __all__ = [
     "AT_LOW",
     "BAD",
     "MARKED",
+    "MEMORY",
     "NOT_AUTO",
     "Batch",
     "Recording",
@@ -35,6 +36,9 @@ T = TypeVar("T", bound=np.generic)
 
 NOT_AUTO, BAD, AT_LOW, AT_HIGH = 1, 2, 4, 8
 """Bits of `Batch.flags`: not in automatic; SP or PV missing or of bad quality; OP at its low, at its high limit."""
+
+MEMORY = "memory"
+"""`Recording.source` of what is in no file."""
 
 MARKED = {"sp": 1, "pv": 2, "op": 4}
 """Bits of `Batch.marks`."""
@@ -159,7 +163,7 @@ class Recording(ABC):
     loop : Loop
         The loop's settings, as given or as found from the columns.
     source : str
-        File name as the user wrote it, or "memory".
+        File name as the user wrote it, or `MEMORY`.
     t0 : datetime or None
         Time of the first row, aware where a zone is known; None for plain seconds.
     zone : str or None

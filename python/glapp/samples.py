@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from .arrays import column
 from .errors import InputError
 from .loop import Loop
-from .recording import BAD, Batch, Recording, finished, without_value
+from .recording import BAD, MEMORY, Batch, Recording, finished, without_value
 
 __all__ = ["Samples", "check_loop", "recording_of"]
 
@@ -33,7 +33,7 @@ class Samples(Recording):
     """
 
     def __init__(self, loop: Loop, signals: dict[str, ArrayLike]) -> None:
-        self.name, self.loop, self.source = loop.name, loop, "memory"
+        self.name, self.loop, self.source = loop.name, loop, MEMORY
         self.columns = {_LABELS[name]: name for name in signals}
         self.units: dict[str, str] = {}
         t, self.t0 = _seconds(times := _times(signals["t"]))

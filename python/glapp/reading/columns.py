@@ -10,12 +10,11 @@ from typing import Any, Literal
 from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
-from ..recording import Recording
+from ..recording import MEMORY, Recording
 from .each import each
 from .kin import shared, tag_of
 from .meaning import understand, unnumbered
 from .names import WEAK
-from .source import MEMORY
 from .values import holds_modes
 
 __all__ = ["LABELS", "SignalColumns", "choose", "described_one", "each_with_columns", "for_one", "naming"]

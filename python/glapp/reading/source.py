@@ -21,18 +21,15 @@ from .meaning import numbered, understand, with_own_qualities
 from .names import MISSING
 from .values import Digits, digits_of, unit_of
 
-__all__ = ["MEMORY", "Head", "Source", "ahead"]
+__all__ = ["Head", "Source", "ahead"]
 
 T = TypeVar("T")
-
-MEMORY = "memory"
-"""Label of a table that is in no file."""
 
 
 class Source(ABC):
     """Columns that can be streamed again and again.
 
-    - `label`: file as the user wrote it, or `MEMORY`.
+    - `label`: file as the user wrote it, or `glapp.recording.MEMORY`.
     - `names`, `units`: column names in order (they may repeat), and units found below them.
     - `rows`: number of rows where known.
     - `digits`: how text in it writes numbers.

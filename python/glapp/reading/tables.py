@@ -9,7 +9,8 @@ import numpy as np
 import pyarrow as pa
 
 from ..errors import InputError
-from .source import MEMORY, Source
+from ..recording import MEMORY
+from .source import Source
 
 __all__ = ["TableSource", "to_table"]
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loop import Loop
 from ..quality import Finding, newest_first, setting_unused
-from ..recording import MARKED, Batch, Recording, finished, without_value
+from ..recording import MARKED, MEMORY, Batch, Recording, finished, without_value
 from .cells import CellFault, plain
 from .columns import LABELS, naming
 from .names import SAME_UNITS, UNITS, folded
 from .passes import Passes
 from .rows import OrderedRows, Reader
-from .source import MEMORY, Source, ahead
+from .source import Source, ahead
 
 __all__ = ["WideRecording", "check_one_unit", "unused_settings", "with_units"]
 

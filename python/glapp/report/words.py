@@ -57,7 +57,7 @@ VALVES = _catalogue_of("valve")
 URGENCIES = _catalogue_of("urgency")
 
 #: What each verdict means, and what is shown in its place.
-MEANINGS = {(VERDICTS | LIKELY)[code]: meaning for code, meaning in _catalogue_of("meaning").items()}
+MEANINGS = _catalogue_of("meaning")
 
 #: What each method is and is not.
 METHODS: dict[str, tuple[str, ...]] = {

@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
-from ..report.words import MEANINGS, VERDICTS, count, number
+from ..report.words import MEANINGS, count, number
 from ..service.options import NIGHT
 from .one_loop import OneLoop
 from .pages import described, heading, moment
@@ -62,10 +62,8 @@ class AnswerCard:
         self.verdict.classes(remove="high medium unjudged").classes(tone)
         kind = "long" if len(first) > _LONG else ""
         self.one.classes(remove="high medium unjudged text long").classes(kind if first else f"text {tone}")
-        if answer is None:
-            so = status.get("why", "")
-        else:  # an answer that an older version stored has no sentence of its own
-            so = answer.get("so") or MEANINGS.get(VERDICTS.get(answer["verdict"], ""), "")
+        # An answer that an older version stored has no sentence of its own.
+        so = status.get("why", "") if answer is None else answer.get("so") or MEANINGS.get(answer["verdict"], "")
         self.so.set_text(so)
         progress = view.progress(name)
         self.todo.set_text(answer["next"]["text"] if answer is not None else view.todo(name))

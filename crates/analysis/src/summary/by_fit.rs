@@ -42,7 +42,7 @@ impl Summary {
         let prior = facts.prior.unwrap_or(USUAL_PRIOR);
         let weighed = fit.weighed.as_ref();
         let shown = |p: f64| p.clamp(LEAST_DOUBT, 1.0 - LEAST_DOUBT);
-        let beyond = |weighed: &Weighed, width| weighed.probability(prior) * weighed.is_wider(width);
+        let beyond = |weighed: &Weighed, width| weighed.probability_beyond(width, prior);
         let work = valve == Valve::Gap && acceptable != Some(Acceptable::Within);
         let harm = (valve == Valve::Gap && !facts.harm.is_empty()).then(|| Harm::mean(&facts.harm));
         let surely = low.filter(|_| valve == Valve::Gap).and_then(|low| facts.percent(low));

@@ -209,8 +209,8 @@ impl FitFacts {
     pub(super) fn likely_sound(&self, limit: f64) -> bool {
         let open = self.verdict == FitVerdict::CannotTell && self.judged().confidence == FitConfidence::CannotTell;
         let improbable = |weighed: &Weighed| {
-            let p = weighed.probability(USUAL_PRIOR);
-            p <= USUAL_PRIOR && p * weighed.is_wider(limit) <= IMPROBABLE_BEYOND
+            let beyond = weighed.probability_beyond(limit, USUAL_PRIOR);
+            weighed.probability(USUAL_PRIOR) <= USUAL_PRIOR && beyond <= IMPROBABLE_BEYOND
         };
         open && NARROW_IF_ANY.contains(&&*self.why) && self.weighed.as_ref().is_some_and(improbable)
     }

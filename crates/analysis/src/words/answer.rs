@@ -10,7 +10,12 @@ pub(super) const SUBJECT: Subject = Subject { name: "answer", sentences: SENTENC
 const FEW: i64 = 3;
 
 /// Share of the upper limit below which a most likely width is next to none, and not called probable.
-pub(super) const NEXT_TO_NONE: f64 = 0.1;
+const NEXT_TO_NONE: f64 = 0.1;
+
+/// Whether the most likely width is next to none, for an upper limit.
+pub(super) fn next_to_none(most: Option<f64>, high: Option<f64>) -> bool {
+    most.zip(high).is_some_and(|(most, high)| most < NEXT_TO_NONE * high)
+}
 
 macro_rules! interval {
     () => {
@@ -273,10 +278,9 @@ pub fn so(facts: &AnswerFacts, reader: &Reader) -> Result<String, TextError> {
     let contradicts = facts.fit.as_ref().and_then(|fit| fit.position.as_deref()) == Some("contradicts");
     let few = facts.crossings.detections < FEW;
     let most = facts.fit.as_ref().and_then(|fit| fit.d);
-    let next_to_none = most.zip(facts.high).is_some_and(|(most, high)| most < NEXT_TO_NONE * high);
     let more = match verdict {
         "cannot_tell" if contradicts => vec!["contradicts"],
-        "cannot_tell" if open && next_to_none => vec!["open up_to"],
+        "cannot_tell" if open && next_to_none(most, facts.high) => vec!["open up_to"],
         "cannot_tell" if open && facts.high.is_some() && facts.low > Some(0.0) => vec!["open weak"],
         "cannot_tell" if open && facts.high.is_some() => vec!["open bound"],
         "cannot_tell" if open => vec!["open"],

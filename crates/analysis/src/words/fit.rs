@@ -1,7 +1,7 @@
 //! Texts on the valve by OP and PV: `fit.` and the verdict, worded by the reason; `unfit.` why nothing was fitted;
 //! `left_out.` why a recording does not count in the joint answer.
 
-use super::answer::NEXT_TO_NONE;
+use super::answer::next_to_none;
 use super::{Numbers, Subject, plain};
 
 pub(super) const SUBJECT: Subject = Subject { name: "fit", sentences: SENTENCES, variants };
@@ -139,11 +139,10 @@ fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
             let shared = if n.flag("shared") { "shared" } else { "" };
             let none_fits = n.number("lr_no_gap").is_some_and(|ratio| ratio < EXCLUDED);
             let open = if none_fits { "as_well" } else { "may_be" };
-            let next_to_none = n.number("d").zip(n.number("high")).is_some_and(|(d, high)| d < NEXT_TO_NONE * high);
-            let bound = match n.has("high") {
-                true if none_fits && next_to_none => " none",
-                true => " bound",
-                false => "",
+            let bound = match () {
+                _ if none_fits && next_to_none(n.number("d"), n.number("high")) => " none",
+                _ if n.has("high") => " bound",
+                _ => "",
             };
             let seldom = if n.has("enough") { "seldom" } else { "" };
             vec![

@@ -15,8 +15,8 @@ pub(super) fn pooled(records: &[(&Evidence, f64)]) -> Evidence {
     let mean = |of: fn(&Evidence) -> f64| records.iter().map(|(e, _)| of(e)).sum::<f64>() / n as f64;
     let median = |of: fn(&Evidence) -> f64| middle(records.iter().map(|(e, _)| of(e)).collect());
     let width = |of: fn(&Evidence) -> f64| middle(records.iter().map(|(e, size)| of(e) * size).collect());
-    let all = records.iter().map(|(e, _)| *e);
-    let clearest = all.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).expect("there are records");
+    let each = records.iter().map(|(e, _)| *e);
+    let clearest = each.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).expect("there are records");
     let mut all = Evidence {
         autocorrelation: mean(|e| e.autocorrelation),
         lr_no_answer: mean(|e| e.lr_no_answer),

@@ -180,6 +180,11 @@ impl Weighed {
         probability(self.log_bayes_factor, prior)
     }
 
+    /// The probability of a dead band wider than `width`, where a share `prior` of valves has one.
+    pub fn probability_beyond(&self, width: f64, prior: f64) -> f64 {
+        self.probability(prior) * self.is_wider(width)
+    }
+
     /// The probability that the dead band is wider than `width`, if there is one.
     pub fn is_wider(&self, width: f64) -> f64 {
         let line: Vec<[f64; 2]> = self.wider.iter().map(|(d, p)| [*d, *p]).collect();
